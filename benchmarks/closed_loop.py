@@ -22,7 +22,7 @@ import numpy as np
 import twin
 from twin.errors import unknown_name
 from twin.mission.segments import Spiral, Waypoint
-from twin.navigation.dead_reckoning import Attitude, integrate, rotate_to_ned
+from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_ned
 from twin.navigation.settings import Navigation
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -117,7 +117,7 @@ def attitude_floor(run: Trajectory, at: int) -> float:
     ends = []
     for source in ("measured", "true"):
         angles = {n: run[f"{source}_{n}"][: at + 1] for n in ("roll", "pitch", "heading")}
-        attitude = Attitude(**{name: np.deg2rad(values) for name, values in angles.items()})
+        attitude = AttitudeSeries(**{name: np.deg2rad(values) for name, values in angles.items()})
         ends.append(integrate(rotate_to_ned(velocity, attitude)[:, :2], period)[-1])
     return float(np.hypot(*(ends[0] - ends[1])))
 

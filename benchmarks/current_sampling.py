@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from twin.water.current import Grid, Profile, Uniform, parse_current
-from twin.water.current import program as layout
+from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample
 
 CALLS = 200_000

@@ -31,12 +31,12 @@ import numpy as np
 
 from benchmarks.watched import Watched
 from factory.commands.generate import raw_bytes
-from factory.inspect.info import stored_bytes
-from factory.recipe.recipe import make_recipe
+from factory.inspect.description import stored_bytes
+from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
 from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario

@@ -21,11 +21,11 @@ from shutil import copytree
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from factory.inspect.checks import check_files
+from factory.inspect.store_check import check_files
 from learn.runs.run import DESCRIPTION, open_run
 from twin.cli.text_table import format_table
 from twin.errors import InputError
-from twin.records.checksums import LIST, has_checksums
+from twin.records.storage.checksums import LIST, has_checksums
 
 LOADED = (".json", ".safetensors")
 """Endings of what a run's networks are loaded from; its figures and pages are not."""

@@ -91,7 +91,7 @@ def altered(draw: Any, base: dict[str, Any]) -> Any:
 
 def distribution(text: str) -> None:
     """A distribution's text form reads back as itself, and draws what it allows."""
-    from factory.recipe.distribution import parse_distribution
+    from factory.sampling.distribution import parse_distribution
 
     found = parse_distribution(text, "p")
     again = parse_distribution(found.text(), "p")
@@ -103,7 +103,7 @@ def distribution(text: str) -> None:
 def current(text: str) -> None:
     """`--current`"""
     from twin.water.current.base import current_from_dict
-    from twin.water.current.spec import parse_current
+    from twin.water.current.current_text import parse_current
 
     found = parse_current(text)
     assert current_from_dict(found.describe()).describe() == found.describe()
@@ -164,8 +164,8 @@ def goto(text: str) -> None:
 
 def parameters(text: str) -> None:
     """A file of changed distributions."""
-    from factory.recipe.overrides import read_changes
-    from factory.recipe.recipe import Recipe
+    from factory.sampling.presets import read_changes
+    from factory.sampling.recipe import Recipe
     from twin.vehicle.vehicle import load_vehicle
 
     Recipe(changes=read_changes(_file("p.toml", text)), vehicle=load_vehicle("glider"))
@@ -222,7 +222,7 @@ def preset(text: str) -> None:
 
 def sniffed(data: bytes) -> None:
     """The kind of log that a file looks like, and its names as each importer asks for them."""
-    from factory.importing.formats.registry import sniff
+    from factory.importing.formats.base import sniff
     from factory.importing.reading.columns import read_table
 
     for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
@@ -403,11 +403,11 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
 """What is fuzzed: the function that takes a case, and what cases are drawn from."""
 
 FOLLOWED = (
-    "twin.bounded", "twin.numbers", "twin.mission.plan", "twin.mission.fields",
+    "twin.bounded", "twin.numbers", "twin.mission.plan", "twin.mission.mission_file",
     "twin.mission.segments", "twin.vehicle.mjcf", "twin.vehicle.file_limits",
     "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
     "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
-    "twin.water.current.spec", "twin.water.current.text", "factory.recipe", "factory.importing",
+    "twin.water.current.current_text", "twin.water.current.text", "factory.sampling", "factory.importing",
     "factory.exporting.metadata",
 )  # fmt: skip
 """Modules whose coverage `--guided` follows: what numba compiles cannot be instrumented"""

@@ -23,8 +23,8 @@ from benchmarks.faults.writers import digest
 from benchmarks.kills.cluster import Dask, dask_cluster
 from benchmarks.kills.processes import DONE, children, fork, reference, send, small_recipe, wait
 from factory.generation.generate import generate
-from factory.generation.parts import Part, finish, generate_part
-from factory.recipe.recipe import Recipe
+from factory.generation.parts import StorePart, finish, generate_part
+from factory.sampling.recipe import Recipe
 from twin.cli.text_table import format_table
 from twin.records.presence import is_complete
 
@@ -57,7 +57,7 @@ class Ways:
 
         def start() -> list[int]:
             return [
-                fork(lambda i=i: generate_part(self.recipe, store, Part(i, PARTS)))  # type: ignore[misc]
+                fork(lambda i=i: generate_part(self.recipe, store, StorePart(i, PARTS)))  # type: ignore[misc]
                 for i in range(PARTS)
             ]
 

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from twin.render.context import available_backend
+from twin.show.render.context import available_backend
 
 BACKEND = available_backend()
 if BACKEND is None:
@@ -26,9 +26,9 @@ import mujoco  # noqa: E402
 from twin.mission import load_mission  # noqa: E402
 from twin.physics.scenario import Scenario  # noqa: E402
 from twin.physics.simulation import simulate  # noqa: E402
-from twin.render.graphics import aim  # noqa: E402
-from twin.render.painter import Painter  # noqa: E402
-from twin.render.shot import CAMERAS, Shot  # noqa: E402
+from twin.show.render.graphics import aim  # noqa: E402
+from twin.show.render.painter import Painter  # noqa: E402
+from twin.show.render.shot import CAMERAS, Shot  # noqa: E402
 from twin.vehicle.vehicle import load_vehicle  # noqa: E402
 from twin.water.current.profile import Profile  # noqa: E402
 

@@ -19,14 +19,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from browser import Browser
 from pictures import month
 
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.reader import MissionStore
-from twin.render.film import Subject
-from twin.render.shot import CAMERAS, Shot
-from twin.render.subject import read_subject
-from twin.replay.page import LARGEST, save_page
+from twin.show.render.film import Subject
+from twin.show.render.shot import CAMERAS, Shot
+from twin.show.render.subject import read_subject
+from twin.show.web.page import LARGEST, save_page
 from twin.vehicle.vehicle import load_vehicle
 
 SECONDS = 3.0

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import factory
-from twin.flight import Flight, estimate_flight
-from twin.flight.track import CORRECTIONS
+from twin.logs import Flight, estimate_flight
+from twin.logs.corrected_track import CORRECTIONS
 
 Array = NDArray[np.float64]
 

@@ -29,9 +29,9 @@ from scipy import stats
 
 from benchmarks.watched import Use, Watched
 from factory.generation.generate import Summary, generate
-from factory.recipe.recipe import make_recipe
+from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
-from twin.records.files import LocalFiles
+from twin.records.storage.stored_files import LocalFiles
 
 LOOK_S = 5.0
 """[s] between two looks at the processes"""

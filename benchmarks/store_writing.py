@@ -18,10 +18,15 @@ from unittest import mock
 import numpy as np
 
 from twin.cli.text_table import format_table
-from twin.records import sharded
-from twin.records.files import LocalFiles
 from twin.records.schema import SIMULATED, VARIABLES
-from twin.records.sharded import PYTHON_PIPELINE, RUST_PIPELINE, ShardedStore, stored_values
+from twin.records.storage import sharded
+from twin.records.storage.sharded import (
+    PYTHON_PIPELINE,
+    RUST_PIPELINE,
+    ShardedStore,
+    stored_values,
+)
+from twin.records.storage.stored_files import LocalFiles
 
 SAMPLES = 5401
 

@@ -70,7 +70,7 @@ def train(options: argparse.Namespace) -> dict[str, object]:
     from learn.data.parts import parts_of
     from learn.data.preparation import training_lengths
     from learn.networks.config import NetworkConfig
-    from learn.training.job import train as train_job
+    from learn.training.resources import train as train_job
     from learn.training.schedule import TrainingConfig
     from learn.training.settings import FitConfig
     from twin.navigation.features import select_features

@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from unchanged import KEPT, PRESETS, SEED, differences, expected_hashes
 
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
-from twin.records.checksums import array_checksums
+from factory.sampling.recipe import make_recipe
+from twin.records.storage.checksums import array_checksums
 
 HOURS = (1, 10)
 

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import Mission, Selection
-from twin.identify.balance import balance
+from learn.data.dataset import MissionSequence, Selection
+from twin.identify.start_values import balance
 from twin.navigation.flight_filter import TYPICAL_COMPRESSIBILITY, FlightFilter, FlightSpread
 from twin.navigation.flight_filter_kernels import CHANNELS, STANDARD_OCEAN
 from twin.records.reader import MissionStore
@@ -56,7 +56,9 @@ RIGHT: Mapping[str, Any] = {
 }
 
 
-def flown(mission: Mission, vehicle: Vehicle, off: Mapping[str, Any]) -> tuple[dict, Any, Any]:
+def flown(
+    mission: MissionSequence, vehicle: Vehicle, off: Mapping[str, Any]
+) -> tuple[dict, Any, Any]:
     """Measured signals of a mission that is flown with these constants, its surge, and where it is
     steady."""
     s = {name: mission.signals[f"true_{name}"] for name in TRUE}
@@ -106,7 +108,9 @@ def flown(mission: Mission, vehicle: Vehicle, off: Mapping[str, Any]) -> tuple[d
     return signals, speed * direction[0], steady
 
 
-def error_percent(mission: Mission, vehicle: Vehicle, off: Any, spread: FlightSpread) -> float:
+def error_percent(
+    mission: MissionSequence, vehicle: Vehicle, off: Any, spread: FlightSpread
+) -> float:
     """Error of dead reckoning at the end over the path, steady samples alone."""
     signals, surge, steady = flown(mission, vehicle, off)
     found = FlightFilter(vehicle, mission.period, spread).run(signals)[:, 0]

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import twin
-from twin.mission.glide import steady_glide
+from twin.mission.glide_balance import steady_glide
 
 pitches = np.radians(np.arange(14, 61, 2))
 figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")

@@ -10,7 +10,7 @@ import numpy as np
 import factory
 import learn
 import twin
-from twin.navigation.dead_reckoning import Attitude, true_water_track, water_track
+from twin.navigation.dead_reckoning import AttitudeSeries, true_water_track, water_track
 
 PERIOD = 0.5  # [s]
 
@@ -23,7 +23,7 @@ if __name__ == "__main__":
     for flown in run.predict("missions.zarr", split="test"):
         signals = twin.open_trajectory("missions.zarr", flown.mission)
         truth = true_water_track(signals, PERIOD)
-        attitude = Attitude.of(signals)
+        attitude = AttitudeSeries.of(signals)
         reckoned = water_track(flown.surge, flown.sway, signals["measured_depth"], attitude, PERIOD)
         error = np.hypot(*(reckoned - truth).T)
         way = np.hypot(*np.diff(truth, axis=0).T).sum()

@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from factory.facade import import_logs as import_logs
     from factory.facade import parameters as parameters
     from factory.generation.generate import Summary as Summary
-    from factory.recipe.presets import PRESETS as PRESETS
-    from factory.stores.generated import GeneratedStore as GeneratedStore
-    from factory.stores.generated import open_missions as open  # noqa: F401
-    from twin.records.logs import LogStore as LogStore
+    from factory.generation.generated_store import GeneratedStore as GeneratedStore
+    from factory.generation.generated_store import open_missions as open  # noqa: F401
+    from factory.sampling.presets import PRESETS as PRESETS
+    from twin.records.logged import LogStore as LogStore
     from twin.records.windows import Windows as Windows
 
 _PLACES = {
-    "PRESETS": "factory.recipe.presets:PRESETS",
-    "LogStore": "twin.records.logs:LogStore",
-    "GeneratedStore": "factory.stores.generated:GeneratedStore",
+    "PRESETS": "factory.sampling.presets:PRESETS",
+    "LogStore": "twin.records.logged:LogStore",
+    "GeneratedStore": "factory.generation.generated_store:GeneratedStore",
     "Windows": "twin.records.windows:Windows",
     "Summary": "factory.generation.generate:Summary",
     "generate": "factory.facade:generate",
     "import_logs": "factory.facade:import_logs",
-    "open": "factory.stores.generated:open_missions",
+    "open": "factory.generation.generated_store:open_missions",
     "parameters": "factory.facade:parameters",
 }
 """Where each public name is."""

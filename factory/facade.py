@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from factory.generation.generate import Summary
 from factory.generation.generate import generate as _generate
-from factory.recipe.parameter import Parameter
-from factory.recipe.recipe import make_recipe
+from factory.sampling.distribution import Parameter
+from factory.sampling.recipe import make_recipe
 from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.reading.tally import ImportReport
-    from twin.records.zarr_copy import AnyStore
+    from twin.records.storage.whole import AnyStore
     from twin.sensors import SensorSuite
 
 
@@ -84,7 +84,7 @@ def generate(
 
             executor = stack.enter_context(dask_executor(scheduler))
         if store is not None:
-            from factory.generation.into_store import generate_into
+            from factory.generation.generate import generate_into
 
             return generate_into(recipe, store, workers=workers, executor=executor)
         assert out is not None
@@ -102,7 +102,7 @@ def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:
     Raises:
       VehicleError: unknown name, or a file that cannot be used.
     """
-    from factory.recipe.parameters import parameter_table
+    from factory.sampling.parameters import parameter_table
     from twin.vehicle.vehicle import load_vehicle
 
     return parameter_table(load_vehicle(vehicle))

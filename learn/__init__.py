@@ -21,39 +21,39 @@ if TYPE_CHECKING:
     from learn.api import fit as fit
     from learn.networks.base import Network as Network
     from learn.networks.config import NetworkConfig as NetworkConfig
-    from learn.networks.prediction import Prediction as Prediction
+    from learn.networks.predictor import Prediction as Prediction
     from learn.networks.registry import NETWORKS as NETWORKS
     from learn.report.contents import Contents as Contents
     from learn.report.contents import RunEvaluation as RunEvaluation
+    from learn.report.figures.base import REPORT_FIGURES as REPORT_FIGURES
     from learn.report.figures.base import ReportFigure as ReportFigure
-    from learn.report.figures.registry import REPORT_FIGURES as REPORT_FIGURES
     from learn.runs.run import Run as Run
     from learn.runs.run import newest_run as newest_run
     from learn.runs.run import open_run as open_run
-    from learn.training.given_settings import fit_settings as fit_settings
     from learn.training.optimisers.base import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimisers.base import MinibatchOptimiser as MinibatchOptimiser
     from learn.training.optimisers.registry import OPTIMISERS as OPTIMISERS
     from learn.training.schedule import TrainingConfig as TrainingConfig
     from learn.training.settings import FitConfig as FitConfig
-    from twin.navigation.baselines.base import Baseline as Baseline
-    from twin.navigation.baselines.base import Estimate as Estimate
-    from twin.navigation.baselines.registry import BASELINES as BASELINES
+    from learn.training.settings import fit_settings as fit_settings
+    from twin.navigation.estimators.baseline import BASELINES as BASELINES
+    from twin.navigation.estimators.baseline import Baseline as Baseline
+    from twin.navigation.estimators.baseline import Estimate as Estimate
 
 _PLACES = {
-    "BASELINES": "twin.navigation.baselines.registry:BASELINES",
+    "BASELINES": "twin.navigation.estimators.baseline:BASELINES",
     "NETWORKS": "learn.networks.registry:NETWORKS",
     "OPTIMISERS": "learn.training.optimisers.registry:OPTIMISERS",
-    "REPORT_FIGURES": "learn.report.figures.registry:REPORT_FIGURES",
-    "Baseline": "twin.navigation.baselines.base:Baseline",
+    "REPORT_FIGURES": "learn.report.figures.base:REPORT_FIGURES",
+    "Baseline": "twin.navigation.estimators.baseline:Baseline",
     "Contents": "learn.report.contents:Contents",
-    "Estimate": "twin.navigation.baselines.base:Estimate",
+    "Estimate": "twin.navigation.estimators.baseline:Estimate",
     "FitConfig": "learn.training.settings:FitConfig",
     "FullBatchOptimiser": "learn.training.optimisers.base:FullBatchOptimiser",
     "MinibatchOptimiser": "learn.training.optimisers.base:MinibatchOptimiser",
     "Network": "learn.networks.base:Network",
     "NetworkConfig": "learn.networks.config:NetworkConfig",
-    "Prediction": "learn.networks.prediction:Prediction",
+    "Prediction": "learn.networks.predictor:Prediction",
     "ReportFigure": "learn.report.figures.base:ReportFigure",
     "Run": "learn.runs.run:Run",
     "RunEvaluation": "learn.report.contents:RunEvaluation",
@@ -61,7 +61,7 @@ _PLACES = {
     "evaluate": "learn.api:evaluate",
     "export": "learn.api:export",
     "fit": "learn.api:fit",
-    "fit_settings": "learn.training.given_settings:fit_settings",
+    "fit_settings": "learn.training.settings:fit_settings",
     "newest_run": "learn.runs.run:newest_run",
     "open_run": "learn.runs.run:open_run",
 }

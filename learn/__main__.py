@@ -2,31 +2,31 @@
 
 import sys
 
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 
 PROGRAM = Program(
     name="learn",
     summary="Networks for surge and sway, and the dead reckoning that uses them.",
     commands=(
-        Command(
+        ProgramCommand(
             name="fit",
             summary="train both networks, judge them, write runs/NAME/ with a report",
             loader="learn.commands.fit:Fit",
         ),
-        Command(
+        ProgramCommand(
             name="evaluate",
             summary="dead reckoning of a run on any store, beside floor and baselines",
             loader="learn.commands.evaluate:Evaluate",
         ),
-        Command(
+        ProgramCommand(
             name="compare",
             summary="one table of runs and baselines",
             loader="learn.commands.compare:Compare",
         ),
-        Command(
+        ProgramCommand(
             name="export",
             summary="step models for on-board use, ONNX or C99, with a parity check",
-            loader="learn.commands.export:Export",
+            loader="learn.commands.export:ExportNetwork",
         ),
     ),
 )

@@ -11,23 +11,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.report.contents import RunEvaluation
-from learn.runs.place import training_folder
 from learn.runs.run import RUNS, Run, free_name, open_run
+from learn.runs.run_folder import training_folder
 from learn.studies.finishing import Say, finish
 from learn.studies.run_evaluation import evaluate_run
 from learn.training import fitting
 from learn.training.fitting import Watch
-from learn.training.given_settings import fit_settings
 from learn.training.resources import Resources, training_resources
-from learn.training.settings import FitConfig
+from learn.training.settings import FitConfig, fit_settings
 from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError, unknown_name
 from twin.extras import require
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch
-    from learn.networks.parity import Parity
+    from learn.networks.onnx_export import Parity
 
 
 def fit(

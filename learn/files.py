@@ -13,7 +13,7 @@ from typing import Any
 
 from twin.bounded import parse_json, read_text
 from twin.errors import InputError, StoreError
-from twin.records.whole import whole_file
+from twin.records.storage.whole import whole_file
 
 SEAL = "sha256"
 """Entry of a sealed file: the SHA-256 of its text without this entry"""

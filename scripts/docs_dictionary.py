@@ -26,11 +26,14 @@ from factory.generation.bookkeeping import (  # noqa: E402
 from factory.generation.completion import FAILED, FAILURE, PLANNED  # noqa: E402
 from factory.importing.dives.dive_rows import NUMBERS, OF_ROWS  # noqa: E402
 from factory.importing.reading.payload import KNOWN  # noqa: E402
-from factory.recipe.distribution import Choice, parse_distribution  # noqa: E402
-from factory.recipe.kinds.base import propelled  # noqa: E402
-from factory.recipe.parameter import Parameter  # noqa: E402
-from factory.recipe.parameters import parameter_table  # noqa: E402
-from twin.flight.dataset import (  # noqa: E402
+from factory.sampling.distribution import (  # noqa: E402
+    Choice,
+    Parameter,
+    parse_distribution,
+)
+from factory.sampling.kinds.base import propelled  # noqa: E402
+from factory.sampling.parameters import parameter_table  # noqa: E402
+from twin.logs.flight_dataset import (  # noqa: E402
     COPIED,
     DAC,
     FIX_ATTRIBUTES,
@@ -40,8 +43,8 @@ from twin.flight.dataset import (  # noqa: E402
     OF_FLIGHTS,
     PER_DIVE,
 )
-from twin.physics.part_signals import energy_variables, part_variables  # noqa: E402
-from twin.records import place, schema  # noqa: E402
+from twin.physics.true_signals import energy_variables, part_variables  # noqa: E402
+from twin.records import schema  # noqa: E402
 from twin.records.attributes import (  # noqa: E402
     ATTEMPT,
     AXES,
@@ -50,12 +53,13 @@ from twin.records.attributes import (  # noqa: E402
     OF_MISSIONS,
     SPLIT,
 )
-from twin.records.limits import recorded_limits, simulated_limits  # noqa: E402
 from twin.records.mission_dataset import STATE, STATE_ATTRIBUTES, STATES  # noqa: E402
 from twin.records.schema import MISSION, TIME, Variable  # noqa: E402
-from twin.sensors.registry import SENSORS  # noqa: E402
-from twin.vehicle.parts.registry import PARTS  # noqa: E402
-from twin.vehicle.shipped import shipped_files  # noqa: E402
+from twin.records.schema.limits import recorded_limits, simulated_limits  # noqa: E402
+from twin.records.storage import store_place  # noqa: E402
+from twin.sensors.base import SENSORS  # noqa: E402
+from twin.vehicle.assets import shipped_files  # noqa: E402
+from twin.vehicle.parts.base import PARTS  # noqa: E402
 from twin.vehicle.vehicle import Vehicle, load_vehicle  # noqa: E402
 
 INTRODUCTION = """\
@@ -173,9 +177,9 @@ def place_section() -> str:
         row(MISSION, OF_MISSION, AXES[MISSION]),
         row(TIME, f"({TIME})", AXES[TIME]),
         row(SEGMENT, f"({SEGMENT})", PLANNED[SEGMENT]),
-        *(row(name, OF_MISSION, place.ATTRIBUTES[name]) for name in place.PLACE),
-        row(place.NOMINAL, OF_MISSION, place.NOMINAL_ATTRIBUTES),
-        *(row(name, OF_SAMPLE, place.ATTRIBUTES[name]) for name in place.COORDINATES),
+        *(row(name, OF_MISSION, store_place.ATTRIBUTES[name]) for name in store_place.PLACE),
+        row(store_place.NOMINAL, OF_MISSION, store_place.NOMINAL_ATTRIBUTES),
+        *(row(name, OF_SAMPLE, store_place.ATTRIBUTES[name]) for name in store_place.COORDINATES),
     ]
     return (
         "## Place and time\n\nThe axes, and where and when missions start and samples are, in UTC "
@@ -387,7 +391,7 @@ def import_section() -> str:
             row(name, OF_MISSION, {"units": units, "long_name": long_name})
             for name, (units, long_name) in NUMBERS.items()
         ),
-        row(place.METHOD, OF_MISSION, place.METHOD_ATTRIBUTES),
+        row(store_place.METHOD, OF_MISSION, store_place.METHOD_ATTRIBUTES),
     ]
     payload = [
         row(
@@ -417,7 +421,7 @@ def flight_section() -> str:
     copied = [
         row(name, OF_SAMPLE, described(schema.VARIABLES[stored])) for stored, name in COPIED.items()
     ]
-    when = row(place.DATETIME, OF_SAMPLE, place.ATTRIBUTES[place.DATETIME])
+    when = row(store_place.DATETIME, OF_SAMPLE, store_place.ATTRIBUTES[store_place.DATETIME])
     rows: Sequence[tuple[str, ...]] = [
         *(row(n, f"({n})" if n == TIME else OF_MISSION, said) for n, said in OF_FLIGHTS.items()),
         when,

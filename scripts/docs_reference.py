@@ -22,7 +22,7 @@ from docs_dictionary import dictionary_page  # noqa: E402
 from docs_examples import examples_page  # noqa: E402
 from docs_markdown import escaped  # noqa: E402
 
-from twin.cli.program import Command, Program  # noqa: E402
+from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
 FACES = {
@@ -41,9 +41,9 @@ AREAS = {
     "twin.vehicle": "Vehicles",
     "twin.sensors": "Sensors and navigation",
     "twin.navigation": "Sensors and navigation",
-    "twin.flight": "Logs",
+    "twin.logs": "Logs",
     "twin.records": "Records",
-    "twin.plot": "Figures",
+    "twin.show.figures": "Figures",
     "twin.checks": "Checks",
     "twin.errors": "Errors",
     "twin.suite": "Tasks",
@@ -51,7 +51,7 @@ AREAS = {
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.runs": "Train and judge",
-    "learn.training.given_settings": "Train and judge",
+    "learn.training.settings": "Train and judge",
     "learn": "Kinds of your own",
 }
 """Heading of a name by where it is defined: the first place that fits"""
@@ -93,7 +93,7 @@ def command_page(name: str) -> str:
     )
 
 
-def command_section(name: str, command: Command) -> str:
+def command_section(name: str, command: ProgramCommand) -> str:
     """Description, usage and options of one command."""
     parser = parser_of(name, command)
     actions = [action for action in parser._actions if action.dest != "help"]
@@ -107,7 +107,7 @@ def command_section(name: str, command: Command) -> str:
     return f"## {name} {command.name}\n\n{description}\n\n```sh\n{usage}\n```\n\n{options}\n"
 
 
-def parser_of(name: str, command: Command) -> argparse.ArgumentParser:
+def parser_of(name: str, command: ProgramCommand) -> argparse.ArgumentParser:
     """The parser of a command, as its `--help` shows it."""
     import tyro
 

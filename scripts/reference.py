@@ -12,8 +12,8 @@ import json
 import sys
 from pathlib import Path
 
-from factory.stores.generated import open_missions
-from twin.records.checksums import array_checksums
+from factory.generation.generated_store import open_missions
+from twin.records.storage.checksums import array_checksums
 from twin.version import PHYSICS_VERSION
 
 

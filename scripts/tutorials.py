@@ -134,7 +134,7 @@ def without_numbers(line: str) -> str:
 
 def has_opengl() -> bool:
     """Whether `twin render` can draw here."""
-    from twin.render.context import available_backend
+    from twin.show.render.context import available_backend
 
     return available_backend() is not None
 

@@ -9,8 +9,8 @@ import numpy as np
 
 import twin
 from factory.exporting import EXPORTERS
+from factory.generation.generated_store import open_exportable
 from factory.importing.import_run import import_logs
-from factory.stores.stored_flight import open_exportable
 from twin.mission import Mission
 from twin.mission.segments import SawTooth, Surface
 from twin.records.store import write_store

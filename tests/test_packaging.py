@@ -99,7 +99,11 @@ def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) ->
     present = _tracked(*PACKAGES, "assets")
     assert shipped == {f"twin/{n}" if n.startswith("assets/") else n for n in present}
     # what is read from beside the code, by kind
-    for name in ("twin/plot/coast.npz", "twin/assets/glider.xml", "twin/replay/page.html"):
+    for name in (
+        "twin/show/figures/coast.npz",
+        "twin/assets/glider.xml",
+        "twin/show/web/page.html",
+    ):
         assert name in shipped
 
 

@@ -14,12 +14,10 @@ from examples import ROOT, blocks, files_of, needs_docs, run
 
 import factory
 import twin
-from factory.inspect.verify import verify_store
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.inspect.soundness import verify_store
 from twin import suite
 from twin.errors import InputError
-from twin.plot.registry import FIGURES, FigureKind
-from twin.plot.registry import table as figure_table
 from twin.records.schema import (
     HYDROGRAPHY,
     LOGGED_ONLY,
@@ -29,10 +27,12 @@ from twin.records.schema import (
     Variable,
 )
 from twin.records.trajectory import actuator_names
-from twin.registry import Registry
+from twin.seams import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
-from twin.sensors.registry import check_sensor
-from twin.sensors.registry import table as sensor_table
+from twin.sensors.base import check_sensor
+from twin.sensors.base import table as sensor_table
+from twin.show.figures.base import FIGURES, FigureKind
+from twin.show.figures.base import table as figure_table
 from twin.suite.registry import TASKS, check_task
 
 REGISTRIES = (SENSORS, FIGURES, TASKS)
@@ -70,7 +70,7 @@ def test_what_is_no_kind_is_refused(registry):
 
 def test_kinds_are_imported_when_they_are_asked_for():
     code = (
-        "import sys; from twin.plot.registry import FIGURES; from twin.suite.registry import TASKS;"
+        "import sys; from twin.show.figures.base import FIGURES; from twin.suite.registry import TASKS;"
         "list(FIGURES), list(TASKS); "
         "sys.exit('matplotlib' in sys.modules or 'twin.suite.hold' in sys.modules)"
     )

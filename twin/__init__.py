@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
     from twin.facade import simulate as simulate
-    from twin.flight.flight import estimate_flight as estimate_flight
+    from twin.logs.flight_estimate import estimate_flight as estimate_flight
     from twin.mission.controller import Command as Command
     from twin.mission.controller import Observation as Observation
+    from twin.mission.controller import Schedule as Schedule
     from twin.mission.plan import Mission as Mission
-    from twin.mission.schedule import Schedule as Schedule
     from twin.mission.segments import Circle as Circle
     from twin.mission.segments import Hold as Hold
     from twin.mission.segments import Hover as Hover
@@ -33,35 +33,35 @@ if TYPE_CHECKING:
     from twin.mission.segments import Surface as Surface
     from twin.mission.segments import Transect as Transect
     from twin.mission.segments import Waypoint as Waypoint
-    from twin.mission.shipped import load_mission as load_mission
-    from twin.mission.shipped import mission_names as mission_names
+    from twin.mission.shipped_missions import load_mission as load_mission
+    from twin.mission.shipped_missions import mission_names as mission_names
     from twin.navigation.settings import Navigation as Navigation
     from twin.physics.scenario import Scenario as Scenario
     from twin.physics.scenario import Start as Start
     from twin.physics.settle import trim as trim
     from twin.physics.simulation import Simulation as Simulation
     from twin.physics.simulation import simulate_many as simulate_many
-    from twin.plot.registry import figure as figure
-    from twin.plot.registry import figure_names as figure_names
-    from twin.records.resample import resample as resample
     from twin.records.store import open_store as open_store
+    from twin.records.timeseries import resample as resample
     from twin.records.timeseries import timeseries as timeseries
     from twin.records.trajectory import Trajectory as Trajectory
     from twin.records.trajectory_file import open_trajectory as open_trajectory
     from twin.sensors.suite import SensorSuite as SensorSuite
-    from twin.vehicle.shipped import vehicle_names as vehicle_names
+    from twin.show.figures.base import figure as figure
+    from twin.show.figures.base import figure_names as figure_names
+    from twin.vehicle.assets import vehicle_names as vehicle_names
     from twin.vehicle.vehicle import Vehicle as Vehicle
     from twin.vehicle.vehicle import load_vehicle as load_vehicle
+    from twin.water.current.axes import Origin as Origin
+    from twin.water.current.current_text import parse_current as parse_current
     from twin.water.current.ekman import Ekman as Ekman
     from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
     from twin.water.current.geostrophic import Geostrophic as Geostrophic
     from twin.water.current.grid import Grid as Grid
     from twin.water.current.inertial import Inertial as Inertial
     from twin.water.current.log_layer import LogLayer as LogLayer
-    from twin.water.current.origin import Origin as Origin
     from twin.water.current.profile import Profile as Profile
     from twin.water.current.series import Series as Series
-    from twin.water.current.spec import parse_current as parse_current
     from twin.water.current.tide import Tide as Tide
     from twin.water.current.uniform import Uniform as Uniform
     from twin.water.density import DensityProfile as DensityProfile
@@ -93,12 +93,12 @@ _PLACES = {
     "Mission": "twin.mission.plan:Mission",
     "Navigation": "twin.navigation.settings:Navigation",
     "Observation": "twin.mission.controller:Observation",
-    "Origin": "twin.water.current.origin:Origin",
+    "Origin": "twin.water.current.axes:Origin",
     "Profile": "twin.water.current.profile:Profile",
     "Series": "twin.water.current.series:Series",
     "SawTooth": "twin.mission.segments:SawTooth",
     "Scenario": "twin.physics.scenario:Scenario",
-    "Schedule": "twin.mission.schedule:Schedule",
+    "Schedule": "twin.mission.controller:Schedule",
     "SensorSuite": "twin.sensors.suite:SensorSuite",
     "Simulation": "twin.physics.simulation:Simulation",
     "Spiral": "twin.mission.segments:Spiral",
@@ -113,23 +113,23 @@ _PLACES = {
     "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",
     "check_published": "twin.checks.agreement:check_published",
     "errors": "twin.errors",
-    "estimate_flight": "twin.flight.flight:estimate_flight",
-    "figure": "twin.plot.registry:figure",
-    "figure_names": "twin.plot.registry:figure_names",
-    "load_mission": "twin.mission.shipped:load_mission",
+    "estimate_flight": "twin.logs.flight_estimate:estimate_flight",
+    "figure": "twin.show.figures.base:figure",
+    "figure_names": "twin.show.figures.base:figure_names",
+    "load_mission": "twin.mission.shipped_missions:load_mission",
     "load_vehicle": "twin.vehicle.vehicle:load_vehicle",
-    "mission_names": "twin.mission.shipped:mission_names",
+    "mission_names": "twin.mission.shipped_missions:mission_names",
     "open_store": "twin.records.store:open_store",
     "open_trajectory": "twin.records.trajectory_file:open_trajectory",
-    "parse_current": "twin.water.current.spec:parse_current",
+    "parse_current": "twin.water.current.current_text:parse_current",
     "parse_density": "twin.water.density_spec:parse_density",
     "parse_floor": "twin.water.floor:parse_floor",
-    "resample": "twin.records.resample:resample",
+    "resample": "twin.records.timeseries:resample",
     "simulate": "twin.facade:simulate",
     "simulate_many": "twin.physics.simulation:simulate_many",
     "timeseries": "twin.records.timeseries:timeseries",
     "trim": "twin.physics.settle:trim",
-    "vehicle_names": "twin.vehicle.shipped:vehicle_names",
+    "vehicle_names": "twin.vehicle.assets:vehicle_names",
 }
 """Where each public name is."""
 

@@ -2,73 +2,73 @@
 
 import sys
 
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 
 PROGRAM = Program(
     name="twin",
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
     commands=(
-        Command(
+        ProgramCommand(
             name="vehicles",
             summary="those that are shipped, how fast they glide, where their numbers are from",
             loader="twin.commands.vehicles:Vehicles",
         ),
-        Command(
+        ProgramCommand(
             name="trim",
             summary="steady glide or spiral of fixed actuator positions",
-            loader="twin.commands.trim:Trim",
+            loader="twin.commands.trim:TrimVehicle",
         ),
-        Command(
+        ProgramCommand(
             name="simulate",
             summary="fly one mission: summary, store, plot",
             loader="twin.commands.simulate:Simulate",
         ),
-        Command(
+        ProgramCommand(
             name="check",
             summary="MuJoCo against Fossen and against the published figures",
-            loader="twin.commands.check:Check",
+            loader="twin.commands.check:CheckModels",
         ),
-        Command(
+        ProgramCommand(
             name="identify",
             summary="parameters of a vehicle from its own logs; a new vehicle file",
             loader="twin.commands.identify:Identify",
         ),
-        Command(
+        ProgramCommand(
             name="flight",
             summary="speed, vertical water velocity, currents and corrected tracks of logs",
-            loader="twin.commands.flight:Flight",
+            loader="twin.commands.flight:EstimateFlight",
         ),
-        Command(
+        ProgramCommand(
             name="hindcast",
             summary="forecasts of a deployment's surfacings beside where it surfaced",
-            loader="twin.commands.hindcast:Hindcast",
+            loader="twin.commands.hindcast:HindcastSurfacings",
         ),
-        Command(
+        ProgramCommand(
             name="forecast",
             summary="the next surfacings of a glider: places with ellipses, times, energy",
-            loader="twin.commands.forecast:Forecast",
+            loader="twin.commands.forecast:ForecastSurfacings",
         ),
-        Command(
+        ProgramCommand(
             name="bench",
             summary="cost of the physics, side by side in one run",
             loader="twin.commands.bench:Bench",
         ),
-        Command(
+        ProgramCommand(
             name="render",
             summary="picture, video or offline page of a stored mission, without a screen",
             loader="twin.commands.render:Render",
         ),
-        Command(
+        ProgramCommand(
             name="view",
             summary="the same in a window, or in a browser (--web), stored or flown live",
-            loader="twin.commands.view:View",
+            loader="twin.commands.view:ViewMission",
         ),
-        Command(
+        ProgramCommand(
             name="plot",
             summary="figures of a stored mission: track, section, velocities, sensors, current",
-            loader="twin.commands.plot:Plot",
+            loader="twin.commands.plot:PlotMission",
         ),
-        Command(
+        ProgramCommand(
             name="version",
             summary="versions of this package and of the libraries that can change a result",
             loader="twin.commands.version:Version",

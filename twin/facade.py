@@ -13,27 +13,26 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.mission import Mission
-from twin.mission.controller import Controller
-from twin.mission.schedule import Schedule
-from twin.mission.shipped import load_mission_for
+from twin.mission.controller import Controller, Schedule
+from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
+from twin.physics.lookup_tables import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
-from twin.physics.tables import floor_table
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.origin import Origin
-from twin.water.current.spec import parse_current
+from twin.water.current.current_text import parse_current
 from twin.water.density import DensityProfile
 from twin.water.density_spec import GRID, parse_density
 from twin.water.floor import Floor, parse_floor
 from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
-    from twin.navigation.estimator import VelocityEstimator
+    from twin.navigation.estimators.base import VelocityEstimator
     from twin.sensors import SensorSuite
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")

@@ -60,7 +60,7 @@ class Writer:
 
 
 def _folder(inputs: Path) -> Write:
-    from twin.records.whole import whole_folder
+    from twin.records.storage.whole import whole_folder
 
     def write(path: Path, variant: str) -> None:
         with whole_folder(path, overwrite=True) as folder:
@@ -72,7 +72,7 @@ def _folder(inputs: Path) -> Write:
 
 
 def _file(inputs: Path) -> Write:
-    from twin.records.whole import whole_file
+    from twin.records.storage.whole import whole_file
 
     def write(path: Path, variant: str) -> None:
         with whole_file(path) as place:
@@ -83,7 +83,7 @@ def _file(inputs: Path) -> Write:
 
 def _small_file(inputs: Path) -> Write:
     from twin.errors import WriteError
-    from twin.records.disk import write_whole
+    from twin.records.storage.disk import write_whole
 
     def write(path: Path, variant: str) -> None:
         try:
@@ -133,9 +133,9 @@ def _flights() -> dict[str, Trajectory]:
 
 def _generate(inputs: Path) -> Write:
     from benchmarks.faults.here import Here
+    from factory.generation.completion import log_of
     from factory.generation.generate import generate
-    from factory.generation.runlog import log_of
-    from factory.recipe.recipe import make_recipe
+    from factory.sampling.recipe import make_recipe
 
     recipes = {
         variant: make_recipe(hours=0.2, seed=seed, changes=SHORT)
@@ -165,8 +165,8 @@ def _import(inputs: Path) -> Write:
 
 def _export(kind: str) -> Callable[[Path], Write]:
     def prepare(inputs: Path) -> Write:
-        from factory.exporting.registry import EXPORTERS
-        from factory.stores.stored_flight import open_exportable
+        from factory.exporting.base import EXPORTERS
+        from factory.generation.generated_store import open_exportable
 
         # the same flight must give the same bytes: a file says when it was made
         terms: Any = import_module("factory.exporting.og1.terms")
@@ -199,7 +199,7 @@ class _Always(datetime.datetime):
 def _tracks(inputs: Path) -> Write:
     import numpy as np
 
-    from learn.evaluation.tracks import TrackCollector
+    from learn.evaluation.judged_tracks import TrackCollector
 
     def write(path: Path, variant: str) -> None:
         found = TrackCollector()
@@ -214,7 +214,7 @@ def _tracks(inputs: Path) -> Write:
 def _page(inputs: Path) -> Write:
     from matplotlib.figure import Figure
 
-    from twin.plot.page import Page
+    from twin.show.figures.page_layout import Page
 
     def write(path: Path, variant: str) -> None:
         page = Page(path, variant, variant)
@@ -258,7 +258,7 @@ def _network(inputs: Path) -> Write:
 def _fit(inputs: Path) -> Write:
     from benchmarks.faults.here import Here
     from factory.generation.generate import generate
-    from factory.recipe.recipe import make_recipe
+    from factory.sampling.recipe import make_recipe
     from learn.networks.config import NetworkConfig
     from learn.training.fitting import fit
     from learn.training.schedule import TrainingConfig

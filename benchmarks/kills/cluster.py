@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from factory.generation.generate import generate
-from factory.recipe.recipe import Recipe
+from factory.sampling.recipe import Recipe
 
 WORKER = ("--no-dashboard", "--no-nanny", "--nthreads", "1")
 

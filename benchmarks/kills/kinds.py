@@ -32,8 +32,8 @@ from benchmarks.kills.processes import (
     wrong,
 )
 from factory.generation.generate import generate
-from factory.generation.parts import Part, finish, generate_part
-from factory.recipe.recipe import Recipe
+from factory.generation.parts import StorePart, finish, generate_part
+from factory.sampling.recipe import Recipe
 from twin.records.presence import is_complete
 
 CLOCK = Path(__file__).with_name("clock.c")
@@ -151,10 +151,10 @@ def frozen_run(ground: Ground, store: Path) -> str | None:
 def frozen_part(ground: Ground, store: Path) -> str | None:
     """Freeze a part of a job array; the same part runs elsewhere, and the first thaws later."""
     recipe = ground.recipe
-    process = fork(lambda: generate_part(recipe, store, Part(0, 2)))
+    process = fork(lambda: generate_part(recipe, store, StorePart(0, 2)))
     ground.moment()
     send(process, signal.SIGSTOP)
-    for part in (Part(0, 2), Part(1, 2)):
+    for part in (StorePart(0, 2), StorePart(1, 2)):
         if (code := wait(fork(lambda p=part: generate_part(recipe, store, p)))) != DONE:  # type: ignore[misc]
             return f"part {part.index} ended with {code}"
     send(process, signal.SIGCONT)

@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.faults.writers import digest
 from factory.generation.generate import generate
 from factory.generation.site import generating
-from factory.recipe.recipe import Recipe, make_recipe
+from factory.sampling.recipe import Recipe, make_recipe
 from twin.errors import TwinError
 
 SHORT = {

@@ -17,7 +17,7 @@ from factory.generation.generate import generate
 from learn.__main__ import PROGRAM as LEARN
 from twin.cli.program import Program
 from twin.records.attributes import SETTINGS, VERSION
-from twin.records.sharded import METADATA
+from twin.records.storage.sharded import METADATA
 
 OLD = Path(__file__).parents[2] / "tests" / "data" / "e2ff189"
 """Stores of the commit of that name, of version 0.1.0"""

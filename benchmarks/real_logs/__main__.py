@@ -7,13 +7,13 @@ from the root of the repository. FOLDER holds folders of logs, see `benchmarks.r
 
 import sys
 
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 
 PROGRAM = Program(
     name="benchmarks",
     summary="Programs of the repository that judge the packages.",
     commands=(
-        Command(
+        ProgramCommand(
             name="real_logs",
             summary="public methods, the twin and networks on real logs with truth",
             loader="benchmarks.real_logs.command:RealLogs",

@@ -23,7 +23,7 @@ from factory.importing import import_logs
 from factory.inspect.verify_logs import verify_logs
 from twin.errors import InputError
 from twin.geodesy import offset
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from benchmarks.real_logs.row import Kind, Row, table
-from twin.plot.page import Page
+from twin.show.figures.page_layout import Page
 
 COLOURS: dict[Kind, str] = {
     "published": "#8a929b",

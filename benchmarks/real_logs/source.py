@@ -13,7 +13,7 @@ from factory.importing.reading.columns import Table, read_table
 from twin.errors import InputError, TwinError
 from twin.identify import Log, load_logs
 from twin.navigation.dead_reckoning import Array
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}

@@ -25,10 +25,9 @@ from benchmarks.real_logs.samples import (
     sample,
 )
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
+from factory.sampling.recipe import make_recipe
 from learn.data.normalisation import Normalisation, NormalisationFit
-from learn.data.sequences import Sequences
-from learn.data.thinning import thin_store
+from learn.data.sequences import Sequences, thin_store
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Predictor, free_run

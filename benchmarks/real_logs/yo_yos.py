@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.logs.legs import legs_of
+from twin.checks.heading_leg import legs_of
 from twin.errors import InputError, TwinError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]
 

@@ -30,9 +30,8 @@ class Distributions(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print the table."""
-        from factory.recipe.overrides import read_changes
-        from factory.recipe.parameters import declared, override, parameter_table
-        from factory.recipe.presets import PRESETS
+        from factory.sampling.parameters import declared, override, parameter_table
+        from factory.sampling.presets import PRESETS, read_changes
         from twin.vehicle.vehicle import load_vehicle
 
         changes = read_changes(self.config, self.set)

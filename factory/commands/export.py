@@ -10,10 +10,9 @@ from typing import Annotated
 
 import tyro
 
-from factory.exporting.base import ExportOptions
-from factory.exporting.registry import EXPORTERS
+from factory.exporting.base import EXPORTERS, ExportOptions
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 from twin.cli.text_table import counted
 from twin.errors import InputError
 
@@ -24,7 +23,7 @@ ENDINGS = ", ".join(one.ending for one in EXPORTERS.values())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(JsonOption):
+class ExportStore(JsonOption):
     """Write a store's missions or dives in a format that other programs read.
 
     Example:
@@ -59,8 +58,8 @@ class Export(JsonOption):
         exporter = EXPORTERS[self.to]
         if self.mission is not None:
             check_missions(self.mission)
-        from factory.stores.stored_flight import open_exportable
-        from twin.records.logs import LogStore
+        from factory.generation.generated_store import open_exportable
+        from twin.records.logged import LogStore
 
         run = open_exportable(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.endings import interruption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 if TYPE_CHECKING:
     from factory.generation.generate import Summary, Watcher
-    from factory.generation.parts import Part
-    from factory.recipe.recipe import Recipe
+    from factory.generation.parts import StorePart
+    from factory.sampling.recipe import Recipe
 
 DEFAULT_OUT = Path("data/missions.zarr")
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
@@ -117,7 +117,7 @@ class Generate(JsonOption):
                 watch=watch,
             )
 
-    def _part(self, recipe: Recipe, part: Part, history: str, console: Console) -> int:
+    def _part(self, recipe: Recipe, part: StorePart, history: str, console: Console) -> int:
         from factory.generation.parts import generate_part, hours_of
         from twin.errors import InputError
 
@@ -139,9 +139,9 @@ class Generate(JsonOption):
         return 0
 
     def _recipe(self) -> Recipe:
-        from factory.recipe.overrides import read_changes
-        from factory.recipe.plan import check_room
-        from factory.recipe.recipe import make_recipe
+        from factory.sampling.drawn_plan import check_room
+        from factory.sampling.presets import read_changes
+        from factory.sampling.recipe import make_recipe
 
         # what is to be resumed may be nearly complete; an object storage has room
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
@@ -219,10 +219,10 @@ def import_numpy_with_one_thread() -> None:
 
 def raw_bytes(recipe: Recipe) -> int:
     """Size [bytes] of the same signals as plain float32, without padding."""
-    from factory.recipe.distribution import Fixed
-    from factory.recipe.plan import samples_in
-    from factory.recipe.survey_parameters import FLOOR
-    from twin.physics.part_signals import simulated_signals
+    from factory.sampling.distribution import Fixed
+    from factory.sampling.drawn_plan import samples_in
+    from factory.sampling.vehicle_parameters import FLOOR
+    from twin.physics.true_signals import simulated_signals
     from twin.records.schema import HYDROGRAPHY, WITH_FLOOR
 
     simulated = set(simulated_signals(recipe.vehicle))

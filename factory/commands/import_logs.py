@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from factory.importing.formats.registry import IMPORTERS
+from factory.importing.formats.base import IMPORTERS
 from twin.cli.console import Console, JsonOption
 
 CHOICES = "{" + ",".join(IMPORTERS.names()) + "}"
@@ -70,8 +70,8 @@ class ImportLogs(JsonOption):
     def run(self, console: Console) -> int:
         """Import, store and report."""
         from factory.importing.import_run import import_logs
-        from factory.importing.reading.each_file import OTHER_KIND, UNREADABLE
-        from factory.importing.repairs.dive_rules import DiveRules
+        from factory.importing.reading.deployment_log import OTHER_KIND, UNREADABLE
+        from factory.importing.repairs.plausibility import DiveRules
         from twin.errors import InputError
         from twin.records.store import check_target, write_store
 

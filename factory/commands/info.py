@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from twin.records.logs import LogStore
+    from twin.records.logged import LogStore
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Info(JsonOption):
 
     def _logs(self, logs: LogStore, console: Console) -> int:
         """A store of real logs: what was imported, and the report of it."""
-        from factory.inspect.info import deployment_rows, stored_bytes
+        from factory.inspect.description import deployment_rows, stored_bytes
 
         report = logs.report
         size = stored_bytes(self.store)
@@ -58,9 +58,9 @@ class Info(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print what the store holds."""
-        from factory.inspect.info import drawn_rows, split_rows, stored_bytes, unfinished
-        from factory.stores.generated import open_missions
-        from twin.records.logs import LogStore
+        from factory.generation.generated_store import open_missions
+        from factory.inspect.description import drawn_rows, split_rows, stored_bytes, unfinished
+        from twin.records.logged import LogStore
 
         begun = unfinished(self.store)
         if begun is not None:

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from twin.records.logs import LogStore
+    from twin.records.logged import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that a page may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plot(JsonOption):
+class PlotStore(JsonOption):
     """Simulated missions: tracks, depths, currents and histograms of velocities and measured
     signals on one page. Logs: map with currents, depth over time and figures of the dives, one page
     a deployment.
@@ -40,11 +40,11 @@ class Plot(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and save."""
+        from factory.generation.generated_store import open_missions
         from factory.inspect.missions_page import store_page
-        from factory.stores.generated import open_missions
         from twin.errors import InputError
-        from twin.records.logs import LogStore
-        from twin.records.whole import whole_file
+        from twin.records.logged import LogStore
+        from twin.records.storage.whole import whole_file
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")

@@ -14,7 +14,7 @@ MOST_NAMED = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference(JsonOption):
+class WriteReference(JsonOption):
     """Make the reference set of 200 h and compare every array with its checksum, so that results of
     different groups are results on the same data. Exit code 1 when an array differs.
 
@@ -39,8 +39,8 @@ class Reference(JsonOption):
     def run(self, console: Console) -> int:
         """Generate, compare, and say what differs."""
         import_numpy_with_one_thread()
-        from factory.recipe.reference_set import reference_set
-        from twin.records.checksums import array_checksums
+        from factory.sampling.presets import reference_set
+        from twin.records.storage.checksums import array_checksums
         from twin.version import PHYSICS_VERSION
 
         wanted = reference_set(self.name)
@@ -77,8 +77,8 @@ class Reference(JsonOption):
 
     def _generate(self, console: Console) -> None:
         from factory.generation.generate import generate
-        from factory.recipe.recipe import make_recipe
-        from factory.recipe.reference_set import reference_set
+        from factory.sampling.presets import reference_set
+        from factory.sampling.recipe import make_recipe
 
         wanted = reference_set(self.name)
         recipe = make_recipe(preset=wanted.preset, hours=wanted.hours, seed=wanted.seed)

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 SHOWN = 10
 """Damaged files that are named; the others are counted"""
@@ -33,7 +33,7 @@ class Repair(JsonOption):
         from factory.commands.generate import import_numpy_with_one_thread
 
         import_numpy_with_one_thread()
-        from factory.generation.repair import lost, repair
+        from factory.generation.rebuild import lost, repair
 
         damage = lost(self.store)
         if damage is not None:

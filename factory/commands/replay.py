@@ -8,11 +8,11 @@ from typing import Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay(JsonOption):
+class ReplayMission(JsonOption):
     """Fly stored missions again from what the store says and compare every byte.
 
     Example:
@@ -29,8 +29,8 @@ class Replay(JsonOption):
 
     def run(self, console: Console) -> int:
         """Replay; exit code 1 when a byte differs."""
-        from factory.inspect.replay import replay_failure, replay_mission
-        from factory.stores.generated import GeneratedStore
+        from factory.generation.generated_store import GeneratedStore
+        from factory.inspect.flown_again import replay_failure, replay_mission
 
         run = GeneratedStore(self.store)
         if self.attempt is not None:

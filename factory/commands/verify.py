@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.store_argument import StoreArgument
+from twin.cli.options import StoreArgument
 from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
-    from factory.inspect.checks import Report
+    from factory.inspect.store_check import StoreReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,19 +32,19 @@ class Verify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.inspect.checks import MAX_NAMED, Report, check_files
-        from twin.records.checksums import LIST
-        from twin.records.object_files import files_at
+        from factory.inspect.store_check import MAX_NAMED, StoreReport, check_files
+        from twin.records.storage.checksums import LIST
+        from twin.records.storage.object_storage import files_at
 
         files = check_files(self.store)
         plain = files_at(self.store).exists(LIST)
         ending = ""
         try:
-            what, report = ("mission", Report(0, 0, ())) if plain else self._read(console)
+            what, report = ("mission", StoreReport(0, 0, ())) if plain else self._read(console)
         except Exception:  # whatever damaged files make readers raise: the files are named
             if not files.problems:
                 raise
-            what, report = "mission", Report(0, 0, ())
+            what, report = "mission", StoreReport(0, 0, ())
             ending = " read"
         report = dataclasses.replace(report, checks=(files, *report.checks))
         console.table(
@@ -66,19 +66,18 @@ class Verify(JsonOption):
         )
         return 0 if report.ok else 1
 
-    def _read(self, console: Console) -> tuple[str, Report]:
+    def _read(self, console: Console) -> tuple[str, StoreReport]:
         """What a mission is called, and what reading them shows."""
-        from factory.inspect.checks import Report
-        from factory.inspect.verify import verify_store
+        from factory.generation.generated_store import is_flight, open_missions
+        from factory.inspect.soundness import verify_store
+        from factory.inspect.store_check import StoreReport
         from factory.inspect.verify_logs import verify_logs
-        from factory.stores.generated import open_missions
-        from factory.stores.stored_flight import is_flight
-        from twin.records.logs import LogStore
+        from twin.records.logged import LogStore
         from twin.records.reader import MissionStore
 
         with MissionStore(self.store) as reader:
             if is_flight(reader.attributes):
-                return "mission", Report(len(reader), 0, ())  # its files say all
+                return "mission", StoreReport(len(reader), 0, ())  # its files say all
         run = open_missions(self.store)
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:

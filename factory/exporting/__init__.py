@@ -1,6 +1,5 @@
 """Exporting: stores in the formats that others read."""
 
-from factory.exporting.base import Exporter, ExportOptions
-from factory.exporting.registry import EXPORTERS, register
+from factory.exporting.base import EXPORTERS, Exporter, ExportOptions, register
 
 __all__ = ["EXPORTERS", "ExportOptions", "Exporter", "register"]

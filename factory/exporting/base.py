@@ -1,4 +1,8 @@
-"""Exporter: what the export must know of one format, and the function that writes it."""
+"""Exporter: what the export must know of one format, and the function that writes it.
+
+Registry of the exporters: names for the command line, and writers.
+Described: writers of formats that hold what the user says of the data, such as its licence.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import InputError
-from twin.records.checksums import is_listed
-from twin.records.store_path import StorePath
-from twin.records.whole import whole_file, whole_folder
+from twin.records.storage.checksums import is_listed
+from twin.records.storage.store_place import StorePath
+from twin.records.storage.whole import whole_file, whole_folder
+from twin.seams import Registry, imported, instance_of
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
+
 
 Advance = Callable[[], object]
 """Called once for each mission or dive that is done, for a progress bar."""
@@ -150,3 +156,40 @@ def _is_export(folder: Path) -> bool:
     from twin.records.presence import is_complete  # numpy, which help texts do without
 
     return is_listed(folder) and not is_complete(folder)
+
+
+EXPORTERS: Registry[Exporter] = Registry(
+    "export format",
+    group="glider_twin.exporters",
+    shipped={
+        "huggingface": "factory.exporting.huggingface:HUGGINGFACE",
+        "lerobot": "factory.exporting.lerobot:LEROBOT",
+        "mcap": "factory.exporting.mcap:MCAP",
+        "og1": "factory.exporting.og1:OG1",
+        "parquet": "factory.exporting.parquet:PARQUET",
+    },
+    check=instance_of("export format", Exporter),
+)
+"""Every format that a store can be exported to, by name."""
+
+register = EXPORTERS.add
+"""Add an exporter of one's own."""
+
+
+def described(place: str) -> Writer:
+    """The writer at `module:function`, which takes `metadata`; imported when it writes."""
+
+    def write(
+        run: MissionStore,
+        missions: Sequence[int],
+        folder: Path,
+        advance: Advance,
+        options: ExportOptions,
+    ) -> list[Path]:
+        from factory.exporting.metadata import metadata_for
+
+        metadata = metadata_for(run, options.metadata)
+        written: list[Path] = imported(place)(run, missions, folder, advance, metadata=metadata)
+        return written
+
+    return write

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.generation.block import Block, block_manifest
-from factory.generation.job import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
-from factory.recipe.recipe import versions
+from factory.generation.pool import Job, alone
+from factory.sampling.recipe import versions
 from twin.bounded import FREE_BYTES, check_archive
 from twin.errors import StoreError
-from twin.records.files import FileSum
-from twin.records.sharded import ShardedStore, fill_value
+from twin.records.storage.sharded import ShardedStore, fill_value
+from twin.records.storage.stored_files import FileSum
 
 FAILURES = "failures"
 """Entry of a shard's rows: JSON of the attempts that failed"""

@@ -1,17 +1,20 @@
-"""Attempts: one mission from its number to its signals, tried again when it fails."""
+"""Attempts: one mission from its number to its signals, tried again when it fails.
+
+Flown mission: what is kept of a mission beside its signals.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.flight.bounds import Impossible
-from factory.flight.fly import Flight, fly
-from factory.generation.flown_mission import FailedAttempt, FlownMission
-from factory.recipe.recipe import Recipe
-from factory.recipe.sampling import sensor_seed
+from factory.sampling.draw import Parameters, sensor_seed
+from factory.sampling.fly import FlownSignals, Impossible, fly
+from factory.sampling.recipe import Recipe
 from twin.errors import (
     CurrentError,
     FloorError,
@@ -23,8 +26,33 @@ from twin.errors import (
     VehicleError,
 )
 from twin.records.schema import VARIABLES
-from twin.records.sharded import stored_values
+from twin.records.storage.sharded import stored_values
 from twin.vehicle.consumption import ENERGY
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedAttempt:
+    """An attempt that had to be replaced."""
+
+    attempt: int
+    reason: str
+    time_s: float | None
+    """[s] when the simulation left the finite numbers; None: it never started"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownMission:
+    """One mission as it was made."""
+
+    mission: int
+    attempt: int
+    """the attempt that succeeded, from 0"""
+    samples: int
+    parameters: Parameters
+    sensors: Mapping[str, float]
+    """the sensors' constants"""
+    failures: tuple[FailedAttempt, ...] = ()
+
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
@@ -95,7 +123,7 @@ def reason(error: TwinError) -> str:
     return str(error)
 
 
-def rounded_signals(flight: Flight) -> dict[str, NDArray[np.float32]]:
+def rounded_signals(flight: FlownSignals) -> dict[str, NDArray[np.float32]]:
     """Every signal as the store keeps it, in the schema's order.
 
     Energy is left out: it follows from the other signals and the vehicle that the store holds

@@ -19,19 +19,18 @@ import numcodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.flight.mission_place import mission_coordinates, mission_place
-from factory.generation.attempts import fly_mission
+from factory.generation.attempts import FlownMission, fly_mission
 from factory.generation.bookkeeping import rows
-from factory.generation.flown_mission import FlownMission
-from factory.generation.job import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
-from factory.recipe.recipe import Recipe, versions
+from factory.generation.pool import Job, alone
+from factory.sampling.mission_water import mission_coordinates, mission_place
+from factory.sampling.recipe import Recipe, versions
 from twin.bounded import check_archive
 from twin.errors import StoreError
-from twin.physics.quiet import quiet_mujoco
-from twin.records.files import file_sum
+from twin.physics.mujoco_model import quiet_mujoco
 from twin.records.presence import RECIPE
-from twin.records.sharded import COMPRESSOR, LEVEL
+from twin.records.storage.sharded import COMPRESSOR, LEVEL
+from twin.records.storage.stored_files import file_sum
 
 Signals = Mapping[str, NDArray[Any]]
 """By name: (samples,) of one mission."""

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.flight.mission_place import mission_place
-from factory.generation.flown_mission import FlownMission
-from factory.recipe.distribution import Choice, Fixed, Value
-from factory.recipe.kinds import kinds_for
-from factory.recipe.recipe import Recipe
+from factory.generation.attempts import FlownMission
+from factory.sampling.distribution import Choice, Fixed, Value
+from factory.sampling.kinds import kinds_for
+from factory.sampling.mission_water import mission_place
+from factory.sampling.recipe import Recipe
 from twin.records import attributes as names
-from twin.records.place import ATTRIBUTES, PLACE, place_arrays
 from twin.records.schema import MISSION
-from twin.records.sharded import flag_attributes
+from twin.records.storage.sharded import flag_attributes
+from twin.records.storage.store_place import ATTRIBUTES, PLACE, place_arrays
 
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""

@@ -1,10 +1,19 @@
-"""Completion: assembled shards into a store: bookkeeping, metadata, checksums, its name."""
+"""Completion: assembled shards into a store: bookkeeping, metadata, checksums, its name.
+
+Run log: which machine made a store, when and by which command, beside the store.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import datetime
 import json
+import os
+import platform
+import socket
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,23 +21,25 @@ from numpy.typing import NDArray
 
 from factory.generation.assembly import ShardRows, open_tree, shard_manifest, stacked
 from factory.generation.bookkeeping import SEGMENT, Column, columns
-from factory.generation.job import Job
-from factory.recipe.recipe import Recipe, sha256
+from factory.generation.pool import Job
+from factory.sampling.recipe import Recipe, sha256, versions
 from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
 from twin.records.attributes import SPLITS
-from twin.records.files import FileSum
-from twin.records.place import (
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
+from twin.records.storage.store_place import (
     ATTRIBUTES,
     COORDINATE_DTYPES,
     COORDINATES,
     DATETIME,
     FLOWN,
     PLACE,
+    StorePath,
 )
-from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
+from twin.records.storage.stored_files import FileSum
 from twin.version import __version__
 
 RECIPE_COPY = "recipe"
@@ -196,3 +207,39 @@ def store_attributes(recipe: Recipe) -> dict[str, Any]:
         BESIDE: " ".join(PLACE),  # of no signal: of the store
         names.HISTORY: f"factory generate of glider-twin {__version__}, recipe {recipe.digest}",
     }
+
+
+def log_of(store: StorePath) -> StorePath:
+    """The log of a store."""
+    return store.with_name(store.name + ".log")
+
+
+def note(store: StorePath, recipe: Recipe, command: str) -> None:
+    """Add a line; raises OSError."""
+    entry = {
+        "time": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "command": command,
+        "recipe": recipe.digest,
+        "host": socket.gethostname(),
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "versions": versions(),
+    }
+    line, log = json.dumps(entry) + "\n", log_of(store)
+    if isinstance(log, Path):
+        with log.open("a", encoding="utf-8") as file:
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+    else:
+        name = f"{entry['time']}-{entry['host']}-{os.getpid()}.json"
+        files_at(log).write(name, line.encode())
+
+
+def _processor() -> str:
+    """Name of the processor, which may decide how numbers round."""
+    with contextlib.suppress(OSError), Path("/proc/cpuinfo").open(encoding="utf-8") as file:
+        for line in file:
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -2,13 +2,17 @@
 
 The bytes of a mission follow from the recipe and its number alone. So blocks of missions are flown
 by whatever runs them, in any order, and twice if need be; nobody coordinates and nothing conflicts.
+
+Into store: missions into any zarr store that a program has opened, such as one of icechunk.
 """
 
 from __future__ import annotations
 
 import concurrent.futures
 import contextlib
+import dataclasses
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
@@ -17,22 +21,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from factory.generation import runlog
+from factory.generation import completion
 from factory.generation.assembly import assemble, open_tree, shard_manifest
 from factory.generation.block import BlockDone, fly_block, sound_block
 from factory.generation.completion import complete
-from factory.generation.job import Job
-from factory.generation.pool import local_pool
+from factory.generation.pool import Job, local_pool
 from factory.generation.site import Site, locked
 from factory.generation.target import check_target, failures_in, give_name
-from factory.recipe.plan import HOUR
-from factory.recipe.recipe import Recipe
+from factory.sampling.drawn_plan import HOUR
+from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
-from twin.records.object_files import files_at
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.stored_files import LocalFiles
+from twin.records.storage.whole import check_empty, copy_into
 
 if TYPE_CHECKING:
-    from twin.records.zarr_copy import AnyStore
+    from twin.records.storage.whole import AnyStore
+
 
 WAITING = 4
 """Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
@@ -109,7 +115,7 @@ def generate(
                 return summary_of(recipe, store, begun, flown=[], failed=failures_in(store))
             job.site.begin(recipe)
             job.site.sweep()
-            runlog.note(store, recipe, history)
+            completion.note(store, recipe, history)
             flown = _fly(job, workers, executor, watch)
             _, failed = complete(job)
             give_name(job)
@@ -246,3 +252,34 @@ def summary_of(
         wall_s=time.perf_counter() - begun,
         stored_bytes=files_at(store).stored_bytes(),
     )
+
+
+def generate_into(
+    recipe: Recipe,
+    store: AnyStore,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    watch: Watcher | None = None,
+) -> Summary:
+    """Make the missions in a temporary folder of this machine, then copy every key.
+
+    Nothing is committed: a store with sessions, as icechunk has, keeps them by one commit of its
+    own when this returns.
+
+    Args:
+      store: empty, and open for writing.
+      workers, executor, watch: as of `generate`.
+
+    Returns:
+      What was done, of `store`.
+
+    Raises:
+      StoreError: the store is read-only or holds something, and as `generate`.
+    """
+    check_empty(store)
+    with tempfile.TemporaryDirectory(prefix="glider-twin-") as folder:
+        made = Path(folder) / "missions.zarr"
+        summary = generate(recipe, made, workers=workers, executor=executor, watch=watch)
+        copy_into(LocalFiles(made), store)
+    return dataclasses.replace(summary, store=store)

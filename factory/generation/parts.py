@@ -13,7 +13,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from factory.generation import runlog
+from factory.generation import completion
 from factory.generation.assembly import assemble, shard_manifest
 from factory.generation.block import block_manifest, fly_block
 from factory.generation.completion import complete
@@ -24,15 +24,15 @@ from factory.generation.generate import (
     told,
     waiting_blocks,
 )
-from factory.generation.job import Job
-from factory.generation.layout import Layout
+from factory.generation.manifest import Layout
+from factory.generation.pool import Job
 from factory.generation.site import Site, locked
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
-from factory.recipe.plan import HOUR
-from factory.recipe.recipe import Recipe
+from factory.sampling.drawn_plan import HOUR
+from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 from twin.records.presence import begun, is_complete
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.store_place import StorePath, store_path
 
 SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (
     "SLURM_ARRAY_TASK_ID",
@@ -44,7 +44,7 @@ ARRAY = "array.json"
 
 
 @dataclass(frozen=True)
-class Part:
+class StorePart:
     """Part `index` of `count`, counted from `first`."""
 
     index: int
@@ -56,7 +56,7 @@ class Part:
         return [b for b in layout.blocks if b % self.count == self.index - self.first]
 
 
-def parse_part(text: str) -> Part:
+def parse_part(text: str) -> StorePart:
     """From `i/n`, i from 0 to n - 1.
 
     Raises:
@@ -65,7 +65,7 @@ def parse_part(text: str) -> Part:
     index, slash, count = text.partition("/")
     if not (slash and index.isdecimal() and count.isdecimal()):
         raise InputError(f"--shard {text}: give i/n, such as 0/8 for the first of eight parts")
-    part = Part(int(index), int(count))
+    part = StorePart(int(index), int(count))
     if not part.index < part.count:
         raise InputError(
             f"--shard {text}: parts are counted from 0 to n - 1, so the last of {count} is "
@@ -74,12 +74,12 @@ def parse_part(text: str) -> Part:
     return part
 
 
-def slurm_part(environment: Mapping[str, str] = os.environ) -> Part | None:
+def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
     """The part of this task of a Slurm job array; None outside of one."""
     if SLURM_TASK not in environment:
         return None
     try:
-        return Part(
+        return StorePart(
             int(environment[SLURM_TASK]),
             int(environment[SLURM_COUNT]),
             int(environment[SLURM_FIRST]),
@@ -91,7 +91,7 @@ def slurm_part(environment: Mapping[str, str] = os.environ) -> Part | None:
         ) from error
 
 
-def hours_of(recipe: Recipe, part: Part) -> float:
+def hours_of(recipe: Recipe, part: StorePart) -> float:
     """Simulated hours of the missions of a part."""
     layout, durations = Layout(len(recipe.plan)), recipe.plan.durations_s
     missions = (m for b in part.blocks(layout) for m in layout.missions_of_block(b))
@@ -101,7 +101,7 @@ def hours_of(recipe: Recipe, part: Part) -> float:
 def generate_part(
     recipe: Recipe,
     out: str | StorePath,
-    part: Part,
+    part: StorePart,
     *,
     history: str = "factory.generate",
     watch: Watcher | None = None,
@@ -121,7 +121,7 @@ def generate_part(
         with locked(store, shared=True):
             job.site.begin(recipe)
             part = _fixed(job.site, part)
-            runlog.note(store, recipe, f"{history} (part {part.index} of {part.count})")
+            completion.note(store, recipe, f"{history} (part {part.index} of {part.count})")
             mine = part.blocks(layout)
             todo, _ = waiting_blocks(job, mine)
             for block in mine:
@@ -174,7 +174,7 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
     return summary_of(recipe, store, started, flown=[], failed=failed), recipe
 
 
-def _fixed(site: Site, part: Part) -> Part:
+def _fixed(site: Site, part: StorePart) -> StorePart:
     """The part as the first task of the array counted them: when some tasks run again, Slurm
     counts only these.
 
@@ -185,7 +185,7 @@ def _fixed(site: Site, part: Part) -> Part:
         array = {"first": part.first, "count": part.count}
         site.files.write_safe(ARRAY, json.dumps(array).encode())
     kept = _array(site)
-    fixed = Part(part.index, kept.count, kept.first)
+    fixed = StorePart(part.index, kept.count, kept.first)
     if not 0 <= fixed.index - fixed.first < fixed.count:
         last = fixed.first + fixed.count - 1
         raise InputError(
@@ -195,7 +195,7 @@ def _fixed(site: Site, part: Part) -> Part:
     return fixed
 
 
-def _array(site: Site) -> Part:
+def _array(site: Site) -> StorePart:
     """How the first task of the array counted its parts, as its first one.
 
     Raises:
@@ -203,7 +203,7 @@ def _array(site: Site) -> Part:
     """
     try:
         kept = json.loads(site.files.read_small(ARRAY))
-        first = Part(int(kept["first"]), int(kept["count"]), int(kept["first"]))
+        first = StorePart(int(kept["first"]), int(kept["count"]), int(kept["first"]))
         if first.count < 1:
             raise ValueError(f"{first.count} parts")
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:

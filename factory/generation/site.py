@@ -23,13 +23,13 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from factory.recipe.recipe import Recipe
+from factory.sampling.recipe import Recipe
 from twin.errors import StoreError
-from twin.records.disk import sweep
-from twin.records.files import Files
-from twin.records.object_files import files_at
 from twin.records.presence import RECIPE, begun, generating
-from twin.records.store_path import StorePath, Url
+from twin.records.storage.disk import sweep
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.store_place import StorePath, Url
+from twin.records.storage.stored_files import Files
 
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from factory.generation.completion import FAILED_MISSION
-from factory.generation.job import Job
 from factory.generation.manifest import missions_kept
+from factory.generation.pool import Job
 from factory.generation.site import Site
-from factory.recipe.recipe import Recipe, differences, read_recipe, recipe_document
+from factory.sampling.recipe import Recipe, differences, read_recipe, recipe_document
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
-from twin.records.object_files import files_at
 from twin.records.presence import (
     RECIPE,
     begun,
@@ -24,10 +23,11 @@ from twin.records.presence import (
     is_there,
     read_attributes,
 )
-from twin.records.sharded import METADATA
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.sharded import METADATA
+from twin.records.storage.store_place import StorePath
+from twin.records.storage.whole import take_place
 from twin.records.store import check_ending, check_version
-from twin.records.store_path import StorePath
-from twin.records.whole import take_place
 
 MAX_DIFFERENCES = 5
 """Differences named when a resume is refused."""

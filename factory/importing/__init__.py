@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from factory.importing.formats.base import Importer, ReadOptions, WrongFormat
-from factory.importing.formats.registry import IMPORTERS, register, sniff
+from factory.importing.formats.base import (
+    IMPORTERS,
+    Importer,
+    ReadOptions,
+    WrongFormat,
+    register,
+    sniff,
+)
 
 if TYPE_CHECKING:
     from factory.importing.import_run import import_logs as import_logs

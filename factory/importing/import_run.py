@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory.importing.dives.build import build
-from factory.importing.files import expand
 from factory.importing.formats.base import (
+    IMPORTERS,
     LONGEST,
     SHORTEST,
     Importer,
     ReadOptions,
     WrongFormat,
+    likely_kind,
 )
-from factory.importing.formats.registry import IMPORTERS, likely_kind
-from factory.importing.reading.each_file import UNREADABLE
+from factory.importing.given_files import expand
+from factory.importing.reading.deployment_log import UNREADABLE
 from factory.importing.reading.payload import parse_payload
 from factory.importing.reading.tally import ImportReport, Tally, summarise
-from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.plausibility import DiveRules
 from twin.errors import InputError
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
 

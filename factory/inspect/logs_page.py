@@ -12,10 +12,12 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from twin.cli.text_table import counted
-from twin.plot import style
-from twin.plot.dates import DAY, LABEL, draw_dates
-from twin.plot.graticule import box_around
-from twin.plot.map import (
+from twin.records.attributes import DIVE_DURATION
+from twin.records.logged import LogStore
+from twin.records.storage.store_place import METHODS
+from twin.show import style
+from twin.show.dates import DAY, LABEL, draw_dates
+from twin.show.figures.map import (
     Currents,
     arrow_scale,
     draw_arrows,
@@ -24,9 +26,7 @@ from twin.plot.map import (
     draw_locator,
     joined,
 )
-from twin.records.attributes import DIVE_DURATION
-from twin.records.logs import LogStore
-from twin.records.place import METHODS
+from twin.show.figures.map_ground import box_around
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
 from twin.cli.text_table import counted
-from twin.plot import style
 from twin.records.attributes import SPLITS
 from twin.records.schema import VARIABLES
 from twin.records.trajectory import actuator_names
 from twin.sensors.dvl import MODES, Dvl
+from twin.show import style
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.inspect.checks import (
+from factory.inspect.store_check import (
     Block,
-    Check,
-    Report,
+    StoreCheck,
+    StoreReport,
     check_finite_range,
     check_missions,
     check_padding,
@@ -25,9 +25,9 @@ from twin.records.attributes import (
     SPLIT,
     START_TIME,
 )
-from twin.records.limits import recorded_limits
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 
@@ -51,25 +51,25 @@ FASTEST_DEPTH = 5.0
 """[m/s] no glider sinks or climbs so fast"""
 
 
-def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> Report:
+def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> StoreReport:
     """Read and check everything; `watch` is called with the number of dives just read."""
     names = logs.signals()
     checks = {
-        name: Check(name)
+        name: StoreCheck(name)
         for name in ("metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth")
     }
     _check_metadata(logs, names, checks["metadata"])
     if checks["metadata"].problems:
-        return Report(len(logs), 0, tuple(checks.values()))
+        return StoreReport(len(logs), 0, tuple(checks.values()))
     _check_order(logs, checks["order"])
     _check_fixes(logs, checks["fixes"])
     bytes_read = check_missions(
         logs, names, checks, lambda mission, rows: _check_dive(logs, mission, rows, checks), watch
     )
-    return Report(len(logs), bytes_read, tuple(checks.values()))
+    return StoreReport(len(logs), bytes_read, tuple(checks.values()))
 
 
-def _check_metadata(logs: LogStore, names: list[str], check: Check) -> None:
+def _check_metadata(logs: LogStore, names: list[str], check: StoreCheck) -> None:
     data = logs.dataset
     check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
     deep = any(name in data.variables for name in WITH_DEPTH)
@@ -102,7 +102,7 @@ def _check_metadata(logs: LogStore, names: list[str], check: Check) -> None:
     )
 
 
-def _check_order(logs: LogStore, check: Check) -> None:
+def _check_order(logs: LogStore, check: StoreCheck) -> None:
     """Dives of a deployment follow each other."""
     check.expect(
         bool(np.isfinite(logs.starts).all()), lambda: "start_time is not finite everywhere"
@@ -118,7 +118,7 @@ def _check_order(logs: LogStore, check: Check) -> None:
             )
 
 
-def _check_fixes(logs: LogStore, check: Check) -> None:
+def _check_fixes(logs: LogStore, check: StoreCheck) -> None:
     """Positions are on Earth, and displacements are what lies between them."""
     north, east = (logs.number(f"displacement_{name}") for name in ("north", "east"))
     for mission in range(len(logs)):
@@ -142,7 +142,9 @@ def _check_fixes(logs: LogStore, check: Check) -> None:
             )
 
 
-def _check_dive(logs: LogStore, mission: int, rows: Block, checks: Mapping[str, Check]) -> None:
+def _check_dive(
+    logs: LogStore, mission: int, rows: Block, checks: Mapping[str, StoreCheck]
+) -> None:
     samples = int(logs.samples[mission])
     what = f"dive {mission}"
     for name, row in rows.items():

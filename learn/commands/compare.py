@@ -32,7 +32,7 @@ class Compare(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print one table."""
-        from learn.report.tables import comparison_rows
+        from learn.report.result_tables import comparison_rows
 
         figures = {}
         for run in [open_run(path) for path in self.runs] or [newest_run()]:

@@ -14,16 +14,16 @@ import tyro
 
 from learn.runs.run import DEFAULT_STORE, newest_run, open_run
 from twin.cli.console import Console, JsonOption
+from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
-from twin.cli.store_argument import StoreArgument
 from twin.cli.text_table import counted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from learn.evaluation.score import Reference
+    from learn.evaluation.score import ReferenceVelocity
     from learn.report.contents import RunEvaluation
     from learn.runs.run import Run
-    from twin.navigation.baselines.base import Estimate
+    from twin.navigation.estimators.baseline import Estimate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +51,10 @@ class Evaluate(JsonOption):
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import evaluate
+        from learn.evaluation.judged_tracks import TrackCollector, check_target
         from learn.evaluation.log_score import sentences
-        from learn.evaluation.tracks import TrackCollector, check_target
         from learn.files import check_file, check_folder
-        from learn.report.tables import dive_rows, summary_rows, verdicts
+        from learn.report.result_tables import dive_rows, summary_rows, verdicts
         from learn.studies.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
@@ -69,13 +69,13 @@ class Evaluate(JsonOption):
             check_target(self.tracks)
             check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
         if self.out is not None:
-            from twin.plot.page import check_page_target
+            from twin.show.figures.page_layout import check_page_target
 
             check_folder(self.out, "--out")
             check_page_target(self.out)
         with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
 
-            def see(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+            def see(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
                 progress.update(1)
 
             found = evaluate(

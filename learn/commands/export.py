@@ -20,7 +20,7 @@ WIDTH = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(JsonOption):
+class ExportNetwork(JsonOption):
     """One ONNX model per network, one time step with explicit state; or one C99 header from sensor
     samples to surge and sway. Checked over a mission.
 
@@ -45,7 +45,7 @@ class Export(JsonOption):
 
         folder = self.run_folder or newest_run().folder
         checked = export(folder, self.out, to=self.to, store=self.store)
-        from learn.networks.parity import TOLERANCE
+        from learn.networks.onnx_export import TOLERANCE
 
         run = open_run(folder)
         first = next(iter(checked.values()))
@@ -77,8 +77,8 @@ def _features_line(features: Sequence[str]) -> str:
 
 def _inputs_line(features: Sequence[str]) -> str:
     """What a sample of the C code holds, in lines of a terminal."""
-    from twin.navigation.estimated_channels import sources
     from twin.navigation.features import channels_of
+    from twin.navigation.settings import sources
 
     text = f"a sample holds: {', '.join(sources(channels_of(features)))}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

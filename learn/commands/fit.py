@@ -15,20 +15,20 @@ import tyro
 from learn.networks.registry import NETWORKS
 from learn.runs.run import RUNS, free_name
 from learn.training.optimisers.registry import OPTIMISERS
-from learn.training.progress import Shares, Watcher, event_writer_type
+from learn.training.training_progress import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
+from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
-from twin.cli.store_argument import StoreArgument
 from twin.cli.text_table import counted
 from twin.errors import InputError, unknown_name
-from twin.registry import Registry
+from twin.seams import Registry
 
 if TYPE_CHECKING:
     from learn.runs.run import Run
     from learn.studies.folds import Unit
     from learn.training.resources import Resources
-    from learn.training.settings import FitConfig, Job
-    from learn.training.trainer import Report
+    from learn.training.settings import FitConfig, TrainingJob
+    from learn.training.trainer import TrainingReport
 
 CHOICES = {
     "network": NETWORKS,
@@ -150,8 +150,8 @@ class Fit(JsonOption):
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import train_and_finish
-        from learn.runs.place import training_folder
-        from learn.training.given_settings import fit_settings
+        from learn.runs.run_folder import training_folder
+        from learn.training.settings import fit_settings
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
@@ -228,7 +228,7 @@ class Fit(JsonOption):
         with console.progress(total=jobs, label="ablation", unit="networks") as progress:
             shares = Shares(progress)
 
-            def see(job: Job, report: Report) -> None:
+            def see(job: TrainingJob, report: TrainingReport) -> None:
                 shares.reach((*job.config.features, job.name), report.share)
 
             ablate(run, config, resources, watch=see, say=progress.note)
@@ -240,7 +240,7 @@ class Fit(JsonOption):
         with console.progress(total=jobs, label="seeds", unit="networks") as progress:
             shares = Shares(progress)
 
-            def see(job: Job, report: Report) -> None:
+            def see(job: TrainingJob, report: TrainingReport) -> None:
                 shares.reach((job.config.training.seed, job.name), report.share)
 
             found = train_seeds(run, config, self.seeds, resources, watch=see)
@@ -258,7 +258,7 @@ class Fit(JsonOption):
         with console.progress(total=jobs, label="leave one out", unit="networks") as progress:
             shares = Shares(progress)
 
-            def see(job: Job, report: Report) -> None:
+            def see(job: TrainingJob, report: TrainingReport) -> None:
                 shares.reach((job.config.held_out, job.name), report.share)
 
             found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
@@ -272,7 +272,7 @@ class Fit(JsonOption):
         console.say()
 
     def _report(self, console: Console, run: Run) -> None:
-        from learn.report.tables import paper_sentence, summary_rows, verdicts
+        from learn.report.result_tables import paper_sentence, summary_rows, verdicts
 
         figures, paper = run.figures, run.paper_figures
         assert figures is not None

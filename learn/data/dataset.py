@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
-from twin.navigation.estimated_channels import ESTIMATED, estimate, sources
 from twin.navigation.features import feature_matrix, leave_out
+from twin.navigation.settings import ESTIMATED, estimate, sources
 from twin.records.attributes import SPLIT, SPLITS
-from twin.records.logs import LogRow, LogStore
+from twin.records.logged import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
-from twin.records.sharded import fast_reading
-from twin.records.store_arrays import check_filled
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.sharded import fast_reading
+from twin.records.storage.store_arrays import check_filled
+from twin.records.storage.store_place import StorePath, store_path
 
 Floats = NDArray[np.float32]
 
@@ -31,7 +31,7 @@ TARGETS = {"surge": "true_surge", "sway": "true_sway"}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Mission:
+class MissionSequence:
     """Signals of one mission."""
 
     index: int
@@ -88,7 +88,7 @@ def load_missions(
     split: str = "all",
     limit: int | None = None,
     period: float | None = None,
-) -> list[Mission]:
+) -> list[MissionSequence]:
     """All missions of a part of a store at once; arguments and errors as of `Selection`."""
     with Selection(store, channels, split=split, limit=limit, period=period) as selection:
         return selection.read(range(len(selection)))
@@ -196,11 +196,11 @@ class Selection:
         """Let go of the store's files."""
         self._reader.close()
 
-    def read(self, places: Sequence[int] | NDArray[np.int64]) -> list[Mission]:
+    def read(self, places: Sequence[int] | NDArray[np.int64]) -> list[MissionSequence]:
         """The missions at these places of the selection, in their order.
 
         Raises:
-          StoreError: a file is damaged, or a value is not possible (`twin.records.limits`).
+          StoreError: a file is damaged, or a value is not possible (`twin.records.schema.limits`).
         """
         places = np.asarray(places, np.int64)
         order = np.argsort(places, kind="stable")  # the store is read from its start to its end
@@ -219,7 +219,7 @@ class Selection:
                 row = int(self.rows[places[place]])
                 found |= estimate(found, self.vehicle, self.period, mission=row)
         return [
-            Mission(
+            MissionSequence(
                 index=int(self.rows[place]),
                 split=self.splits[place],
                 period=self.period,
@@ -229,7 +229,7 @@ class Selection:
             for place, found in zip(places, signals, strict=True)
         ]
 
-    def each(self, places: Iterable[int] | None = None) -> Iterator[Mission]:
+    def each(self, places: Iterable[int] | None = None) -> Iterator[MissionSequence]:
         """The missions at these places, or all, one after the other; few are in memory at a time.
 
         Raises:
@@ -238,7 +238,7 @@ class Selection:
         for group in pieces(range(len(self)) if places is None else places, self.lengths):
             yield from self.read(group)
 
-    def groups(self, most: int) -> Iterator[list[Mission]]:
+    def groups(self, most: int) -> Iterator[list[MissionSequence]]:
         """All missions in groups of at most `most`; only one group is in memory.
 
         Raises:

@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import TARGETS, Mission
+from learn.data.dataset import TARGETS, MissionSequence
 from twin.errors import InputError, StoreError, unknown_name
 from twin.frames import euler_to_matrix
 from twin.navigation.dvl_cleaning import (
@@ -87,7 +87,7 @@ class LabelConfig:
         current = STORE_CURRENT if self.known_current == FROM_STORE else ()
         return (*VELOCITIES.values(), MODE, *ATTITUDE, *current)
 
-    def of(self, mission: Mission, target: str) -> NDArray[np.float32]:
+    def of(self, mission: MissionSequence, target: str) -> NDArray[np.float32]:
         """`surge` or `sway` [m/s] through the water, (time,); NaN where there is no label.
 
         Raises:
@@ -97,7 +97,7 @@ class LabelConfig:
             return mission.target(target)
         return measured(mission, self).velocities[target].astype(np.float32)
 
-    def current(self, mission: Mission) -> Array | None:
+    def current(self, mission: MissionSequence) -> Array | None:
         """North, east [m/s] of the known current, (time, 2); None where none is known.
 
         Raises:
@@ -135,7 +135,7 @@ class Measured:
         return np.isfinite(self.velocities["surge"])
 
 
-def measured(mission: Mission, config: LabelConfig) -> Measured:
+def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
     """Labels of one mission from its Doppler log.
 
     Water track is taken as it is, bottom track less the known current, turned into the body by the
@@ -166,7 +166,7 @@ def measured(mission: Mission, config: LabelConfig) -> Measured:
     return Measured(velocities, bottom, water, removed)
 
 
-def _log(mission: Mission) -> tuple[Array, NDArray[np.int64]]:
+def _log(mission: MissionSequence) -> tuple[Array, NDArray[np.int64]]:
     """Surge and sway [m/s], (time, 2), and the mode of each sample, (time,)."""
     for name in (*VELOCITIES.values(), MODE):
         if name not in mission.signals:
@@ -175,7 +175,7 @@ def _log(mission: Mission) -> tuple[Array, NDArray[np.int64]]:
     return log, np.rint(np.nan_to_num(mission.signals[MODE])).astype(np.int64)
 
 
-def _in_body(current: Array, mission: Mission) -> Array:
+def _in_body(current: Array, mission: MissionSequence) -> Array:
     """Forward and starboard part [m/s] of a horizontal current (time, 2), (time, 2)."""
     angles = (np.deg2rad(mission.signals[name]) for name in ATTITUDE)
     to_ned = euler_to_matrix(*angles)
@@ -230,7 +230,7 @@ class LabelCounts:
         ]
 
 
-def count_labels(missions: Iterable[Mission], config: LabelConfig) -> LabelCounts:
+def count_labels(missions: Iterable[MissionSequence], config: LabelConfig) -> LabelCounts:
     """What the Doppler logs of these missions give; errors as `measured`."""
     counts = dict.fromkeys(("samples", "bottom", "water", "outliers", "used"), 0)
     total, highest = 0.0, 0.0

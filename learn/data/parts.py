@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from twin.errors import StoreError
-from twin.navigation.estimated_channels import can_estimate
 from twin.navigation.features import FLIGHT, GLIDER_PARTS, INPUT_SETS
+from twin.navigation.settings import can_estimate
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 
 def parts_of(store: str | StorePath) -> dict[str, float | None]:

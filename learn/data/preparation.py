@@ -9,7 +9,7 @@ from typing import Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import TARGETS, Division, Mission, Selection, any_channel
+from learn.data.dataset import TARGETS, Division, MissionSequence, Selection, any_channel
 from learn.data.labels import LabelConfig, count_labels
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, NormalisationFit
@@ -19,7 +19,7 @@ from learn.data.store_checks import no_doppler_labels, no_truth
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 Floats = NDArray[np.float32]
 Places = NDArray[np.int64]
@@ -188,7 +188,7 @@ class _Maker:
     numbers: Places
     """Among all that have labels"""
 
-    def __call__(self, mission: Mission, number: int) -> Sequence3:
+    def __call__(self, mission: MissionSequence, number: int) -> Sequence3:
         wanted = self.task.labels.of(mission, self.task.target)
         made = normalised(self.scales, mission.features(self.task.features), wanted)
         return self.weighed(made, number)

@@ -1,16 +1,28 @@
-"""Sequences: missions as a network of one target sees them, in memory or read when needed."""
+"""Sequences: missions as a network of one target sees them, in memory or read when needed.
+
+Thinning: a store with fewer samples, so that networks see logs as slow as real ones.
+Windows: pieces of missions packed for training, and the order in which training sees them.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import Mission, Selection, pieces
+from learn.data.dataset import MissionSequence, Selection, pieces, thinning_step
+from twin.records.attributes import N_SAMPLES, SAMPLE_PERIOD
+from twin.records.schema import TIME
+from twin.records.store import open_store, write_store
+
+if TYPE_CHECKING:
+    pass
+
 
 Floats = NDArray[np.float32]
 Places = NDArray[np.int64]
@@ -104,7 +116,7 @@ class StreamedSequences:
     """Of the missions in the selection."""
     width: int
     mirror: Mirror | None
-    make: Callable[[Mission, int], tuple[Floats, Floats, Floats]]
+    make: Callable[[MissionSequence, int], tuple[Floats, Floats, Floats]]
     """From a mission and its number among these to its inputs, target and weights."""
 
     @property
@@ -144,3 +156,107 @@ def ahead(source: SequenceSource, parts: Sequence[Places]) -> Iterator[Sequences
             yield ready
             del ready  # before the part after the next one begins to fill the memory
         yield coming.result()
+
+
+def thin_store(store: Path, out: Path, period: float) -> Path:
+    """Write every n-th sample of a store to another one.
+
+    Raises:
+      StoreError: see `learn.data.dataset.thinning_step`.
+    """
+    dataset = open_store(store).load()
+    time = dataset[TIME].values.astype(float)
+    step = thinning_step(float(np.median(np.diff(time))), period, store)
+    thin = dataset.isel({TIME: slice(None, None, step)})
+    lengths = (dataset[N_SAMPLES].values + step - 1) // step
+    thin = thin.assign({N_SAMPLES: (dataset[N_SAMPLES].dims, lengths, dataset[N_SAMPLES].attrs)})
+    thin.attrs[SAMPLE_PERIOD] = period
+    for variable in thin.variables.values():
+        variable.encoding.clear()
+    write_store(thin, out, overwrite=True)
+    return out
+
+
+@dataclasses.dataclass(frozen=True)
+class SequenceWindows:
+    """Pieces of missions, (mission, start, wash-in, length, mirrored), see `cut_windows`."""
+
+    table: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+
+def cut_windows(
+    lengths: Iterable[int],
+    *,
+    length: int,
+    washin: int,
+    rng: np.random.Generator | None = None,
+    mirror: bool = False,
+) -> SequenceWindows:
+    """Cut missions into pieces whose counted samples tile every mission exactly once.
+
+    A piece counts `length` samples (the last of a mission fewer) and starts up to `washin` samples
+    earlier, so that a network has found its state when counting begins. The first piece starts at
+    the launch with no wash-in: the launch from rest counts. With `rng` the cuts are moved by a
+    random amount, so that epochs differ. With `mirror` every other piece, at random, is the mirror
+    image; without `rng` every piece comes both ways.
+    """
+    rows = []
+    for mission, total in enumerate(lengths):
+        first = length if rng is None else int(rng.integers(1, length + 1))
+        begin = 0
+        while begin < total:
+            end = min(first if begin == 0 else begin + length, total)
+            start = max(0, begin - washin)
+            rows.append((mission, start, begin - start, end - begin, 0))
+            begin = end
+    table = np.array(rows, np.int64).reshape(-1, 5)
+    if mirror and rng is not None:
+        table[:, 4] = rng.integers(0, 2, len(table))
+    elif mirror:
+        table = np.concatenate([table, table + np.array([0, 0, 0, 0, 1])])
+    return SequenceWindows(table)
+
+
+def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    """Windows side by side, padded at the end.
+
+    Returns:
+      inputs (time, batch, features), targets and weights (time, batch); wash-in and padding have
+      weight 0.
+    """
+    longest = int((windows[:, 2] + windows[:, 3]).max())
+    batch, features = len(windows), sequences.inputs[0].shape[1]
+    x = np.zeros((longest, batch, features), np.float32)
+    y = np.zeros((longest, batch), np.float32)
+    w = np.zeros((longest, batch), np.float32)
+    for column, (mission, start, skip, count, _) in enumerate(windows):
+        end = start + skip + count
+        x[: skip + count, column] = sequences.inputs[mission][start:end]
+        y[: skip + count, column] = sequences.targets[mission][start:end]
+        w[skip : skip + count, column] = sequences.weights[mission][start + skip : end]
+    if sequences.mirror is not None:
+        turned = windows[:, 4] == 1
+        x[:, turned] *= sequences.mirror.inputs
+        y[:, turned] *= np.float32(sequences.mirror.target)
+    return x, y, w
+
+
+def batches(
+    windows: SequenceWindows, size: int, rng: np.random.Generator | None = None
+) -> list[NDArray[np.int64]]:
+    """Windows in groups of about `size`, similar lengths together, groups in random order.
+
+    Sorting by length keeps the padding small; ties are broken at random.
+    """
+    table = windows.table
+    if rng is not None:
+        table = table[rng.permutation(len(table))]
+    spans = table[:, 2] + table[:, 3]
+    table = table[np.argsort(-spans, kind="stable")]
+    groups = [table[k : k + size] for k in range(0, len(table), size)]
+    if rng is not None:
+        groups = [groups[k] for k in rng.permutation(len(groups))]
+    return groups

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, Division, Mission, Selection, any_channel
+from learn.data.dataset import TARGETS, Division, MissionSequence, Selection, any_channel
 from learn.data.labels import (
     NO_CURRENT,
     STORE_CURRENT,
@@ -19,7 +19,7 @@ from learn.data.logs import SPEED
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 
 def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
@@ -106,7 +106,7 @@ def labels_in(
         return count_labels(selection.each(places), labels)
 
 
-def _each(store: str | StorePath, channels: tuple[str, ...]) -> Iterator[Mission]:
+def _each(store: str | StorePath, channels: tuple[str, ...]) -> Iterator[MissionSequence]:
     with Selection(store, channels) as selection:
         yield from selection.each()
 

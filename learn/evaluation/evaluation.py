@@ -8,27 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from learn.data.dataset import Mission, Selection, any_channel
+from learn.data.dataset import MissionSequence, Selection, any_channel
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
-from learn.evaluation.against_dvl import DvlComparison, compare, summarise
+from learn.evaluation.judged_tracks import DvlComparison, compare, summarise
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
     GPS_CHANNELS,
     NAVIGATION_CHANNELS,
     TRUTH_CHANNELS,
     MissionScore,
-    Reference,
+    ReferenceVelocity,
     score_mission,
     summarise_scores,
 )
 from twin.errors import StoreError
-from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
-from twin.navigation.baselines.registry import BASELINES
 from twin.navigation.dead_reckoning import Array
+from twin.navigation.estimators.baseline import BASELINES, Baseline, Estimate, check_estimate
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ class Evaluation:
         }
 
 
-Watch = Callable[[Reference, Mapping[str, Estimate]], None]
+Watch = Callable[[ReferenceVelocity, Mapping[str, Estimate]], None]
 """Called with each mission and every method's estimate of it."""
 
 
@@ -153,7 +152,7 @@ def evaluate(
             predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
             for k, mission in enumerate(group):
                 try:
-                    reference = Reference.of(mission)
+                    reference = ReferenceVelocity.of(mission)
                     estimates = {
                         NETWORK: _network_estimate({n: p[k] for n, p in predictions.items()}),
                         FLOOR: Estimate(surge=reference.surge, sway=reference.sway),
@@ -199,7 +198,7 @@ def _evaluate_logs(
         with Selection(store, any_channel(store), split=split):  # says which parts there are
             pass
 
-    def predict(group: Sequence[Mission]) -> list[Estimate]:
+    def predict(group: Sequence[MissionSequence]) -> list[Estimate]:
         found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
         return [_network_estimate({n: p[k] for n, p in found.items()}) for k in range(len(group))]
 
@@ -226,7 +225,7 @@ def _evaluate_logs(
     )
 
 
-def visible(mission: Mission) -> dict[str, Array]:
+def visible(mission: MissionSequence) -> dict[str, Array]:
     """The channels of a mission that a vehicle has: all but truth."""
     return {
         name: np.asarray(values, float)

@@ -21,21 +21,21 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.data.labels import LabelConfig
 from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
 from twin.errors import StoreError
-from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
-from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha
 from twin.navigation.dead_reckoning import (
     Array,
-    Attitude,
+    AttitudeSeries,
     depth_rate,
     finite_channel,
     horizontal_velocity,
     integrate,
 )
-from twin.records.logs import LogRow
+from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
+from twin.navigation.estimators.pitch_plus_alpha import PitchPlusAlpha
+from twin.records.logged import LogRow
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -43,18 +43,18 @@ from twin.vehicle.vehicle import Vehicle
 class LogReference:
     """What is known of one row."""
 
-    mission: Mission
+    mission: MissionSequence
     row: LogRow
     truth: Mapping[str, Array]
     """Surge and sway [m/s] through the water, (time,); NaN where unknown."""
-    measured: Attitude
+    measured: AttitudeSeries
     depth_rate: Array | None
     """[m/s] measured; None in a log without depth, of which velocities are judged, not tracks"""
     path: float
     """[m] horizontal path through the water, see the module; NaN without depth"""
 
     @classmethod
-    def of(cls, mission: Mission, vehicle: Vehicle, labels: LabelConfig) -> LogReference:
+    def of(cls, mission: MissionSequence, vehicle: Vehicle, labels: LabelConfig) -> LogReference:
         """From a row with its navigation channels; `labels` says which velocities are known.
 
         Raises:
@@ -62,7 +62,7 @@ class LogReference:
         """
         assert mission.row is not None
         signals = mission.signals
-        measured = Attitude.of(signals, "measured")
+        measured = AttitudeSeries.of(signals, "measured")
         truth = {
             "surge": np.asarray(labels.of(mission, "surge"), float),
             # sway is taken as zero to learn from a log with speed alone, but is not judged by that
@@ -178,13 +178,13 @@ class LogScores:
     """Of rows, samples and dives that were and were not judged."""
 
 
-Predict = Callable[[Sequence[Mission]], list[Estimate]]
+Predict = Callable[[Sequence[MissionSequence]], list[Estimate]]
 Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
 
 
 def score_logs(
-    groups: Iterable[Sequence[Mission]],
-    chosen: Callable[[Mission], bool],
+    groups: Iterable[Sequence[MissionSequence]],
+    chosen: Callable[[MissionSequence], bool],
     *,
     network: str,
     floor: str,
@@ -192,7 +192,7 @@ def score_logs(
     baselines: Mapping[str, Baseline],
     vehicle: Vehicle,
     labels: LabelConfig,
-    visible: Callable[[Mission], dict[str, Array]],
+    visible: Callable[[MissionSequence], dict[str, Array]],
     watch: Watch | None = None,
 ) -> LogScores:
     """Run networks and baselines over the rows of a store, in its order.

@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import Mission
-from twin.navigation.baselines.base import Estimate
+from learn.data.dataset import MissionSequence
 from twin.navigation.dead_reckoning import (
     Array,
-    Attitude,
+    AttitudeSeries,
     depth_rate,
     finite_channel,
     horizontal_error,
@@ -44,6 +43,7 @@ from twin.navigation.dives import (
     find_dives,
     gps_fixes,
 )
+from twin.navigation.estimators.baseline import Estimate
 
 LAUNCH_S = 30.0
 """[s] after the start that `..._after_30s` leaves out: the launch from rest."""
@@ -98,14 +98,14 @@ class MissionScore:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reference:
+class ReferenceVelocity:
     """What one mission truly did, worked out once for all methods."""
 
-    mission: Mission
+    mission: MissionSequence
     surge: Array
     sway: Array
-    measured: Attitude
-    true: Attitude
+    measured: AttitudeSeries
+    true: AttitudeSeries
     depth_rate: Array
     """[m/s] measured"""
     water_track: Array
@@ -116,7 +116,7 @@ class Reference:
     dives: tuple[Dive, ...]
 
     @classmethod
-    def of(cls, mission: Mission) -> Reference:
+    def of(cls, mission: MissionSequence) -> ReferenceVelocity:
         """From a mission with TRUTH_CHANNELS and NAVIGATION_CHANNELS.
 
         Raises:
@@ -127,8 +127,8 @@ class Reference:
             mission=mission,
             surge=finite_channel(signals, "true_surge"),
             sway=finite_channel(signals, "true_sway"),
-            measured=Attitude.of(signals, "measured"),
-            true=Attitude.of(signals, "true"),
+            measured=AttitudeSeries.of(signals, "measured"),
+            true=AttitudeSeries.of(signals, "true"),
             depth_rate=depth_rate(finite_channel(signals, "measured_depth"), period),
             water_track=true_water_track(signals, period),
             ground_track=true_ground_track(signals),
@@ -142,7 +142,7 @@ class Reference:
         index, _ = gps_fixes(self.mission.signals)
         return bool(index.size) and float(index[-1]) * self.mission.period >= LEAST_DIVE_S
 
-    def track(self, estimate: Estimate, attitude: Attitude) -> Array:
+    def track(self, estimate: Estimate, attitude: AttitudeSeries) -> Array:
         """Dead-reckoned track through the water [m], (time, 2)."""
         assert estimate.surge is not None
         assert estimate.sway is not None
@@ -173,7 +173,7 @@ class Reference:
         return found
 
 
-def score_mission(reference: Reference, estimate: Estimate) -> MissionScore:
+def score_mission(reference: ReferenceVelocity, estimate: Estimate) -> MissionScore:
     """One method on one mission."""
     samples = reference.mission.samples
     launch = min(samples, math.ceil(LAUNCH_S / reference.mission.period))
@@ -200,7 +200,9 @@ def score_mission(reference: Reference, estimate: Estimate) -> MissionScore:
     )
 
 
-def _score_dives(reference: Reference, estimate: Estimate) -> dict[str, tuple[TrackError, ...]]:
+def _score_dives(
+    reference: ReferenceVelocity, estimate: Estimate
+) -> dict[str, tuple[TrackError, ...]]:
     """Every dive but the first, so that all kinds of knowledge are judged on the same dives."""
     pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
     own = estimate.ground_track
@@ -234,7 +236,7 @@ def _current(
     return depth_averaged_current(before if knowledge == "previous" else dive, track, period)
 
 
-def _dive_error(reference: Reference, dive: Dive, track: Array, end: int) -> TrackError:
+def _dive_error(reference: ReferenceVelocity, dive: Dive, track: Array, end: int) -> TrackError:
     signals = reference.mission.signals
     start = np.array([signals["true_north"][0], signals["true_east"][0]])
     error = horizontal_error(track, reference.ground_track[dive.start : end] + start)

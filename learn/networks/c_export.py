@@ -22,19 +22,19 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.networks import c_step
 from learn.networks.c_step import indented
-from learn.networks.parity import TOLERANCE, Parity
+from learn.networks.onnx_export import TOLERANCE, Parity
 from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
-from twin.navigation.estimated_channels import ESTIMATED, sources
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_c import NUMBERS, c_flight
+from twin.navigation.settings import ESTIMATED, sources
 from twin.records.schema import VARIABLES
-from twin.records.whole import whole_file
+from twin.records.storage.whole import whole_file
 from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
@@ -200,7 +200,7 @@ static inline int glider_step(glider_state *state, const glider_sample *sample,
 def export_c(
     networks: Mapping[str, Ensemble],
     path: Path,
-    mission: Mission,
+    mission: MissionSequence,
     vehicle: Vehicle | None = None,
 ) -> Parity:
     """Write the header, compile it and run a whole mission through it.
@@ -273,7 +273,10 @@ def find_compiler() -> tuple[str, ...]:
 
 
 def run_c(
-    header: Path, networks: Mapping[str, Ensemble], mission: Mission, compiler: tuple[str, ...]
+    header: Path,
+    networks: Mapping[str, Ensemble],
+    mission: MissionSequence,
+    compiler: tuple[str, ...],
 ) -> tuple[NDArray[np.float32], float]:
     """Compile a header, and run a mission through it.
 

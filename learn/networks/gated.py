@@ -1,4 +1,8 @@
-"""Gated layers: what LSTM and GRU share."""
+"""Gated layers: what LSTM and GRU share.
+
+GRU layers.
+LSTM layers.
+"""
 
 from __future__ import annotations
 
@@ -70,3 +74,35 @@ class Gated(Network):
         arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
         lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
         return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))
+
+
+class Gru(Gated):
+    """torch's GRU."""
+
+    summary = "gated recurrent units"
+    cell = nn.GRU
+    parts = 1
+    gates = 3
+    c_units = """
+const float reset = gt_sigmoid(own[i] + fed[i]);
+const float keep = gt_sigmoid(own[hidden + i] + fed[hidden + i]);
+const float fresh = tanhf(own[2 * hidden + i] + reset * fed[2 * hidden + i]);
+h[i] = fresh + keep * (h[i] - fresh);
+"""
+
+
+class Lstm(Gated):
+    """torch's LSTM."""
+
+    summary = "long short-term memory: gated layers with cells"
+    cell = nn.LSTM
+    parts = 2
+    gates = 4
+    c_units = """
+const float in = gt_sigmoid(own[i] + fed[i]);
+const float keep = gt_sigmoid(own[hidden + i] + fed[hidden + i]);
+const float fresh = tanhf(own[2 * hidden + i] + fed[2 * hidden + i]);
+const float let = gt_sigmoid(own[3 * hidden + i] + fed[3 * hidden + i]);
+c[i] = keep * c[i] + in * fresh;
+h[i] = let * tanhf(c[i]);
+"""

@@ -6,6 +6,8 @@ Features are in their own units and the velocity in m/s: the scales are inside. 
 float32 and every shape is fixed. The file's metadata say which features in which order, their
 units, the velocity, the sample period and the version of this layout. The graph is torch's own
 export of `Network.step` between the scales, so that a kind of network needs no second description.
+
+Parity: an exported network against the trained one.
 """
 
 from __future__ import annotations
@@ -25,14 +27,30 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from learn.data.dataset import Mission
-from learn.networks.parity import TOLERANCE, Parity
+from learn.data.dataset import MissionSequence
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 from twin.extras import require
 from twin.navigation.features import feature, is_known
 from twin.preload import preload_triton
-from twin.records.whole import whole_file
+from twin.records.storage.whole import whole_file
+
+TOLERANCE = 1e-5
+"""[m/s] largest difference to the trained network over a mission."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Parity:
+    """An exported model against the trained network on one mission."""
+
+    path: Path
+    mission: int
+    samples: int
+    largest: float
+    """[m/s] largest difference."""
+    step_us: float
+    """[us] per step, one thread."""
+
 
 Floats = NDArray[np.float32]
 
@@ -201,7 +219,7 @@ class StepModel:
         return velocity
 
 
-def export_step(predictor: Predictor, path: Path, mission: Mission) -> Parity:
+def export_step(predictor: Predictor, path: Path, mission: MissionSequence) -> Parity:
     """Write a step model and run a whole mission through it.
 
     Raises:

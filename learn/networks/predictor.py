@@ -1,11 +1,14 @@
-"""Predictor: a trained network with its features and scales, from missions to m/s."""
+"""Predictor: a trained network with its features and scales, from missions to m/s.
+
+Prediction: what the networks of a run say of one mission.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +16,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence, Selection, pieces
 from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
-from twin.navigation.features import feature
-from twin.records.whole import whole_file
+from twin.navigation.features import channels_of, feature
+from twin.records.storage.store_place import StorePath
+from twin.records.storage.whole import whole_file
 
 Floats = NDArray[np.float32]
 
@@ -57,7 +61,7 @@ class Predictor:
         """Inputs by name."""
         return self.normalisation.features
 
-    def predict(self, missions: Sequence[Mission]) -> list[Floats]:
+    def predict(self, missions: Sequence[MissionSequence]) -> list[Floats]:
         """Free-running velocity [m/s] of each mission, (time,), from launch to end.
 
         Raises:
@@ -71,7 +75,7 @@ class Predictor:
         scale, mean = self.normalisation.target_scale, self.normalisation.target_mean
         return [scale * values + mean for values in free_run(self.network, matrices)]
 
-    def _check_period(self, mission: Mission) -> None:
+    def _check_period(self, mission: MissionSequence) -> None:
         trained = self.network.config.period  # 0 in files of releases up to 0.1.0
         if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
             raise StoreError(
@@ -220,7 +224,7 @@ class Ensemble:
         """`surge` or `sway`."""
         return self.members[0].target
 
-    def predict(self, missions: Sequence[Mission]) -> list[tuple[Floats, Floats]]:
+    def predict(self, missions: Sequence[MissionSequence]) -> list[tuple[Floats, Floats]]:
         """Mean and standard deviation over the members [m/s], each (time,), of each mission.
 
         The deviation of a single member is zero: it says nothing about uncertainty.
@@ -231,3 +235,48 @@ class Ensemble:
             stack = np.stack([run[mission] for run in runs])
             results.append((stack.mean(0), stack.std(0, ddof=1 if len(stack) > 1 else 0)))
         return results
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Velocities through the water of one mission, body axes forward and starboard."""
+
+    mission: int
+    """Row in the store."""
+    time: NDArray[np.float64]
+    """[s] since its first sample, (time,)"""
+    surge: Floats
+    """[m/s], (time,), mean over the members"""
+    sway: Floats
+    """[m/s], (time,)"""
+    surge_sd: Floats
+    """[m/s], (time,): spread over the members, zero with a single one"""
+    sway_sd: Floats
+    """[m/s], (time,)"""
+
+
+def predict_missions(
+    networks: Mapping[str, Ensemble], store: str | StorePath, *, split: str, period: float | None
+) -> list[Prediction]:
+    """Free runs over the missions of a part of a store; a few at a time; errors as `Selection`."""
+    channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
+    results = []
+    with Selection(store, channels, split=split, period=period) as selection:
+        for places in pieces(range(len(selection)), selection.lengths):
+            missions = selection.read(places)
+            found = {name: ensemble.predict(missions) for name, ensemble in networks.items()}
+            results += [
+                _prediction(m, {n: f[k] for n, f in found.items()}) for k, m in enumerate(missions)
+            ]
+    return results
+
+
+def _prediction(mission: MissionSequence, found: Mapping[str, tuple[Floats, Floats]]) -> Prediction:
+    return Prediction(
+        mission=mission.index,
+        time=mission.period * np.arange(mission.samples, dtype=np.float64),
+        surge=found["surge"][0],
+        sway=found["sway"][0],
+        surge_sd=found["surge"][1],
+        sway_sd=found["sway"][1],
+    )

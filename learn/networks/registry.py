@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from twin.registry import Registry
+from twin.seams import Registry
 
 NETWORKS: Registry[Any] = Registry(
     "network",
@@ -12,8 +12,8 @@ NETWORKS: Registry[Any] = Registry(
     shipped={
         "ema": "learn.networks.ema:ExponentialAverages",
         "elman": "learn.networks.elman:Elman",
-        "lstm": "learn.networks.lstm:Lstm",
-        "gru": "learn.networks.gru:Gru",
+        "lstm": "learn.networks.gated:Lstm",
+        "gru": "learn.networks.gated:Gru",
         "tcn": "learn.networks.tcn:CausalConvolutions",
         "mlp": "learn.networks.mlp:Memoryless",
     },

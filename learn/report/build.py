@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from learn.report import tables
+from learn.report import result_tables
 from learn.report.contents import Contents, RunEvaluation
 from learn.report.drawings import Drawings
 from twin.cli.text_table import format_number
-from twin.plot.page import Page
+from twin.show.figures.page_layout import Page
 
 
 def build_page(folder: Path, contents: Contents) -> Path:
@@ -19,14 +19,14 @@ def build_page(folder: Path, contents: Contents) -> Path:
     test = contents.test
     drawn = Drawings(page, contents)
     _key_figures(page, test.figures)
-    page.points([*contents.labels, *tables.verdicts(test.figures)])
+    page.points([*contents.labels, *result_tables.verdicts(test.figures)])
     page.section("Velocities")
     _velocities(page, test)
     drawn.place("velocities")
     page.section("Dead reckoning")
     _dead_reckoning(page, test)
     drawn.place("dead_reckoning")
-    if rows := tables.doppler_rows(test.figures):
+    if rows := result_tables.doppler_rows(test.figures):
         _doppler(page, rows, test.figures)
         drawn.place("doppler")
     _over_ground(page, test)
@@ -38,7 +38,7 @@ def build_page(folder: Path, contents: Contents) -> Path:
     if contents.ablation:
         page.section("Ablation over inputs")
         page.table(
-            tables.ablation_rows(test.figures, contents.ablation),
+            result_tables.ablation_rows(test.figures, contents.ablation),
             "Networks of the same kind and training budget, for a vehicle without that sensor.",
         )
     for study in contents.studies:
@@ -72,9 +72,9 @@ def _key_figures(page: Page, found: Mapping[str, Any]) -> None:
 
 
 def _velocities(page: Page, evaluated: RunEvaluation) -> None:
-    rows = tables.velocity_rows(evaluated.figures)
-    paper = tables.PAPER_PROPELLED if evaluated.evaluation.propelled else tables.PAPER
-    rows.append(tables.printed_row(paper))
+    rows = result_tables.velocity_rows(evaluated.figures)
+    paper = result_tables.PAPER_PROPELLED if evaluated.evaluation.propelled else result_tables.PAPER
+    rows.append(result_tables.printed_row(paper))
     page.table(rows, "Mean squared errors, all samples of the free run from launch to end.")
 
 
@@ -88,15 +88,15 @@ def _dead_reckoning(page: Page, evaluated: RunEvaluation) -> None:
         "decides. The on-board track is missing where it was reset at fixes.",
     }
     for track, caption in captions.items():
-        rows = tables.track_rows(evaluated.figures, track)
+        rows = result_tables.track_rows(evaluated.figures, track)
         if rows:
             page.table(rows, caption)
-    absent = tables.without_track(evaluated.figures, "water")
+    absent = result_tables.without_track(evaluated.figures, "water")
     if absent:
         page.say(absent)
 
 
-def _doppler(page: Page, rows: list[tables.Row], figures: Mapping[str, Any]) -> None:
+def _doppler(page: Page, rows: list[result_tables.Row], figures: Mapping[str, Any]) -> None:
     page.section("Beside DVL-aided dead reckoning")
     page.table(
         rows,
@@ -115,7 +115,7 @@ def _doppler(page: Page, rows: list[tables.Row], figures: Mapping[str, Any]) -> 
 
 
 def _over_ground(page: Page, evaluated: RunEvaluation) -> None:
-    rows = tables.dive_rows(evaluated.figures)
+    rows = result_tables.dive_rows(evaluated.figures)
     if not rows:
         page.say("No mission has two dives between GPS fixes, so nothing is known of a current.")
         return
@@ -130,5 +130,10 @@ def _over_ground(page: Page, evaluated: RunEvaluation) -> None:
 
 def _paper_test(page: Page, evaluated: RunEvaluation) -> None:
     page.section("The paper's test: two spirals and a level part in three currents")
-    page.table([*tables.velocity_rows(evaluated.figures), tables.printed_row(tables.PAPER)])
-    page.table(tables.track_rows(evaluated.figures, "water"), "Through the water.")
+    page.table(
+        [
+            *result_tables.velocity_rows(evaluated.figures),
+            result_tables.printed_row(result_tables.PAPER),
+        ]
+    )
+    page.table(result_tables.track_rows(evaluated.figures, "water"), "Through the water.")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 from learn.report.contents import Contents
-from learn.report.figures.registry import REPORT_FIGURES
-from twin.plot.page import Page
+from learn.report.figures.base import REPORT_FIGURES
+from twin.show.figures.page_layout import Page
 
 
 class Drawings:

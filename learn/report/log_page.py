@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from learn.evaluation.log_score import sentences
-from learn.report import tables
+from learn.report import result_tables
 from learn.report.contents import RunEvaluation, Study
-from learn.report.figures.dives import dive_figure
-from learn.report.figures.learning import learning_figure
-from twin.plot.page import Page
+from learn.report.figures.lines import learning_figure
+from learn.report.figures.velocities import dive_figure
+from twin.show.figures.page_layout import Page
 
 if TYPE_CHECKING:
     from learn.runs.run import Run
@@ -37,19 +37,19 @@ def build_log_page(
         f"{found['missions']} dives ({test.evaluation.split}) of {test.evaluation.store}",
     )
     judged = sentences(test.evaluation.counts, run.labels)
-    page.points([*judged, *run.label_sentences(), *tables.verdicts(found)])
+    page.points([*judged, *run.label_sentences(), *result_tables.verdicts(found)])
     reference = "the Doppler log" if run.labels.source == "dvl" else "truth"
-    if rows := tables.velocity_rows(found):
+    if rows := result_tables.velocity_rows(found):
         page.section("Velocities")
         page.table(rows, f"Mean squared errors of the free run against {reference}, where it is.")
     for study in studies:
         page.section(study.title)
         page.table(study.rows, f"Against {reference}. {study.caption}")
         page.say(study.sentence)
-    if rows := tables.track_rows(found, "ground"):
+    if rows := result_tables.track_rows(found, "ground"):
         page.section("Dead reckoning")
         page.table(rows, "Over ground from fix to fix, nothing known of the current.")
-    rows, drawn = tables.dive_rows(found), dive_figure(test.evaluation)
+    rows, drawn = result_tables.dive_rows(found), dive_figure(test.evaluation)
     if rows and drawn is not None:
         page.table(
             rows,

@@ -24,15 +24,14 @@ from typing import TYPE_CHECKING, Any
 from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SAMPLE_PERIOD
-from twin.records.store_path import StorePath, store_path
-from twin.records.whole import whole_file
+from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.whole import whole_file
 from twin.version import __version__
 
 if TYPE_CHECKING:
     from learn.data.labels import LabelConfig
-    from learn.evaluation.uncertainty import ErrorModel
-    from learn.networks.prediction import Prediction
-    from learn.networks.predictor import Ensemble
+    from learn.evaluation.deviation import ErrorModel
+    from learn.networks.predictor import Ensemble, Prediction
 
 RUNS = Path("runs")
 DEFAULT_STORE = Path("data/missions.zarr")
@@ -127,7 +126,7 @@ class Run:
         Raises:
           StoreError: a file of the run or of the store cannot be used.
         """
-        from learn.networks.prediction import predict_missions
+        from learn.networks.predictor import predict_missions
 
         return predict_missions(self.networks(), store, split=split, period=self.period)
 
@@ -211,7 +210,7 @@ class Run:
         Raises:
           StoreError: `run.json` holds one with other entries.
         """
-        from learn.evaluation.uncertainty import ErrorModel
+        from learn.evaluation.deviation import ErrorModel
 
         try:
             return ErrorModel(**self.description.get("error_model", {}))

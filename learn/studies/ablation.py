@@ -10,7 +10,7 @@ from learn.evaluation.evaluation import evaluate
 from learn.files import write_sealed
 from learn.runs.run import ABLATION, Run
 from learn.studies.run_evaluation import evaluation_split
-from learn.training.fitting import Start, Watch, fit_each
+from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
@@ -45,7 +45,7 @@ def ablate(
     settings = masked(config)
     say(f"training without {', without '.join(settings)}")
     starts = [
-        Start(config=one, folder=run.folder / f"without-{sensor}", resume=True)
+        TrainingStart(config=one, folder=run.folder / f"without-{sensor}", resume=True)
         for sensor, one in settings.items()
     ]
     figures: dict[str, Any] = {}

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, Mission, load_missions
+from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.parts import parts_of
+from learn.evaluation.deviation import ErrorModel, fit_error_model
 from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
-from learn.evaluation.score import Reference
-from learn.evaluation.uncertainty import ErrorModel, fit_error_model
+from learn.evaluation.score import ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.report.build import build_page
 from learn.report.card import model_card
@@ -25,13 +25,13 @@ from learn.studies.folds import Folds, read_folds
 from learn.studies.run_evaluation import evaluate_run, evaluation_split, is_log_store
 from learn.studies.seeds import read_seeds
 from twin.errors import quoted
-from twin.navigation.baselines.base import Estimate
-from twin.navigation.estimated_channels import ESTIMATED
+from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
-from twin.records.checksums import LIST, write_checksums
-from twin.records.disk import sweep, sync_tree
+from twin.navigation.settings import ESTIMATED
 from twin.records.reader import MissionStore
-from twin.records.whole import whole_file
+from twin.records.storage.checksums import LIST, write_checksums
+from twin.records.storage.disk import sweep, sync_tree
+from twin.records.storage.whole import whole_file
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
@@ -149,7 +149,7 @@ def provenance(run: Run) -> dict[str, object]:
 def _error_model(run: Run, split: str) -> ErrorModel:
     seconds: list[float] = []
 
-    def watch(reference: Reference, estimates: Mapping[str, Estimate]) -> None:
+    def watch(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
         seconds.append(reference.mission.samples * reference.mission.period)
 
     found: Evaluation = evaluate(
@@ -184,7 +184,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
         return None
     say("flying the paper's test in three currents")
     from factory.generation.generate import generate
-    from factory.recipe.recipe import make_recipe
+    from factory.sampling.recipe import make_recipe
 
     path = run.folder / PAPER_TEST_STORE
     recipe = make_recipe(preset="paper-test", sensors=str(sensors))
@@ -192,7 +192,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     return evaluate_run(run, path, split="all")
 
 
-def _training_mission(run: Run) -> Mission | None:
+def _training_mission(run: Run) -> MissionSequence | None:
     """One training mission with the channels that the page draws and the store has."""
     with MissionStore(run.store) as reader:
         present = set(reader.dataset.data_vars)

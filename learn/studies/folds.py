@@ -13,12 +13,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, Mission, load_missions
+from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.files import read_sealed, write_sealed
 from learn.runs.run import Run
-from learn.training.fitting import Start, Watch, fit_each
+from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
@@ -33,7 +33,7 @@ METHODS = ("network", "training_mean", "own_mean")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Errors:
+class FoldErrors:
     """Sums over the samples of one fold whose velocity is known."""
 
     samples: int
@@ -47,13 +47,13 @@ class Fold:
 
     name: str
     rows: tuple[int, ...]
-    errors: Mapping[str, Errors]
+    errors: Mapping[str, FoldErrors]
     """By velocity: surge, and sway where it is known"""
 
     @classmethod
     def of(cls, stored: Mapping[str, Any]) -> Fold:
         """From what `Folds.to_json` makes of it."""
-        errors = {target: Errors(**found) for target, found in stored["errors"].items()}
+        errors = {target: FoldErrors(**found) for target, found in stored["errors"].items()}
         return cls(name=stored["name"], rows=tuple(stored["rows"]), errors=errors)
 
 
@@ -115,7 +115,7 @@ class Folds:
 _TITLES = ("network", "mean of the others", "best constant")
 
 
-def _rmse(known: Sequence[Errors], method: str) -> float:
+def _rmse(known: Sequence[FoldErrors], method: str) -> float:
     samples = sum(one.samples for one in known)
     return math.sqrt(sum(one.squared[method] for one in known) / samples) if samples else math.nan
 
@@ -188,7 +188,7 @@ def leave_out_each(
     every = [*channels_of(config.features), *_known_channels(config)]
     missions = load_missions(config.store, every, split="all", period=config.period)
     starts = [
-        Start(
+        TrainingStart(
             config=dataclasses.replace(config, held_out=tuple(rows)),
             folder=run.folder / f"without-{name}",
             resume=True,
@@ -210,7 +210,7 @@ def leave_out_each(
             means = [np.asarray(mean, float) for mean, _ in networks[target].predict(judged)]
             trained = float(np.nanmean(_velocities(others, target, config.labels)))
             guesses = (np.concatenate(means), trained, float(truth[known].mean()))
-            errors[target] = Errors(
+            errors[target] = FoldErrors(
                 samples=int(known.sum()),
                 squared={
                     method: float(np.square((guess - truth)[known]).sum())
@@ -223,7 +223,7 @@ def leave_out_each(
     return study
 
 
-def _velocities(missions: Sequence[Mission], target: str, labels: LabelConfig) -> Any:
+def _velocities(missions: Sequence[MissionSequence], target: str, labels: LabelConfig) -> Any:
     """What is known of a velocity [m/s] in these rows, one after the other; NaN elsewhere.
 
     A log that has a speed through the water alone teaches a sway of zero, but is not judged by it.

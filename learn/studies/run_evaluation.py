@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from learn.data.dataset import SPLITS, Selection, any_channel
+from learn.evaluation.deviation import Coverage
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate
-from learn.evaluation.uncertainty import Coverage
-from learn.report.contents import RunEvaluation
-from learn.report.shown import Showcase
+from learn.report.contents import RunEvaluation, Showcase
 from learn.runs.run import Run
 from twin.cli.console import to_json
-from twin.navigation.baselines.base import Estimate
+from twin.navigation.estimators.baseline import Estimate
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 
 def evaluate_run(

@@ -11,7 +11,7 @@ from learn.evaluation.evaluation import evaluate
 from learn.files import read_sealed, write_sealed
 from learn.runs.run import SEEDS, Run
 from learn.studies.run_evaluation import evaluation_split
-from learn.training.fitting import Start, Watch, fit_each
+from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
@@ -98,7 +98,7 @@ def train_seeds(
     split, _ = evaluation_split(run)
     others = other_seeds(config, count)
     starts = [
-        Start(config=one, folder=run.folder / f"seed-{seed}", resume=True)
+        TrainingStart(config=one, folder=run.folder / f"seed-{seed}", resume=True)
         for seed, one in others.items()
     ]
     runs = [run, *fit_each(starts, resources, watch=watch)]

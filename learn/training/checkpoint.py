@@ -13,7 +13,7 @@ import torch
 from twin.bounded import check_archive
 from twin.cli.console import one_line
 from twin.errors import StoreError
-from twin.records.whole import whole_file
+from twin.records.storage.whole import whole_file
 
 NEEDED = {"identity", "history", "best", "best_state", "bad"}
 """What every checkpoint has."""

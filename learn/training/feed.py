@@ -16,8 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from learn.data.sequences import Sequences
-from learn.data.windows import batches, cut_windows, pack_windows
+from learn.data.sequences import Sequences, batches, cut_windows, pack_windows
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.memory import FixedMemory
@@ -67,7 +66,7 @@ def recalled_columns(config: NetworkConfig) -> int:
 
 @dataclasses.dataclass
 class WindowFeed(Feed):
-    """Windows of missions, see `learn.data.windows.cut_windows`."""
+    """Windows of missions, see `learn.data.sequences.cut_windows`."""
 
     network: Network
     sequences: Sequences

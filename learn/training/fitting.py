@@ -16,7 +16,6 @@ from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
-from learn.runs.place import Place, training_folder
 from learn.runs.run import (
     DESCRIPTION,
     FORMAT,
@@ -33,17 +32,18 @@ from learn.runs.run import (
     versions,
     write_description,
 )
+from learn.runs.run_folder import RunFolder, training_folder
 from learn.training.memory import choose_residence
 from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.resources import Resources
-from learn.training.settings import FitConfig, Job
-from learn.training.trainer import Report, pick_device
+from learn.training.settings import FitConfig, TrainingJob
+from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json
 from twin.cli.endings import interruption
 from twin.errors import InputError, WriteError
-from twin.navigation.estimated_channels import sources
 from twin.navigation.features import channels_of
+from twin.navigation.settings import sources
 from twin.records.attributes import (
     HISTORY,
     HOURS,
@@ -55,8 +55,8 @@ from twin.records.attributes import (
     SOURCE_FORMAT,
     VEHICLE_SHA256,
 )
-from twin.records.content import content_hash
 from twin.records.reader import MissionStore
+from twin.records.storage.checksums import content_hash
 
 STORE_ATTRIBUTES = (
     *(PRESET, SEED, HOURS, SENSORS, VEHICLE_SHA256, HISTORY),
@@ -64,15 +64,15 @@ STORE_ATTRIBUTES = (
 )
 """What a run keeps of its store's description."""
 CONTENT = "store_content"
-"""Entry of `run.json`: see `twin.records.content.content_hash`."""
+"""Entry of `run.json`: see `twin.records.storage.checksums.content_hash`."""
 
 
-Watch = Callable[[Job, Report], None]
+Watch = Callable[[TrainingJob, TrainingReport], None]
 """Called at every validation of every network."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Start:
+class TrainingStart:
     """A run that is begun, continued or replaced."""
 
     config: FitConfig
@@ -100,13 +100,13 @@ def fit(
     history: str = "",
 ) -> Run:
     """Train what is missing of one run; arguments as of `Start`, the rest as of `fit_each`."""
-    start = Start(config=config, folder=folder, resume=resume, replace=replace)
+    start = TrainingStart(config=config, folder=folder, resume=resume, replace=replace)
     (run,) = fit_each([start], resources, watch=watch, warn=warn, say=say, history=history)
     return run
 
 
 def fit_each(
-    starts: Sequence[Start],
+    starts: Sequence[TrainingStart],
     resources: Resources,
     *,
     watch: Watch | None = None,
@@ -168,8 +168,8 @@ def fit_each(
 class _Begun:
     """A run whose sources are checked."""
 
-    start: Start
-    place: Place
+    start: TrainingStart
+    place: RunFolder
     description: dict[str, Any]
 
     @property
@@ -178,7 +178,7 @@ class _Begun:
         return self.place.folder
 
     @functools.cached_property
-    def jobs(self) -> list[Job]:
+    def jobs(self) -> list[TrainingJob]:
         """Networks that are not trained yet."""
         return [
             job
@@ -187,7 +187,9 @@ class _Begun:
         ]
 
 
-def _begin(start: Start, resources: Resources, warn: Callable[[str], None], history: str) -> _Begun:
+def _begin(
+    start: TrainingStart, resources: Resources, warn: Callable[[str], None], history: str
+) -> _Begun:
     """Check everything before anything is written."""
     config, folder = start.config, start.folder
     if _run_there(folder) is not None and not (start.resume or start.replace):
@@ -206,7 +208,7 @@ def _begin(start: Start, resources: Resources, warn: Callable[[str], None], hist
         text := few_labels(config.store, config.labels, LabelCounts(**description[LABELS]))
     ):
         warn(text)
-    place = Place(folder, replace=start.replace, fresh=there is None)
+    place = RunFolder(folder, replace=start.replace, fresh=there is None)
     return _Begun(start, place, description)
 
 
@@ -221,7 +223,7 @@ def _train(
         one.description |= {"complete": True, "finished": now()}
         write_description(one.folder, one.description)
 
-    def finished(task: Task, report: Report | None) -> None:
+    def finished(task: Task, report: TrainingReport | None) -> None:
         one = owners[task.folder]
         results = {**one.description.get("networks", {}), task.job.name: _figures(task.job, report)}
         one.description["networks"] = results
@@ -230,7 +232,7 @@ def _train(
         if not left[task.folder]:
             complete(one)
 
-    def seen(task: Task, report: Report) -> None:
+    def seen(task: Task, report: TrainingReport) -> None:
         record = {"network": task.job.name, **dataclasses.asdict(report)}
         with (task.folder / METRICS).open("a") as file:
             file.write(json.dumps(to_json(record)) + "\n")
@@ -265,7 +267,7 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:
     """Make sure, before anything is written, that store, device and start can be used.
 
     Returns:
-      The store's content, see `twin.records.content.content_hash`.
+      The store's content, see `twin.records.storage.checksums.content_hash`.
     """
     pick_device(config.training.device)
     if elsewhere:
@@ -332,7 +334,7 @@ def _labels(config: FitConfig) -> dict[str, Any]:
     return {LABELS: to_json(dataclasses.asdict(counts))}
 
 
-def _figures(job: Job, report: Report | None) -> dict[str, Any]:
+def _figures(job: TrainingJob, report: TrainingReport | None) -> dict[str, Any]:
     """What is remembered of a training."""
     if report is None:
         return {"seed": job.seed}

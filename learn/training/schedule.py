@@ -86,7 +86,7 @@ class TrainingConfig:
             raise InputError("training needs a budget: seconds or epochs above 0")
 
 
-class Clock:
+class TrainingClock:
     """Time and share of the budget spent."""
 
     def __init__(self, config: TrainingConfig, spent: float = 0.0) -> None:

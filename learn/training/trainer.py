@@ -25,10 +25,10 @@ from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
 from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.optimisers.registry import OPTIMISERS
-from learn.training.schedule import Clock, TrainingConfig, step_size
+from learn.training.schedule import TrainingClock, TrainingConfig, step_size
 from twin.errors import InputError, StoreError
 from twin.preload import preload_triton
-from twin.records.buffers import Places, buffers
+from twin.records.storage.disk import Places, buffers
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""
@@ -37,7 +37,7 @@ BUFFER_ORDER = 1
 
 
 @dataclasses.dataclass(frozen=True)
-class Report:
+class TrainingReport:
     """How far a training is; the last one is also its result."""
 
     step: int
@@ -63,7 +63,7 @@ class Trained:
     """A finished training."""
 
     network: Network
-    history: tuple[Report, ...]
+    history: tuple[TrainingReport, ...]
     stopped_early: bool
 
 
@@ -95,7 +95,7 @@ class Trainer:
         *,
         target_scale: float,
         checkpoint: Path | None = None,
-        report: Callable[[Report], None] | None = None,
+        report: Callable[[TrainingReport], None] | None = None,
         start: Mapping[str, Tensor] | None = None,
     ) -> None:
         if not len(train.lengths):
@@ -111,7 +111,7 @@ class Trainer:
         if start is not None:
             self._take(start)
         self._only_feed: Feed | None = None
-        self.history: list[Report] = []
+        self.history: list[TrainingReport] = []
         self.best = math.inf
         if start is not None and validation is not None and len(validation.lengths):
             self.best = self.variance * mean_squared_error(self.network, validation)
@@ -156,13 +156,13 @@ class Trainer:
         optimiser = kind.build(network.parameters(), config)
         epoch = first = position = step = 0
         passed = 0.0
-        clock = Clock(config)
+        clock = TrainingClock(config)
         if saved:
             network.load_state_dict(saved["network"])
             optimiser.load_state_dict(saved["optimiser"])
             epoch, position, step = saved["epoch"], saved["position"], saved["step"]
             first, passed = saved.get("buffer", 0), saved["passed"]
-            clock = Clock(config, saved["seconds"])
+            clock = TrainingClock(config, saved["seconds"])
         share = clock.share(passed)
         next_check = self._next_check(share)
         while share < 1.0 and not self.stopped:
@@ -252,7 +252,7 @@ class Trainer:
             gradient = torch.cat([p.grad.view(-1) for p in parameters if p.grad is not None])
             return math.fsum(errors) / weights, gradient.detach() / weights
 
-        clock = Clock(config, saved["seconds"] if saved else 0.0)
+        clock = TrainingClock(config, saved["seconds"] if saved else 0.0)
         start = torch.nn.utils.parameters_to_vector(parameters).detach()
         optimiser = kind.build(objective, start, config)
         if saved:
@@ -277,7 +277,9 @@ class Trainer:
         every = 1.0 / self.config.validations
         return (math.floor(share / every + 1e-9) + 1) * every
 
-    def _check(self, step: int, epoch: float, clock: Clock, share: float, rate: float) -> float:
+    def _check(
+        self, step: int, epoch: float, clock: TrainingClock, share: float, rate: float
+    ) -> float:
         """Validate, keep what is best, report; the share of the budget at which to do so again."""
         start = clock.seconds()
         error, weight = (math.fsum(column) for column in zip(*self._seen, strict=True))
@@ -295,7 +297,7 @@ class Trainer:
         else:
             self.bad += 1
         self.stopped = bool(self.config.patience) and self.bad >= self.config.patience
-        report = Report(
+        report = TrainingReport(
             step, epoch, clock.seconds(), share, rate, train_mse, validation_mse, self.best
         )
         self.history.append(report)
@@ -332,7 +334,7 @@ class Trainer:
         if self.checkpoint is None or not self.checkpoint.exists():
             return None
         saved = read_checkpoint(self.checkpoint, self.device, self._identity())
-        self.history = [Report(*row) for row in saved["history"]]
+        self.history = [TrainingReport(*row) for row in saved["history"]]
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
         return saved

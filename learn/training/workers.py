@@ -20,14 +20,13 @@ from pathlib import Path
 from typing import Any
 
 from learn.networks.registry import NETWORKS
-from learn.runs.place import resume_command
-from learn.training.job import train
+from learn.runs.run_folder import resume_command
 from learn.training.optimisers.registry import OPTIMISERS
-from learn.training.resources import Resources
-from learn.training.settings import Job
-from learn.training.trainer import Report
+from learn.training.resources import Resources, train
+from learn.training.settings import TrainingJob
+from learn.training.trainer import TrainingReport
 from twin.errors import TwinError
-from twin.records.store_path import store_path
+from twin.records.storage.store_place import store_path
 
 POLL_S = 0.2
 """[s] between looks for reports"""
@@ -43,7 +42,7 @@ _ALONE = threading.Lock()
 class Task:
     """A network to train."""
 
-    job: Job
+    job: TrainingJob
     folder: Path
     """Of its run"""
     resident: bool
@@ -75,8 +74,8 @@ class Kinds:
     optimisers: dict[str, Any]
 
 
-Seen = Callable[[Task, Report], None]
-Finished = Callable[[Task, Report | None], None]
+Seen = Callable[[Task, TrainingReport], None]
+Finished = Callable[[Task, TrainingReport | None], None]
 
 
 def train_tasks(
@@ -94,7 +93,7 @@ def train_tasks(
     if resources.executor is None:
         for task in tasks:
 
-            def report(found: Report, task: Task = task) -> None:
+            def report(found: TrainingReport, task: Task = task) -> None:
                 seen(task, found)
 
             finished(task, train(task.job, task.folder, report, resident=task.resident))
@@ -104,7 +103,7 @@ def train_tasks(
     folders = {task.folder for task in tasks}
     for folder in folders:
         (folder / WORD).write_text(word)
-    futures: dict[Future[Report | None], Task] = {}
+    futures: dict[Future[TrainingReport | None], Task] = {}
     try:
         for task in tasks:
             sent = task.absolute() if resources.elsewhere else task
@@ -131,7 +130,7 @@ def train_tasks(
             task.reports.unlink(missing_ok=True)
 
 
-def work(task: Task, word: str, kinds: Kinds) -> Report | None:
+def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
     """Train one network, in whatever process an executor has.
 
     Raises:
@@ -143,7 +142,7 @@ def work(task: Task, word: str, kinds: Kinds) -> Report | None:
         with _ALONE, task.reports.open("a") as file:
             file.write("\n")  # a worker that was lost may have left half a line
 
-            def report(found: Report) -> None:
+            def report(found: TrainingReport) -> None:
                 if _word_of(task.folder) != word:
                     raise TwinError(f"nobody waits for {task.job.name} in {task.folder} any more")
                 file.write(json.dumps(dataclasses.asdict(found)) + "\n")
@@ -166,7 +165,7 @@ def _word_of(folder: Path) -> str:
         return ""
 
 
-def _result(future: Future[Report | None], task: Task) -> Report | None:
+def _result(future: Future[TrainingReport | None], task: Task) -> TrainingReport | None:
     try:
         return future.result()
     except BrokenProcessPool as error:
@@ -184,7 +183,7 @@ class _Letters:
         self._path, self._place = path, 0
         path.unlink(missing_ok=True)  # of a start that was killed
 
-    def new(self) -> list[Report]:
+    def new(self) -> list[TrainingReport]:
         """Those that were written since the last time."""
         try:
             with self._path.open("rb") as file:
@@ -197,7 +196,7 @@ class _Letters:
         found = []
         for line in text[:whole].splitlines():
             try:
-                found.append(Report(**json.loads(line)))
+                found.append(TrainingReport(**json.loads(line)))
             except ValueError:  # nothing, or what a lost worker did not finish
                 continue
         return found

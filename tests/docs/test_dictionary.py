@@ -15,9 +15,9 @@ import factory
 import twin
 from factory.importing.dives.dive_rows import NUMBERS
 from factory.importing.reading.payload import KNOWN
-from twin.flight import write_flight
+from twin.logs import write_flight
 from twin.records.schema import SIGNALS
-from twin.vehicle.shipped import shipped_files
+from twin.vehicle.assets import shipped_files
 from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_docs

@@ -18,7 +18,7 @@ from logs import Flight, example, write_csv
 import learn
 from twin.errors import InputError
 from twin.records.store import open_store
-from twin.registry import PLUGINS
+from twin.seams import PLUGINS
 
 pytestmark = needs_docs
 

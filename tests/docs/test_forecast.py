@@ -57,9 +57,9 @@ def test_the_program_runs(capsys) -> None:
 def test_every_option_of_the_table_is_one_of_the_command() -> None:
     import dataclasses
 
-    from twin.commands.forecast import Forecast
+    from twin.commands.forecast import ForecastSurfacings
 
-    fields = {field.name for field in dataclasses.fields(Forecast)} - {"json"}
+    fields = {field.name for field in dataclasses.fields(ForecastSurfacings)} - {"json"}
     told = set(re.findall(r"--([a-z-]+)", page()))
     options = {name.rstrip("_").replace("_", "-") for name in fields}
     assert options <= told | {"seed", "threads", "way"}

@@ -13,7 +13,7 @@ import pytest
 from examples import ROOT, needs_docs
 from PIL import Image
 
-from twin.render.context import available_backend
+from twin.show.render.context import available_backend
 
 pytestmark = needs_docs
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from factory.generation.generate import generate
-from factory.recipe.recipe import Recipe, make_recipe
+from factory.sampling.recipe import Recipe, make_recipe
 
 SHORT = {
     "mission.duration_h": "uniform(0.03, 0.06)",

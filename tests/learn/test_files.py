@@ -11,7 +11,7 @@ import pytest
 from factory.__main__ import PROGRAM
 from learn.files import read_sealed, write_json, write_sealed
 from twin.errors import StoreError
-from twin.records.whole import whole_folder
+from twin.records.storage.whole import whole_folder
 
 FIGURES = {"run": "runs/a", "mse": 0.012345678901234567, "floor": {"dr": None}, "n": [1, 2.5]}
 

@@ -16,7 +16,7 @@ import learn
 from learn.networks.onnx_export import StepModel
 from learn.report.figures.base import ReportFigure
 from twin.errors import InputError
-from twin.navigation.baselines.base import Baseline, Estimate
+from twin.navigation.estimators.baseline import Baseline, Estimate
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,7 +78,7 @@ def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(place, flown
 
 
 def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_path, monkeypatch):
-    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     (tmp_path / "my_kinds.py").write_text(
         "import learn\nfrom learn.networks.mlp import Memoryless\n"
         "@learn.NETWORKS.register('mine')\nclass Mine(Memoryless):\n    summary = 'mine'\n"
@@ -152,7 +152,7 @@ class Depths(ReportFigure):
 
 
 def test_an_optimiser_a_baseline_and_a_figure_of_ones_own(flown_store, tmp_path, monkeypatch):
-    monkeypatch.setattr("twin.plot.page.DPI", 20)
+    monkeypatch.setattr("twin.show.figures.page_layout.DPI", 20)
     own = ((learn.OPTIMISERS, Sgd), (learn.BASELINES, Still), (learn.REPORT_FIGURES, Depths))
     for registry, kind in own:
         registry.register(f"my_{kind.__name__.lower()}")(kind)

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from factory.inspect.replay import replay_mission
-from factory.inspect.verify import verify_store
+from factory.generation.generated_store import GeneratedStore, open_missions
+from factory.inspect.flown_again import replay_mission
+from factory.inspect.soundness import verify_store
 from factory.inspect.verify_logs import verify_logs
-from factory.stores.generated import GeneratedStore, open_missions
 from learn.runs.run import open_run
 from learn.studies.run_evaluation import evaluate_run
 from twin.errors import StoreError
 from twin.identify import load_logs
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import SIMULATED
 from twin.records.store import read_trajectory

@@ -71,13 +71,13 @@ SETTINGS = {"features": ("sin_pitch", "depth_rate"), "network": "mlp", "hidden":
 @pytest.fixture(scope="module")
 def run(flown_store, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.plot.page.Page._figure", lambda *_: "")
+        patch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
         folder = tmp_path_factory.mktemp("face") / "run"
         return learn.fit(flown_store, folder=folder, epochs=2, members=2, seed=4, **SETTINGS)
 
 
 def test_fit_gives_a_run_and_prints_nothing(flown_store, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     folder = tmp_path / "run"
     said = []
     found = learn.fit(flown_store, folder=folder, epochs=1, members=1, say=said.append, **SETTINGS)

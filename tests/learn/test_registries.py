@@ -22,7 +22,7 @@ from learn.training.optimisers.base import (
 )
 from learn.training.optimisers.scg import ScaledConjugateGradient
 from twin.errors import InputError
-from twin.navigation.baselines.base import Baseline, Estimate, check_estimate
+from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
 
 PAGE = "".join(
     (Path(__file__).parents[2] / "docs" / "reference" / name).read_text(encoding="utf-8")

@@ -11,8 +11,7 @@ import pytest
 import factory
 import learn
 import twin
-from twin.errors import ArgumentError, InputError
-from twin.nearest import nearest
+from twin.errors import ArgumentError, InputError, nearest
 
 CALLABLE = [
     (face, name)

@@ -13,15 +13,15 @@ import xarray as xr
 from factory.exporting.metadata import parse_metadata
 from factory.importing.reading.columns import column_names, read_table
 from factory.importing.reading.netcdf import open_netcdf
-from factory.recipe.distribution import Choice, parse_distribution
-from factory.recipe.overrides import read_changes
+from factory.sampling.distribution import Choice, parse_distribution
+from factory.sampling.presets import read_changes
 from twin import bounded
 from twin.errors import CurrentError, InputError, MissionError, StoreError
 from twin.mission.plan import Mission
 from twin.records.presence import read_attributes
 from twin.records.store import open_store, write_zarr
 from twin.records.tracks import read_tracks
-from twin.water.current.spec import parse_current
+from twin.water.current.current_text import parse_current
 from twin.water.density_spec import parse_density
 
 SURFACE = '[[segments]]\nkind = "surface"\n'

@@ -10,7 +10,7 @@ import pytest
 
 from twin.errors import InputError
 from twin.extras import require
-from twin.render.encode import Encoder
+from twin.show.render.encode import Encoder
 from twin.suite.requirement import require_dm_control
 
 

@@ -11,7 +11,7 @@ from twin.mission.plan import Mission
 from twin.numbers import number, numbers
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
-from twin.sensors.registry import SENSORS
+from twin.sensors.base import SENSORS
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 from twin.water.density import DensityProfile

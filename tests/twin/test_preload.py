@@ -14,7 +14,7 @@ import numpy.random.bit_generator as any_library
 import pytest
 
 from twin.preload import preload_triton
-from twin.render.context import available_backend
+from twin.show.render.context import available_backend
 
 ROOT = Path(__file__).parents[2]
 REPORT = """
@@ -28,12 +28,12 @@ sys.addaudithook(listen)
 """
 """Notes every library that ctypes opens: PyOpenGL, GLFW and this project open OpenGL through it."""
 PLACES = {
-    "context": "from twin.render.context import available_backend; available_backend()",
+    "context": "from twin.show.render.context import available_backend; available_backend()",
     "suite": "import twin.suite",
     "screen": """
 import os
 os.environ["DISPLAY"] = ":987"
-from twin.render.screen import NoScreen, require_screen
+from twin.show.render.graphics import NoScreen, require_screen
 try:
     require_screen()
 except NoScreen:
@@ -43,8 +43,8 @@ except NoScreen:
 from types import SimpleNamespace
 from queue import SimpleQueue
 import mujoco.viewer
-from twin.render.screen import NoScreen
-from twin.render.window import Window
+from twin.show.render.graphics import NoScreen
+from twin.show.render.window import Window
 def no_window(*arguments, **options):
     opened.append("glfw window")
     raise RuntimeError("none here")
@@ -67,7 +67,7 @@ environment = twin.suite.load("hold", task_kwargs={"random": 1})
 assert environment.physics.render(camera_id=0).std() > 0
 """,
     "by a picture": """
-from twin.render.context import new_context
+from twin.show.render.context import new_context
 new_context(64, 64)
 """,
     "by the user": """

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import twin.registry.plugins
+import twin.seams.plugins
 from twin.errors import InputError
-from twin.registry import PLUGINS, Registry
+from twin.seams import PLUGINS, Registry
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,4 +108,4 @@ def test_a_plugin_that_fails_is_named(
     monkeypatch.setenv(PLUGINS, str(tmp_path / name))
     with pytest.raises(InputError, match=message):
         buoys.names()
-    assert str(tmp_path / name) not in twin.registry.plugins._plugins_ran
+    assert str(tmp_path / name) not in twin.seams.plugins._plugins_ran

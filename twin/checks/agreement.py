@@ -9,20 +9,25 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.held_flight import MODELS, held_flight
-from twin.checks.published import PublishedMotion, published_flights, published_glides
+from twin.checks.published import (
+    MODELS,
+    PublishedMotion,
+    held_flight,
+    published_flights,
+    published_glides,
+)
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
 from twin.fossen.model import DEFAULT_DT
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.settle import trim as settle
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.physics.steady_motion import Trim
 from twin.records.trajectory import Trajectory
+from twin.vehicle.assets import vehicle_names
 from twin.vehicle.mjcf import MjcfReader
-from twin.vehicle.shipped import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import GaussMarkov

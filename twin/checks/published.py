@@ -1,15 +1,26 @@
-"""Published motions: the figures that a vehicle file must reproduce, from assets/published.toml."""
+"""Published motions: the figures that a vehicle file must reproduce, from assets/published.toml.
+
+Held flight: the steady motion of a propelled vehicle whose rudder or elevator is steered.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from twin.physics.steady_motion import Trim
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, NoSteadyState, unknown_name
+from twin.fossen import FossenModel
+from twin.fossen.steady import SteadyProblem
+from twin.physics.settle import LockedGlider
+from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.assets import asset_path
+from twin.vehicle.vehicle import Vehicle
 
 ANGLES = ("angle_of_attack", "sideslip", "roll", "pitch")
 FIGURES = {
@@ -117,3 +128,113 @@ def _entries(table: str, kind: type[Motion], vehicle: str | None) -> list[Motion
     with asset_path("published.toml").open("rb") as file:
         found = [kind(**entry) for entry in tomllib.load(file)[table]]
     return [motion for motion in found if vehicle is None or motion.vehicle == vehicle]
+
+
+Array = NDArray[np.float64]
+Acceleration = Callable[[Array, Array], Array]
+
+MODELS = ("mujoco", "fossen")
+SPEEDS = (1.0, 0.5, 2.0)
+"""[m/s] at which a solution is looked for"""
+TURNS = (0.0, 0.05, -0.05, 0.15, -0.15)
+"""[rad/s] likewise, where the vehicle turns"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HeldFlight:
+    """One steady motion and the positions that hold it."""
+
+    trim: Trim
+    held: Mapping[str, float]
+    """positions of the parts that steer, by name, in their units"""
+
+
+def held_flight(
+    vehicle: Vehicle,
+    positions: Mapping[str, float],
+    *,
+    pitch: float | None = None,
+    turning: bool = False,
+    model: str = "mujoco",
+) -> HeldFlight:
+    """The steady motion at `positions`, with the elevator and rudder that hold it.
+
+    Args:
+      positions: of parts by name, in their units; what is not named rests, or steers.
+      pitch: [rad] that what pitches the vehicle holds; None: it keeps the depth.
+      turning: True: what turns the vehicle stays where `positions` have it; else the vehicle is
+        held on a straight way.
+      model: one of MODELS.
+
+    Raises:
+      InputError: unknown model or part, or nothing that could hold it.
+      NoSteadyState: there is no such motion, or only one beyond the travel of a part.
+    """
+    if model not in MODELS:
+        raise InputError(unknown_name("model", model, MODELS))
+    steers = ("pitch",) if turning else ("pitch", "heading")
+    for control in steers:
+        if control not in vehicle.steering:
+            raise InputError(f"vehicle {vehicle.name!r} has nothing to hold its {control} with")
+    at = trim_positions(vehicle, positions=positions)
+    places = [vehicle.part_names.index(vehicle.steering[control]) for control in steers]
+    accelerate = _ACCELERATIONS[model](vehicle, at)
+
+    def unpacked(x: Array) -> tuple[Array, Array]:
+        motion, now = np.zeros(6), at.copy()
+        motion[:5] = x[:5]
+        motion[5] = x[6] if turning else 0.0
+        now[places] = x[5:6] if turning else x[5:7]
+        return motion, now
+
+    def residual(x: Array) -> Array:
+        motion, now = unpacked(x)
+        u, v, w, roll, nose = motion[:5]
+        down = np.cos(nose) * (np.sin(roll) * v + np.cos(roll) * w) - np.sin(nose) * u
+        return np.array([*accelerate(motion, now), down if pitch is None else nose - pitch])
+
+    start = 0.0 if pitch is None else pitch
+    guesses = [
+        np.array([speed, 0.0, 0.0, 0.0, start, 0.0, turn])
+        for speed in SPEEDS
+        for turn in (TURNS if turning else TURNS[:1])
+    ]
+    request = ", ".join(f"{name} {vehicle.part(name).text(x)}" for name, x in positions.items())
+    found = [unpacked(x) for x in solve_steady_state(residual, guesses) if x[0] > 0.0]
+    low, high = vehicle.actuator_min, vehicle.actuator_max
+    within = [(x, now) for x, now in found if np.all((now >= low) & (now <= high))]
+    if not within:
+        names = " and ".join(vehicle.part_names[k] for k in places)
+        raise NoSteadyState(
+            f"vehicle {vehicle.name!r} at {request}: no steady flight that {names} can hold; turn "
+            "or pitch it less, or drive it faster"
+        )
+    motion, now = min(within, key=lambda one: float(np.abs(one[0][1:5]).sum()))
+    trim = Trim.from_motion(
+        v_rel=motion[:3],
+        roll=motion[3],
+        pitch=motion[4],
+        turn_rate=motion[5],
+        linear_angle=vehicle.law.valid_angle,
+    )
+    return HeldFlight(trim=trim, held={vehicle.part_names[k]: float(now[k]) for k in places})
+
+
+def _mujoco(vehicle: Vehicle, at: Array) -> Acceleration:
+    glider = LockedGlider(vehicle, "coefficients", at)
+
+    def accelerate(motion: Array, positions: Array) -> Array:
+        glider.data.act[:] = glider.data.ctrl[:] = positions
+        return glider.residual(motion)
+
+    return accelerate
+
+
+def _fossen(vehicle: Vehicle, at: Array) -> Acceleration:
+    parameters = FossenModel(vehicle).parameters
+    return lambda motion, positions: SteadyProblem(parameters, positions, None, True).residual(
+        motion
+    )
+
+
+_ACCELERATIONS = {"mujoco": _mujoco, "fossen": _fossen}

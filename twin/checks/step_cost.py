@@ -9,7 +9,7 @@ import time
 import mujoco
 import numpy as np
 
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped_missions import load_mission_for
 from twin.physics.fleet import make_batch
 from twin.physics.initial_state import set_start
 from twin.physics.mujoco_model import compile_model

@@ -2,6 +2,8 @@
 
 All three are a KeyboardInterrupt, so that what a command has begun is tidied up and it says how to
 go on, whoever ends it: a person, a batch system at the end of a job, a terminal that closes.
+
+Runnable: what every subcommand is to the program that runs it.
 """
 
 from __future__ import annotations
@@ -10,6 +12,9 @@ import os
 import signal
 import threading
 from types import FrameType, TracebackType
+from typing import Protocol
+
+from twin.cli.console import Console
 
 WORDS = {
     signal.SIGINT: "interrupted",
@@ -87,3 +92,11 @@ class Endings:
             return
         self._signal = signal.Signals(number)
         raise KeyboardInterrupt
+
+
+class Runnable(Protocol):
+    """An instance of a subcommand's dataclass."""
+
+    def run(self, console: Console) -> int:
+        """Do the work and return the exit code."""
+        ...

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from tyro import _errors as parse_errors
 
 from twin.cli.option_texts import option_field, option_meaning, option_names
-from twin.nearest import nearest
+from twin.errors import nearest
 
 KINDS = {int: "a whole number", float: "a number"}
 """What options of a kind need"""

@@ -1,4 +1,7 @@
-"""Options of a subcommand: command-line words into its dataclass, with errors of one line."""
+"""Options of a subcommand: command-line words into its dataclass, with errors of one line.
+
+Store argument: a store as the user names it, by a path or by an address.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +16,26 @@ import textwrap
 import types
 import typing
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import tyro
-
-# The structured parse errors and the texts of fields (twin.cli.option_texts) are not in tyro's
-# public face, and pyproject.toml bounds its version for that reason;
-# tests/twin/cli/test_console.py pins what is made from them.
 from tyro import _errors as parse_errors
+from tyro.constructors import PrimitiveConstructorSpec
 
 from twin.cli.mistakes import explain
 from twin.cli.option_texts import option_owner, option_text
 from twin.errors import InputError, TwinError
+from twin.records.storage.store_place import StorePath, Url, store_path
 
 if TYPE_CHECKING:
-    from twin.cli.runnable import Runnable
+    from twin.cli.endings import Runnable
+
+
+# The structured parse errors and the texts of fields (twin.cli.option_texts) are not in tyro's
+# public face, and pyproject.toml bounds its version for that reason;
+# tests/twin/cli/test_console.py pins what is made from them.
+
 
 MARKERS = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
 """One flag per switch (no `--no-json`), and no literal None: an option is left out instead."""
@@ -179,3 +187,16 @@ def _own_error(error: BaseException | None) -> TwinError | None:
             return error
         error = error.__cause__ or error.__context__
     return None
+
+
+StoreArgument = Annotated[
+    StorePath,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="STORE",
+        instance_from_str=lambda words: store_path(words[0]),
+        is_instance=lambda value: isinstance(value, Path | Url),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""Type of an argument: the path of a folder, or s3://BUCKET/NAME, gs://... or az://..."""

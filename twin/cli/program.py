@@ -27,8 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin.cli.console import Console, discard, one_line
-from twin.cli.endings import Endings, interruption
-from twin.cli.runnable import Runnable
+from twin.cli.endings import Endings, Runnable, interruption
 from twin.errors import InputError, TwinError, unknown_name
 from twin.version import __version__
 
@@ -41,7 +40,7 @@ TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command:
+class ProgramCommand:
     """A subcommand, known by name until it is called."""
 
     name: str
@@ -72,7 +71,7 @@ class Program:
     summary: str
     """What it is for, one line."""
 
-    commands: tuple[Command, ...]
+    commands: tuple[ProgramCommand, ...]
     """Its subcommands, in the order of the help."""
 
     def help(self) -> str:

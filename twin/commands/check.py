@@ -13,7 +13,7 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check(JsonOption):
+class CheckModels(JsonOption):
     """Fly random manoeuvres in both models and recompute the published motions; with --logs fly
     a vehicle's twin beside its own logs.
 
@@ -58,11 +58,11 @@ class Check(JsonOption):
 
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
-        from twin.checks.logs import check_logs
-        from twin.checks.logs.page import build_page, table
+        from twin.checks import check_logs
         from twin.commands.identify import parse_rows
         from twin.errors import InputError
-        from twin.plot.page import check_page_target
+        from twin.show.check_page import build_page, table
+        from twin.show.figures.page_layout import check_page_target
 
         if self.vehicle is None:
             raise InputError(

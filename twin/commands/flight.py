@@ -12,7 +12,7 @@ from twin.cli.console import Console, JsonOption
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flight(JsonOption):
+class EstimateFlight(JsonOption):
     """Fly a vehicle's flight model on its logs: speed through the water, angle of attack, vertical
     velocity of the water, depth-averaged currents, and the track corrected at the fixes.
 
@@ -47,8 +47,8 @@ class Flight(JsonOption):
         """Fly, write, say."""
         from twin.commands.identify import parse_rows
         from twin.errors import InputError, quoted
-        from twin.flight import estimate_flight, write_flight
-        from twin.flight.dataset import check_target
+        from twin.logs import estimate_flight, write_flight
+        from twin.logs.flight_dataset import check_target
         from twin.records.reader import MissionStore
 
         check_target(self.out, overwrite=self.overwrite)
@@ -101,7 +101,7 @@ class Flight(JsonOption):
         console.say(str(self.out))
         pictures: list[Path] = []
         if self.plots is not None:
-            from twin.flight.figures import write_figures
+            from twin.show.flight_figures import write_figures
 
             pictures, missing = write_figures(found, self.plots)
             for path in pictures:

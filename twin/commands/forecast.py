@@ -26,7 +26,7 @@ USUAL_HOURS = 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Forecast(JsonOption):
+class ForecastSurfacings(JsonOption):
     """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
     members that are drawn from what is known and flown on all cores. Examples:
 
@@ -87,17 +87,17 @@ class Forecast(JsonOption):
 
         self._check()
         if self.out is not None:
-            from twin.forecast.page import check_folder
+            from twin.show.forecast_page import check_folder
 
             check_folder(self.out)
         if self.watch is None:
             self._once(console, self.logs)
             return 0
-        from twin.forecast.watch import arrivals
+        from twin.forecast.request import arrivals
 
         if self.json:
             raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
-        from twin.forecast.watch import check_watched
+        from twin.forecast.request import check_watched
 
         check_watched(self.watch)
         console.note(f"watching {self.watch}; Ctrl-C ends it")
@@ -160,17 +160,17 @@ class Forecast(JsonOption):
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
-        from twin.records.place import unix_seconds
+        from twin.records.storage.store_place import unix_seconds
         from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.origin import Origin
+        from twin.water.current.axes import Origin
 
         vehicle = load_vehicle(self.vehicle)
         mission = self._mission(vehicle)
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
-            from twin.forecast.vehicle_draws import identified
-            from twin.identify.start import other_kind
+            from twin.forecast.draws import identified
+            from twin.identify.start_values import other_kind
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
@@ -212,7 +212,7 @@ class Forecast(JsonOption):
         import math
 
         from twin.forecast import mission_to
-        from twin.mission.shipped import load_mission_for
+        from twin.mission.shipped_missions import load_mission_for
 
         if self.mission is not None:
             return load_mission_for(vehicle, self.mission)
@@ -231,7 +231,7 @@ class Forecast(JsonOption):
     def _field(self) -> Current | None:
         if self.current is None:
             return None
-        from twin.water.current.spec import parse_field
+        from twin.water.current.current_text import parse_field
 
         return parse_field(self.current)
 
@@ -239,7 +239,7 @@ class Forecast(JsonOption):
 class _Shows:
     """What a forecast says: its first member at once, then all."""
 
-    def __init__(self, command: Forecast, console: Console, request: Request):
+    def __init__(self, command: ForecastSurfacings, console: Console, request: Request):
         self._command, self._console, self._request = command, console, request
         self._said = False
         self.written: Found | None = None
@@ -271,7 +271,7 @@ class _Shows:
 
     def write(self, found: Found, *, ended: bool = False) -> Path:
         """The folder; `ended`: no more members follow."""
-        from twin.forecast.page import write_forecast
+        from twin.show.forecast_page import write_forecast
 
         assert self._command.out is not None
         reload_s = None
@@ -287,7 +287,7 @@ class _Shows:
 
     def all(self, found: Found) -> None:
         """The answer."""
-        from twin.forecast.page import row
+        from twin.show.forecast_page import row
 
         console = self._console
         console.answer(**found.describe())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hindcast(JsonOption):
+class HindcastSurfacings(JsonOption):
     """Walk through deployments, forecast every surfacing from what was known before its dive, and
     score the forecasts beside the last dive's current (persistence), no current, and the vehicle's
     own track. Example:
@@ -47,15 +47,15 @@ class Hindcast(JsonOption):
     def run(self, console: Console) -> int:
         """Walk, score, say."""
         from twin.hindcast import METHODS, hindcast
-        from twin.records.logs import LogStore
+        from twin.records.logged import LogStore
 
         if self.out is not None:
-            from twin.plot.page import check_page_target
+            from twin.show.figures.page_layout import check_page_target
 
             check_page_target(self.out)
         field = None
         if self.current is not None:
-            from twin.water.current.spec import parse_field
+            from twin.water.current.current_text import parse_field
 
             field = parse_field(self.current)
         total = 0
@@ -99,7 +99,7 @@ class Hindcast(JsonOption):
             console.note(f"{one.name}: {_told(one)}")
         pages = []
         if self.out is not None:
-            from twin.hindcast.page import build_page
+            from twin.show.hindcast_page import build_page
 
             words = " ".join(str(path) for path in self.stores)
             command = f"twin hindcast {words} --train-fraction {self.train_fraction:g}"

@@ -77,9 +77,9 @@ class Identify(JsonOption):
         from twin.commands.simulate import check_plot_path
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
-        from twin.identify.confusion import confused
+        from twin.identify.answer import confused
         from twin.identify.conventions import read_figures, write_figures
-        from twin.identify.start import start_vehicle
+        from twin.identify.start_values import start_vehicle
         from twin.identify.unknowns import with_known
 
         check_plot_path(self.plot)
@@ -155,7 +155,7 @@ class Identify(JsonOption):
                     f"{self.out} is not written, the vehicle does not fly as its log: "
                     + "; ".join(handling.failures)
                 )
-            from twin.identify.provenance import provenance_of
+            from twin.identify.answer import provenance_of
             from twin.identify.vehicle_file import write_vehicle
 
             write_vehicle(
@@ -169,8 +169,8 @@ class Identify(JsonOption):
             kind = write_figures(found.calibration, self.export)
             console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
-            from twin.identify.figure import residual_figure
-            from twin.records.whole import whole_file
+            from twin.records.storage.whole import whole_file
+            from twin.show.identification_figure import residual_figure
 
             with whole_file(self.plot) as place:
                 residual_figure(found, logs).savefig(place)

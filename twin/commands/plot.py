@@ -11,7 +11,7 @@ import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, UnknownName
-from twin.plot.registry import FIGURES, LOG, OVERVIEW
+from twin.show.figures.base import FIGURES, LOG, OVERVIEW
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ PRINT_DPI = 300
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plot:
+class PlotMission:
     """Figures of one mission: map, tracks, sections, water, velocities, actuators, sensors.
 
     Of a log the track corrected at the fixes, the measured attitude and the flight model's
@@ -73,7 +73,7 @@ class Plot:
 
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
-        from twin.records.flight_file import is_flight
+        from twin.records.presence import is_flight
 
         if is_flight(self.store):
             return self._run_flight(console)
@@ -98,8 +98,8 @@ class Plot:
 
     def _run_flight(self, console: Console) -> int:
         """Figures of what `twin flight` wrote."""
-        from twin.flight.figures import FIGURES as OF_FLIGHTS
-        from twin.flight.figures import caption_of, read_flight
+        from twin.show.flight_figures import FIGURES as OF_FLIGHTS
+        from twin.show.flight_figures import caption_of, read_flight
 
         given = {"--vehicle": self.vehicle, "--tracks": self.tracks, "--missions": self.missions}
         for option, value in given.items():
@@ -161,9 +161,9 @@ class Plot:
 
     def _read(self, console: Console) -> tuple[Trajectory, str]:
         """The mission, or the dives of a log as one, and the caption."""
-        from twin.plot.caption import mission_caption, missions_caption
         from twin.records.reader import MissionStore
         from twin.records.store import read_trajectory
+        from twin.show.figures.page_layout import mission_caption, missions_caption
 
         with MissionStore(self.store) as store:
             store.check_filled()
@@ -185,7 +185,7 @@ class Plot:
                 chosen = list(range(len(store))) if rows is None else rows
             if self.figure == LOG and len(chosen) == 1:  # needs no flight model
                 return read_trajectory(self.store, chosen[0]), mission_caption(store, chosen[0])
-            from twin.flight.logged_trajectory import logged_trajectory
+            from twin.logs.logged_mission import logged_trajectory
 
             trajectory = logged_trajectory(self.store, chosen, self.vehicle)
             if trajectory.unflown:
@@ -196,7 +196,7 @@ class Plot:
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: list[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
-        from twin.plot.registry import figure, suited
+        from twin.show.figures.base import figure, suited
 
         takes = suited(trajectory, name).takes_tracks
         if tracks and not takes and self.figure != ALL:
@@ -210,8 +210,8 @@ class Plot:
             raise InputError(f"{which} of {self.store}: {error}") from error
 
     def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
-        from twin.plot.caption import add_caption
-        from twin.records.whole import whole_file
+        from twin.records.storage.whole import whole_file
+        from twin.show.figures.page_layout import add_caption
 
         add_caption(figure, caption)
         with whole_file(path) as place:

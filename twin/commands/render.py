@@ -13,8 +13,8 @@ from twin.cli.console import Console, JsonOption
 from twin.errors import FloorError, InputError
 
 if TYPE_CHECKING:
-    from twin.render.film import Subject
-    from twin.render.shot import Shot
+    from twin.show.render.film import Subject
+    from twin.show.render.shot import Shot
 
 
 OUT, SIZE = Path("mission.mp4"), "1280x720"
@@ -84,9 +84,9 @@ class Render(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and write the file."""
-        from twin.render.encode import STILL_FORMATS, VIDEO_FORMATS
-        from twin.render.shot import Shot
-        from twin.replay.page import ENDINGS
+        from twin.show.render.encode import STILL_FORMATS, VIDEO_FORMATS
+        from twin.show.render.shot import Shot
+        from twin.show.web.page import ENDINGS
 
         out = self._target()
         suffix = out.suffix.lower()
@@ -146,8 +146,8 @@ class Render(JsonOption):
 
     def _subject(self, console: Console) -> Subject:
         """What is drawn, with notes about what it lacks."""
-        from twin.render.palette import OTHER_TRACKS
-        from twin.render.subject import read_subject
+        from twin.show.render.canvas import OTHER_TRACKS
+        from twin.show.render.subject import read_subject
 
         read = functools.partial(
             read_subject,
@@ -177,7 +177,7 @@ class Render(JsonOption):
     def _write_page(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
         import time
 
-        from twin.replay.page import save_page
+        from twin.show.web.page import save_page
 
         begun = time.perf_counter()
         size = save_page(out, subject, shot, self.time)
@@ -189,8 +189,8 @@ class Render(JsonOption):
     def _draw(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
         import time
 
-        from twin.render.encode import STILL_FORMATS
-        from twin.render.film import default_workers, save_still, save_video
+        from twin.show.render.encode import STILL_FORMATS
+        from twin.show.render.film import default_workers, save_still, save_video
 
         begun = time.perf_counter()
         if out.suffix.lower() in STILL_FORMATS:

@@ -95,7 +95,7 @@ class Simulate(JsonOption):
         from twin.errors import SimulationUnstable
         from twin.navigation.settings import Navigation
         from twin.physics.ballast import out_of_trim
-        from twin.physics.quiet import quiet_mujoco
+        from twin.physics.mujoco_model import quiet_mujoco
         from twin.physics.remarks import remarks
         from twin.physics.simulation import Simulation
         from twin.records.store import check_target
@@ -162,12 +162,12 @@ class Simulate(JsonOption):
 
     def _scenario(self, suite: SensorSuite | None) -> Scenario:
         from twin.facade import in_water
-        from twin.mission.shipped import load_mission_for
+        from twin.mission.shipped_missions import load_mission_for
         from twin.physics.ballast import weighed
         from twin.physics.scenario import Scenario
         from twin.physics.start import parse_place
         from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.spec import parse_current
+        from twin.water.current.current_text import parse_current
         from twin.water.floor import parse_floor
 
         vehicle = load_vehicle(self.vehicle)
@@ -205,8 +205,8 @@ class Simulate(JsonOption):
         write_store(dataset, self.out, overwrite=self.overwrite)
 
     def _draw(self, trajectory: Trajectory) -> None:
-        from twin.plot import overview_figure
-        from twin.records.whole import whole_file
+        from twin.records.storage.whole import whole_file
+        from twin.show.figures import overview_figure
 
         assert self.plot is not None
         figure = overview_figure(trajectory)
@@ -214,7 +214,7 @@ class Simulate(JsonOption):
             figure.savefig(place)
 
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
-        from twin.records.summary import summarise
+        from twin.records.mission_dataset import summarise
 
         figures = summarise(trajectory)
         console.answer(

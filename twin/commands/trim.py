@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trim(JsonOption):
+class TrimVehicle(JsonOption):
     """Steady state of these positions of the parts: speed, angles, turn, through the water.
 
     Examples:
@@ -109,7 +109,7 @@ def _usual_dive(vehicle: Vehicle) -> tuple[float, float]:
       InputError: the vehicle does not glide; says what to give instead.
     """
     from twin.errors import InputError
-    from twin.mission.glide import steady_glide
+    from twin.mission.glide_balance import steady_glide
     from twin.vehicle.parts import BatterySlide, Pump
 
     pitch, net_mass = vehicle.usual_glide

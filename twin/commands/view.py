@@ -15,12 +15,12 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
-    from twin.render.film import Subject
-    from twin.render.shot import Shot
+    from twin.show.render.film import Subject
+    from twin.show.render.shot import Shot
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class ViewMission:
     """Watch a stored mission, or without a store a mission that is flown as you watch.
 
     Examples:
@@ -85,15 +85,15 @@ class View:
 
     def _open(self, console: Console) -> int:
         """The window."""
-        from twin.render.screen import require_screen
+        from twin.show.render.graphics import require_screen
 
         require_screen()
         os.environ["MUJOCO_GL"] = "glfw"  # a window: MuJoCo must not look for EGL's functions
-        from twin.render.flight import Flight, Live, Replay
-        from twin.render.window import KEYS, Window
+        from twin.show.render.rendered_flight import Live, RenderedFlight, Replay
+        from twin.show.render.window import KEYS, Window
 
         shot = self._shot()
-        flight: Flight
+        flight: RenderedFlight
         if self.store is None:
             subject, scenario = self._live()
             flight = Live(scenario)
@@ -110,9 +110,9 @@ class View:
         """The page, until Ctrl-C or for `seconds`."""
         import threading
 
-        from twin.replay.live import LiveMission
-        from twin.replay.page import assemble, page
-        from twin.replay.server import PORT, PageServer
+        from twin.show.web.live_source import LiveMission
+        from twin.show.web.page import assemble, page
+        from twin.show.web.server import PORT, PageServer
 
         shot, live = self._shot(), None
         # the port first: a taken one is told before the mission is read or flown
@@ -144,7 +144,7 @@ class View:
         return CHASE_SPEED_UP if self.camera == "chase" else SPEED_UP
 
     def _shot(self) -> Shot:
-        from twin.render.shot import Shot
+        from twin.show.render.shot import Shot
 
         return Shot(
             camera=self.camera,
@@ -155,7 +155,7 @@ class View:
         )
 
     def _stored(self, store: Path) -> Subject:
-        from twin.render.subject import read_subject
+        from twin.show.render.subject import read_subject
 
         return read_subject(
             store, self.mission, vehicle=self.vehicle, tracks=self.tracks, names=self.only
@@ -163,13 +163,13 @@ class View:
 
     def _live(self) -> tuple[Subject, Scenario]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
-        from twin.mission.shipped import load_mission_for
+        from twin.mission.shipped_missions import load_mission_for
+        from twin.physics.lookup_tables import floor_table
         from twin.physics.scenario import Scenario
         from twin.physics.simulation import simulate
-        from twin.physics.tables import floor_table
-        from twin.render.film import Subject
+        from twin.show.render.film import Subject
         from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.spec import parse_current
+        from twin.water.current.current_text import parse_current
         from twin.water.floor import parse_floor
 
         if self.tracks is not None:

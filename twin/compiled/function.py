@@ -68,7 +68,7 @@ class Compiled:
     def _refresh(self) -> None:
         import numba
 
-        from twin.compiled.locator import decorated
+        from twin.compiled.folder import decorated
 
         with _LOCK:
             generation = content.generation()
@@ -120,7 +120,7 @@ def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
     """
     import numba
 
-    from twin.compiled.locator import decorated
+    from twin.compiled.folder import decorated
 
     def compile_now(function: Callable[..., Any]) -> Any:
         with _LOCK:

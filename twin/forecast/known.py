@@ -15,9 +15,15 @@ import numpy as np
 from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
 from twin.geodesy import great_circle, position
-from twin.hindcast.legs import MODEL, LoggedLeg, flown_velocities, legs_of, why_no_legs
+from twin.hindcast.forecast_leg import (
+    MODEL,
+    LoggedLeg,
+    flown_velocities,
+    legs_of,
+    why_no_legs,
+)
 from twin.navigation.current import CurrentFilter, replay, tune
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 
 DAY, KILO = 86400.0, 1e3
 OLD, FAR = 2.0, 30.0

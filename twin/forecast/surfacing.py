@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.forecast.flights import Flight
+from twin.forecast.members import MemberFlight
 from twin.geodesy import from_tangent_plane, wrap_longitude
-from twin.navigation.ellipse import Ellipse, chi_squared, outline
-from twin.water.current.origin import Origin
+from twin.navigation.dead_reckoning import Ellipse, chi_squared, outline
+from twin.water.current.axes import Origin
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def prediction_quantile(holds: float, count: int) -> float:
 
 
 def surfacings_of(
-    flights: Sequence[Flight], place: Origin, within: float = math.inf
+    flights: Sequence[MemberFlight], place: Origin, within: float = math.inf
 ) -> tuple[Surfacing, ...]:
     """The surfacings whose median time is within a horizon, in order, while all members have them.
 
@@ -147,7 +147,7 @@ def surfacings_of(
     return tuple(found)
 
 
-def left_out(flights: Sequence[Flight], told: int, within: float) -> str:
+def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
     """Why the surfacing after those told is not told; empty where none is due."""
     if not _due(flights, told, within):
         return ""
@@ -158,7 +158,7 @@ def left_out(flights: Sequence[Flight], told: int, within: float) -> str:
     )
 
 
-def _due(flights: Sequence[Flight], index: int, within: float) -> bool:
+def _due(flights: Sequence[MemberFlight], index: int, within: float) -> bool:
     """Whether half of the members have a surfacing within a time [s]."""
     early = sum(len(one.time) > index and one.time[index] <= within for one in flights)
     return 2 * early >= max(len(flights), 1)

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from twin.compiled import jit
 from twin.fossen.forces import (
     PART_COLUMNS,
-    Parameters,
+    ForceParameters,
     damping_wrench,
     density_at,
     displaced_mass,
@@ -97,7 +97,7 @@ def actuators_after(start: Array, command: Array, law: Array, elapsed: float) ->
 
 
 @jit
-def mass_distribution(p: Parameters, positions: Array):  # type: ignore[no-untyped-def]
+def mass_distribution(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
     """(mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, the masses held."""
     total = p.static_mass
     moment = p.static_mass * p.static_cg
@@ -137,7 +137,7 @@ def turned_water(nu_r: Array, gradient: Array) -> Array:
 
 @jit
 def acceleration(  # type: ignore[no-untyped-def]
-    p: Parameters,
+    p: ForceParameters,
     down: Array,
     depth: float,
     nu_r: Array,
@@ -183,7 +183,7 @@ def acceleration(  # type: ignore[no-untyped-def]
 
 @jit
 def still_acceleration(  # type: ignore[no-untyped-def]
-    p: Parameters, down: Array, depth: float, nu_r: Array, positions: Array, displaced: float
+    p: ForceParameters, down: Array, depth: float, nu_r: Array, positions: Array, displaced: float
 ):
     """`acceleration`, shape (6,), in still water of the reference density."""
     still = np.zeros(3)
@@ -192,7 +192,7 @@ def still_acceleration(  # type: ignore[no-untyped-def]
 
 
 @jit
-def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
+def derivative(p: ForceParameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
     """dy/dt at time `t` [s] for positions of the parts, (parts,)."""
     rotation = rotation_from_quaternion(y[3:7])
     nu_r = y[7:13]
@@ -226,7 +226,7 @@ def derivative(p: Parameters, program: Array, t: float, y: Array, actuators: Arr
 
 @jit
 def integrate(  # type: ignore[no-untyped-def]
-    p: Parameters,
+    p: ForceParameters,
     program: Array,
     law: Array,
     y0: Array,

@@ -33,7 +33,7 @@ PART_COLUMNS = 5
 """of a part: code of its kind, place 3, number of values; then its values"""
 
 
-class Parameters(NamedTuple):
+class ForceParameters(NamedTuple):
     """What the compiled equations need of a `Vehicle`; same names, units and frames."""
 
     gravity: float
@@ -75,7 +75,7 @@ def parameters_of(
     density_value: Array,
     temperature_depth: Array = _NONE,
     temperature_value: Array = _NONE,
-) -> Parameters:
+) -> ForceParameters:
     """Gather the vehicle's numbers and tables of the water over depth [m].
 
     Density [kg/m3], and in-situ temperature [degree_Celsius] where it is known.
@@ -98,7 +98,7 @@ def parameters_of(
         values = part.values()
         row[:PART_COLUMNS] = PARTS.code(part.kind), *part.position, len(values)
         row[PART_COLUMNS : PART_COLUMNS + len(values)] = values
-    return Parameters(
+    return ForceParameters(
         gravity=float(vehicle.gravity),
         reference_density=float(vehicle.reference_density),
         mass=float(vehicle.mass),
@@ -184,7 +184,7 @@ part_mass = generate(
 
 
 @jit
-def damping_wrench(p: Parameters, nu_r: Array, density: float) -> Array:
+def damping_wrench(p: ForceParameters, nu_r: Array, density: float) -> Array:
     """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 
     `density` [kg/m3] is that of the water; coefficients that hold the reference density scale.
@@ -197,7 +197,7 @@ def damping_wrench(p: Parameters, nu_r: Array, density: float) -> Array:
 
 @jit
 def parts_wrench(
-    p: Parameters, positions: Array, nu_r: Array, density: float, depth: float, down: Array
+    p: ForceParameters, positions: Array, nu_r: Array, density: float, depth: float, down: Array
 ) -> Array:
     """Force and moment of all parts about the CB, shape (6,); `down` (3,) in body axes."""
     total = np.zeros(6)
@@ -211,7 +211,7 @@ def parts_wrench(
 
 
 @jit
-def pumped(p: Parameters, positions: Array):  # type: ignore[no-untyped-def]
+def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
     """(volume [cm3], its first moment (3,) [cm3 m] about the CB) that the parts displace."""
     volume, lever = 0.0, np.zeros(3)
     for k in range(p.parts.shape[0]):
@@ -246,7 +246,7 @@ def wet_section(below: float, diameter: float) -> float:
 
 
 @jit
-def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # type: ignore[no-untyped-def]
+def strip_immersion(p: ForceParameters, depth: float, slope: float, strip: int):  # type: ignore[no-untyped-def]
     """(x [m], immersed fraction) of one strip; `slope` is the depth gained per metre forward."""
     x = p.hull_length * ((strip + 0.5) / STRIPS - 0.5)
     return x, wet_section(depth + x * slope + 0.5 * p.hull_diameter, p.hull_diameter)
@@ -254,7 +254,7 @@ def strip_immersion(p: Parameters, depth: float, slope: float, strip: int):  # t
 
 @jit
 def restoring(  # type: ignore[no-untyped-def]
-    p: Parameters,
+    p: ForceParameters,
     down: Array,
     depth: float,
     carried: float,
@@ -300,13 +300,13 @@ def _profile(depths: Array, values: Array, depth: float) -> float:
 
 
 @jit
-def density_at(p: Parameters, depth: float) -> float:
+def density_at(p: ForceParameters, depth: float) -> float:
     """Density [kg/m3] of the water at `depth` [m]."""
     return _profile(p.density_depth, p.density_value, depth)
 
 
 @jit
-def temperature_at(p: Parameters, depth: float) -> float:
+def temperature_at(p: ForceParameters, depth: float) -> float:
     """In-situ temperature [degC] of the water; the hull's reference where it is not known."""
     if p.temperature_depth.size == 0:
         return p.hull_reference_temperature
@@ -314,7 +314,7 @@ def temperature_at(p: Parameters, depth: float) -> float:
 
 
 @jit
-def displaced_mass(p: Parameters, depth: float, volume: float, hull: float = np.nan) -> float:
+def displaced_mass(p: ForceParameters, depth: float, volume: float, hull: float = np.nan) -> float:
     """Mass of the water that the fully immersed hull displaces [kg]; `volume` of parts in cm3.
 
     The hull shrinks in proportion to the pressure of water of the reference density, and grows with

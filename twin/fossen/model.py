@@ -18,11 +18,11 @@ from twin.fossen.equations import (
     derivative,
     integrate,
 )
-from twin.fossen.forces import Parameters, parameters_of, temperature_at
+from twin.fossen.forces import ForceParameters, parameters_of, temperature_at
 from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.steady_motion import (
     Trim,
     advice,
@@ -74,7 +74,7 @@ class FossenModel:
         water = (np.zeros(0), np.zeros(0))
         if temperature is not None:
             water = _checked_table("temperature", *temperature)
-        self.parameters: Parameters = parameters_of(
+        self.parameters: ForceParameters = parameters_of(
             vehicle, *_density_table(vehicle, density), *water
         )
         self._law = np.array(
@@ -255,7 +255,7 @@ def _checked_table(what: str, depth: ArrayLike, value: ArrayLike) -> tuple[Array
 
 
 def _integrate_reference(
-    p: Parameters,
+    p: ForceParameters,
     program: Array,
     law: Array,
     y0: Array,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
 from twin.fossen.equations import mass_distribution, still_acceleration
-from twin.fossen.forces import Parameters, damping_wrench, pumped
+from twin.fossen.forces import ForceParameters, damping_wrench, pumped
 from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class SteadyProblem:
 
     def __init__(
         self,
-        p: Parameters,
+        p: ForceParameters,
         positions: Array,
         turning: int | None,
         driven: bool,

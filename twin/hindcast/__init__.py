@@ -4,18 +4,18 @@ found = hindcast(["real.zarr"], train_fraction=0.4)
 found.scores.mean["forecast"], found.scores.mean["persistence"]
 """
 
-from twin.hindcast.hindcast import DeploymentHindcast, Hindcast, hindcast
-from twin.hindcast.legs import LoggedLeg, legs_of
+from twin.hindcast.deployment_hindcast import DeploymentHindcast, Hindcast, hindcast
+from twin.hindcast.forecast_leg import LoggedLeg, legs_of
 from twin.hindcast.scores import METHODS, Scores, scores_of
-from twin.hindcast.walk import Surfacing, walk
+from twin.hindcast.walk import HindcastSurfacing, walk
 
 __all__ = [
     "METHODS",
     "DeploymentHindcast",
     "Hindcast",
+    "HindcastSurfacing",
     "LoggedLeg",
     "Scores",
-    "Surfacing",
     "hindcast",
     "legs_of",
     "scores_of",

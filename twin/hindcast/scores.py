@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.hindcast.walk import HALF, NINETY, Surfacing
+from twin.hindcast.walk import HALF, NINETY, HindcastSurfacing
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Scores:
         }
 
 
-def scores_of(surfacings: Sequence[Sequence[Surfacing]]) -> Scores:
+def scores_of(surfacings: Sequence[Sequence[HindcastSurfacing]]) -> Scores:
     """The scores of some deployments together.
 
     Args:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.geodesy import position
-from twin.hindcast.legs import LoggedLeg
+from twin.hindcast.forecast_leg import LoggedLeg
 from twin.navigation.current import CurrentFilter, CurrentParameters, begin_leg, pass_leg
-from twin.navigation.ellipse import chi_squared
+from twin.navigation.dead_reckoning import chi_squared
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ HOUR = 3600.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Surfacing:
+class HindcastSurfacing:
     """One surfacing, forecast and found."""
 
     mission: int
@@ -69,7 +69,7 @@ class Surfacing:
 
 def walk(
     legs: Sequence[LoggedLeg], parameters: CurrentParameters, *, latitude: float, train: int
-) -> list[Surfacing]:
+) -> list[HindcastSurfacing]:
     """Forecast every leg's end.
 
     Args:
@@ -81,7 +81,7 @@ def walk(
     if not legs:
         return []
     filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].leg.start)
-    found: list[Surfacing] = []
+    found: list[HindcastSurfacing] = []
     before: Array | None = None
     for k, one in enumerate(legs):
         leg = one.leg
@@ -95,7 +95,7 @@ def walk(
         if one.onboard is not None:
             reached["onboard"] = np.array(one.onboard)
         found.append(
-            Surfacing(
+            HindcastSurfacing(
                 mission=one.mission,
                 time=leg.end,
                 hours=leg.duration / HOUR,

@@ -5,20 +5,20 @@ found = identify(logs, load_calibration("graver-2005"))
 speed = estimate(logs[0], found.calibration).speed
 """
 
-from twin.identify.answer import Estimate, Identification
+from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.fit import identify
 from twin.identify.logged import Log, load_logs
 from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
-from twin.identify.translation import Motion, fly
+from twin.identify.translation import Translation, fly
 
 __all__ = [
     "Calibration",
-    "Estimate",
     "Identification",
+    "IdentifiedParameter",
     "Log",
-    "Motion",
     "SpeedEstimate",
+    "Translation",
     "density_of",
     "estimate",
     "estimate_speed",

@@ -1,20 +1,29 @@
-"""Answer: what a fit says about a vehicle and each of its parameters."""
+"""Answer: what a fit says about a vehicle and each of its parameters.
+
+Confusion: parameters that a log determines together, but not apart.
+Provenance: what a vehicle file says about the identification that made it.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.unknowns import Parameter
+from twin.identify.pitch import PITCHING
+from twin.identify.unknowns import NAMES, UnknownParameter
+from twin.records.storage.checksums import store_hash
+from twin.version import __version__
 
 Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Estimate:
+class IdentifiedParameter:
     """What a fit says about one parameter."""
 
     name: str
@@ -33,14 +42,14 @@ class Estimate:
     @classmethod
     def of(
         cls,
-        parameter: Parameter,
+        parameter: UnknownParameter,
         *,
         nominal: float,
         value: float,
         deviation: float,
         determined: bool,
         note: str,
-    ) -> Estimate:
+    ) -> IdentifiedParameter:
         """What a fit says about `parameter`, whose `deviation` is in its spreads."""
         return cls(
             name=parameter.name,
@@ -62,7 +71,7 @@ class Identification:
     calibration: Calibration
     nominal: Calibration
     model: str
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[IdentifiedParameter, ...]
     correlation: Array
     """Of the determined parameters, in the order of `determined`."""
     depth_rate_rmse: float
@@ -87,5 +96,80 @@ class Identification:
         """Names of the parameters that the log determines."""
         return tuple(e.name for e in self.estimates if e.determined)
 
-    def __getitem__(self, name: str) -> Estimate:
+    def __getitem__(self, name: str) -> IdentifiedParameter:
         return next(e for e in self.estimates if e.name == name)
+
+
+CLOSE = 0.95
+"""Correlation, as printed, from which on two estimates are said not to be told apart"""
+
+
+def confused(found: Identification) -> list[str]:
+    """One sentence for each group of estimates that the log does not tell apart, and what would."""
+    names, left = found.determined, set(range(len(found.determined)))
+    close = abs(found.correlation).round(2) >= CLOSE
+    texts = []
+    while left:
+        group: set[int] = set()
+        edge = {min(left)}
+        while edge:
+            group |= edge
+            edge = {j for i in edge for j in left if close[i, j]} - group
+        left -= group
+        if len(group) == 1:
+            continue
+        mine = [names[i] for i in sorted(group)]
+        most = max(abs(found.correlation[i, j]) for i in group for j in group if i != j)
+        knowable = [name for name in mine if name in NAMES]
+        if set(mine) & {p.name for p in PITCHING}:
+            advice = (
+                "dives at other pitches with the same pump, and at other pump volumes, would tell "
+                "them apart"
+            )
+        elif "thermal_expansion" in mine:
+            advice = "dives in water of other temperatures would tell them apart"
+        else:
+            advice = "dives at other pitches, pump volumes and depths would tell them apart"
+        if knowable:
+            advice += f"; or give one that you know, such as --known {knowable[0]}=VALUE"
+        texts.append(
+            f"{', '.join(mine[:-1])} and {mine[-1]} could not be told apart (correlation up to "
+            f"{most:.2f}): together they fit the log, each alone is less sure; {advice}"
+        )
+    return texts
+
+
+DIGITS = 6
+"""Significant digits: a deviation is not known to more than two."""
+
+
+def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
+    """What was fitted, from what, and how surely; JSON-able, no times, no paths."""
+
+    def short(value: float) -> float | None:
+        return float(f"{value:.{DIGITS}g}") if value == value else None
+
+    return {
+        "program": f"glider-twin {__version__}",
+        "started_from": found.nominal.vehicle.name,
+        "store": Path(store).name,
+        "store_sha256": store_hash(store),
+        "model": found.model,
+        "missions": found.missions,
+        "samples": found.samples,
+        "depth_rate_rmse_m_s": short(found.depth_rate_rmse),
+        "correlation_time_s": short(found.correlation_time),
+        "parameters": {
+            e.name: {
+                "value": short(e.value),
+                "deviation": short(e.deviation) if e.determined else None,
+                "unit": e.unit,
+                "determined": e.determined,
+            }
+            for e in found.estimates
+        },
+        "correlation": {
+            "parameters": list(found.determined),
+            "matrix": [[short(value) for value in row] for row in found.correlation.tolist()],
+        },
+    }

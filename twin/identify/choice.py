@@ -17,9 +17,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify.blocks import PRIOR, cut
-from twin.identify.problem import Problem
-from twin.identify.unknowns import Parameter
+from twin.identify.problem import PRIOR, Problem, cut
+from twin.identify.unknowns import UnknownParameter
 
 Array = NDArray[np.float64]
 Blocks = NDArray[np.int_]
@@ -48,7 +47,7 @@ class Gain:
         return self.share > LEAST_GAIN and self.deviations > LEAST_DEVIATIONS
 
 
-def gain_of(problem: Problem, x: Array, candidate: Parameter) -> Gain:
+def gain_of(problem: Problem, x: Array, candidate: UnknownParameter) -> Gain:
     """What one parameter more would take away from the error of left-out dives.
 
     Args:
@@ -76,7 +75,7 @@ def left_out(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
       jacobian: (residuals, parameters), weighted, near the fit to all.
       residual: (residuals,), weighted.
       blocks: (residuals,) the dive of each; PRIOR: what was known before. Few dives are cut in
-        parts (`twin.identify.blocks.cut`).
+        parts (`twin.identify.problem.cut`).
     """
     blocks = cut(blocks)
     matrix, slope = jacobian.T @ jacobian, jacobian.T @ residual

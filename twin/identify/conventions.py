@@ -31,7 +31,7 @@ from twin.errors import InputError, unknown_name
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
 from twin.identify.pitch import pump_of
 from twin.identify.unknowns import choose
-from twin.records.whole import whole_file
+from twin.records.storage.whole import whole_file
 from twin.vehicle.parts.pump import CUBIC_CM
 
 DEGREE = math.pi / 180.0

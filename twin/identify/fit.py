@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.errors import InputError
-from twin.identify.answer import Estimate, Identification
+from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.choice import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, gain_of
 from twin.identify.logged import Log
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
-from twin.identify.unknowns import PARAMETERS, Parameter, choose
+from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
 
 Array = NDArray[np.float64]
@@ -159,7 +159,9 @@ def _neutral_pump(logs: Sequence[Log]) -> float:
     return float((sink * up + rise * down) / (down + up))
 
 
-def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, asked: bool) -> str:
+def _lacking(
+    parameter: UnknownParameter, logs: Sequence[Log], problem: Problem, *, asked: bool
+) -> str:
     """Why the logs cannot tell anything about a parameter; empty when they may."""
     channel = parameter.channel
     if channel == "temperature" and any(log.temperature is None for log in logs):
@@ -175,7 +177,7 @@ def _lacking(parameter: Parameter, logs: Sequence[Log], problem: Problem, *, ask
     return ""
 
 
-def _unsupported(problem: Problem, x: Array, candidate: Parameter) -> str:
+def _unsupported(problem: Problem, x: Array, candidate: UnknownParameter) -> str:
     """Why left-out dives do not support a parameter; empty when they do."""
     if len(problem.logs) < LEAST_DIVES:
         return f"{len(problem.logs)} dives: from {LEAST_DIVES} on, left-out dives judge it"
@@ -205,7 +207,7 @@ def _too_shallow(logs: Sequence[Log], nominal: Calibration) -> str:
 def _start(
     logs: Sequence[Log],
     nominal: Calibration,
-    free: tuple[Parameter, ...],
+    free: tuple[UnknownParameter, ...],
     model: FlightModel,
 ) -> Array:
     """Offsets to start from: trim and drag fitted to a few missions from several drags."""
@@ -258,7 +260,7 @@ def _result(
     problem: Problem,
     x: Array,
     covariance: Array,
-    wanted: tuple[Parameter, ...],
+    wanted: tuple[UnknownParameter, ...],
     notes: Mapping[str, str],
     before: Mapping[str, float],
     scale: float,
@@ -272,7 +274,7 @@ def _result(
         centre = parameter.get(nominal)
         if parameter.name in names:
             k = names.index(parameter.name)
-            estimate = Estimate.of(
+            estimate = IdentifiedParameter.of(
                 parameter,
                 nominal=centre,
                 value=parameter.get(calibration),
@@ -281,7 +283,7 @@ def _result(
                 note="at its lower bound" if x[k] < problem.lowest[k] + AT_BOUND else "",
             )
         else:
-            estimate = Estimate.of(
+            estimate = IdentifiedParameter.of(
                 parameter,
                 nominal=centre,
                 value=centre,

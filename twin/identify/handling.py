@@ -18,19 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, MissionError, NoSteadyState
-from twin.identify.answer import Estimate, Identification
-from twin.identify.blocks import bootstrap
+from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.fit import UNDETERMINED
 from twin.identify.gains import Phase, with_gains
 from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
+from twin.identify.problem import bootstrap
 from twin.identify.proof import failures
-from twin.identify.turning.fit import Turns, turned
-from twin.identify.turning.unknowns import channel_of
-from twin.identify.turning.windows import windows_of
-from twin.identify.unknowns import Parameter
-from twin.mission.glide import steady_glide
+from twin.identify.turning_fit import Turns, turned
+from twin.identify.turning_residuals import channel_of
+from twin.identify.turning_windows import windows_of
+from twin.identify.unknowns import UnknownParameter
+from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -243,12 +243,16 @@ def _with(identification: Identification, fitted: Balance | Turns) -> Identifica
 
 
 def _estimate(
-    parameter: Parameter, centre: float, calibration: Calibration, offset: float, deviation: float
-) -> Estimate:
+    parameter: UnknownParameter,
+    centre: float,
+    calibration: Calibration,
+    offset: float,
+    deviation: float,
+) -> IdentifiedParameter:
     """`offset` and `deviation` in spreads."""
     known = deviation <= UNDETERMINED or abs(offset) > FAR * deviation
     determined = math.isfinite(deviation) and known
-    return Estimate.of(
+    return IdentifiedParameter.of(
         parameter,
         nominal=centre,
         value=parameter.get(calibration),

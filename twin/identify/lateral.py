@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.fossen.equations import mass_distribution
-from twin.fossen.forces import Parameters, parameters_of
+from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.matrices import rigid_body_mass
 from twin.fossen.steady import SteadyProblem
 from twin.vehicle.parts import BatteryHinge, Fin, Part
@@ -190,7 +190,7 @@ def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> 
     return float(-here * STEP / (there - here)) if there != here else 0.0
 
 
-def _parameters(vehicle: Vehicle) -> Parameters:
+def _parameters(vehicle: Vehicle) -> ForceParameters:
     """In water of the reference density."""
     return parameters_of(vehicle, np.array([0.0, 1e4]), np.full(2, vehicle.reference_density))
 

@@ -11,9 +11,9 @@ from scipy.signal import lfilter, savgol_filter
 
 from twin.errors import StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
-from twin.records.logs import log_rows
+from twin.records.logged import log_rows
 from twin.records.reader import MissionStore
-from twin.records.store_path import StorePath
+from twin.records.storage.store_place import StorePath
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -27,7 +27,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.problem import OUTLIER, robust_scale
 from twin.identify.speed import motion_of, steady_parts
-from twin.identify.unknowns import Parameter
+from twin.identify.unknowns import UnknownParameter
 from twin.vehicle.parts import Pump
 from twin.vehicle.parts.pump import CUBIC_CM
 
@@ -90,7 +90,7 @@ def _with_moment(calibration: Calibration, ratio: float) -> Calibration:
 
 
 PITCHING = (
-    Parameter(
+    UnknownParameter(
         name="shift_offset",
         unit="mm",
         meaning="battery position less the vehicle file's, at encoder zero",
@@ -98,7 +98,7 @@ PITCHING = (
         get=lambda c: c.vehicle.battery.neutral_x / MILLI,
         set=lambda c, x: c.replace(vehicle=c.vehicle.replace(battery={"neutral_x": MILLI * x})),
     ),
-    Parameter(
+    UnknownParameter(
         name="righting_arm",
         unit="mm",
         meaning="centre of gravity below the centre of buoyancy",
@@ -107,7 +107,7 @@ PITCHING = (
         get=lambda c: righting_arm(c) / MILLI,
         set=lambda c, x: with_righting_arm(c, MILLI * x),
     ),
-    Parameter(
+    UnknownParameter(
         name="pump_position",
         unit="m",
         meaning="pumped volume forward of the centre of buoyancy",
@@ -115,7 +115,7 @@ PITCHING = (
         get=lambda c: pump_of(c).position[0],
         set=_with_pump,
     ),
-    Parameter(
+    UnknownParameter(
         name="pitch_moment",
         unit="1",
         meaning="pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
@@ -129,7 +129,7 @@ PITCHING = (
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Observations:
+class PitchObservations:
     """Steady parts of the logs, each (observations,): means over `LENGTH`."""
 
     pitch: Array
@@ -150,7 +150,7 @@ class Observations:
     """Number of the dive"""
 
 
-def observations(logs: Sequence[Log], calibration: Calibration) -> Observations | None:
+def observations(logs: Sequence[Log], calibration: Calibration) -> PitchObservations | None:
     """Steady parts in which the battery's position is known; None where there are too few."""
     rows: list[list[float]] = []
     for number, log in enumerate(logs):
@@ -172,7 +172,7 @@ def observations(logs: Sequence[Log], calibration: Calibration) -> Observations 
     table = np.array(rows).reshape(-1, 8)
     if min((table[:, 0] < 0.0).sum(), (table[:, 0] > 0.0).sum()) < LEAST_OBSERVATIONS:
         return None
-    return Observations(
+    return PitchObservations(
         pitch=table[:, 0],
         roll=table[:, 1],
         rotation=table[:, 2],
@@ -184,7 +184,7 @@ def observations(logs: Sequence[Log], calibration: Calibration) -> Observations 
     )
 
 
-def balanced_pitch(seen: Observations, calibration: Calibration) -> Array:
+def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
     """Pitch [rad] at which the moments balance, (observations,)."""
     vehicle = calibration.vehicle
     pump = pump_of(calibration)
@@ -209,7 +209,7 @@ class Balance:
     """What the steady pitches of a log say."""
 
     calibration: Calibration
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[UnknownParameter, ...]
     centres: Array
     offsets: Array
     """in spreads"""

@@ -7,6 +7,8 @@ attack or compass makes jump as the vehicle turns.
 Residuals of depth rate are not independent: internal waves last minutes. Their number is divided
 by the integrated autocorrelation time before anything is weighted, which is what makes the stated
 deviations hold (`tests/twin/test_identify_recovery.py`).
+
+Blocks: deviations of a fit by bootstrap over the dives that it was made from.
 """
 
 from __future__ import annotations
@@ -18,12 +20,67 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.identify.blocks import PRIOR
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
-from twin.identify.translation import Motion
-from twin.identify.unknowns import Parameter
+from twin.identify.translation import Translation
+from twin.identify.unknowns import UnknownParameter
+
+Blocks = NDArray[np.int_]
+
+PRIOR = -1
+"""Block of the residuals that are what was known before."""
+DRAWS = 400
+LEAST_BLOCKS = 8
+"""Fewer dives are cut into parts: draws of three dives say little about their spread."""
+SEED = 20221123
+"""Deviations are the same in every run."""
+
+
+def cut(blocks: Blocks) -> Blocks:
+    """The dives of residuals, cut in equal parts where they are fewer than LEAST_BLOCKS."""
+    numbers = np.unique(blocks[blocks != PRIOR])
+    parts = -(-LEAST_BLOCKS // max(len(numbers), 1))
+    if parts == 1:
+        return blocks
+    out = blocks.copy()
+    for number in numbers:
+        rows = np.flatnonzero(blocks == number)
+        for k, piece in enumerate(np.array_split(rows, parts)):
+            out[piece] = parts * number + k
+    return out
+
+
+def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
+    """Covariance of the offsets by block bootstrap, (parameters, parameters).
+
+    Args:
+      jacobian: (residuals, parameters), weighted, at the fit.
+      residual: (residuals,), weighted.
+      blocks: (residuals,) the dive of each; PRIOR: what was known before.
+    """
+    blocks = cut(blocks)
+    numbers = np.unique(blocks[blocks != PRIOR])
+    size = jacobian.shape[1]
+    curve, slope = np.zeros((len(numbers), size, size)), np.zeros((len(numbers), size))
+    for k, number in enumerate(numbers):
+        rows = blocks == number
+        curve[k] = jacobian[rows].T @ jacobian[rows]
+        slope[k] = jacobian[rows].T @ residual[rows]
+    known = jacobian[blocks == PRIOR]
+    kept = residual[blocks == PRIOR]
+    rng = np.random.default_rng(SEED)
+    offsets = np.empty((DRAWS, size))
+    for draw in range(DRAWS):
+        count = np.bincount(rng.integers(0, len(numbers), len(numbers)), minlength=len(numbers))
+        drawn = rng.normal(size=len(kept))
+        matrix = np.tensordot(count, curve, axes=1) + known.T @ known
+        right = count @ slope + known.T @ (kept + drawn)
+        offsets[draw] = -np.linalg.solve(matrix, right)
+    covariance = np.atleast_2d(np.cov(offsets, rowvar=False))
+    # draws of n blocks scatter by (n - 1) / n of the variance
+    return np.asarray(covariance * len(numbers) / max(len(numbers) - 1, 1), np.float64)
+
 
 Array = NDArray[np.float64]
 
@@ -46,7 +103,7 @@ class Problem:
         self,
         logs: Sequence[Log],
         nominal: Calibration,
-        parameters: tuple[Parameter, ...],
+        parameters: tuple[UnknownParameter, ...],
         model: FlightModel,
         fixes: bool,
     ):
@@ -65,7 +122,7 @@ class Problem:
         self.weights = [np.full(int(mask.sum()), 100.0) for mask in self.masks]  # 1 / (1 cm/s)
         self.pair_weights = np.full(2 * len(self.pairs), 1.0 / LEAST_CURRENT_CHANGE)
 
-    def with_parameter(self, parameter: Parameter) -> Problem:
+    def with_parameter(self, parameter: UnknownParameter) -> Problem:
         """The same with one parameter more, the last, and the weights of now."""
         wider = copy.copy(self)
         wider.parameters = (*self.parameters, parameter)
@@ -79,11 +136,11 @@ class Problem:
             out = parameter.at(out, float(centre), float(offset))
         return out
 
-    def motions(self, calibration: Calibration) -> list[Motion]:
+    def motions(self, calibration: Calibration) -> list[Translation]:
         """Velocities through the water of every log."""
         return [motion_of(log, calibration, self.model) for log in self.logs]
 
-    def depth_rates(self, calibration: Calibration, motions: list[Motion]) -> list[Array]:
+    def depth_rates(self, calibration: Calibration, motions: list[Translation]) -> list[Array]:
         """Model less measured [m/s] at the used samples of each log."""
         out = []
         for log, mask, motion in zip(self.logs, self.masks, motions, strict=True):
@@ -91,7 +148,7 @@ class Problem:
             out.append((log.filtered(sink) - log.depth_rate)[mask])
         return out
 
-    def current_changes(self, calibration: Calibration, motions: list[Motion]) -> Array:
+    def current_changes(self, calibration: Calibration, motions: list[Translation]) -> Array:
         """North and east change of the depth-averaged current [m/s] of each pair, flat."""
         if not self.pairs:
             return np.zeros(0)
@@ -104,7 +161,7 @@ class Problem:
                 current[k] = (np.array(log.displacement) - moved) / log.duration
         return np.concatenate([current[k] - current[k - 1] for k in self.pairs])
 
-    def weighted(self, calibration: Calibration, motions: list[Motion]) -> Array:
+    def weighted(self, calibration: Calibration, motions: list[Translation]) -> Array:
         """Residuals of depth rate and current, in independent deviations."""
         rates = self.depth_rates(calibration, motions)
         parts = [r * w for r, w in zip(rates, self.weights, strict=True)]

@@ -16,7 +16,7 @@ from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnsta
 from twin.fossen.model import FossenModel
 from twin.identify.calibration import Calibration
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, way_of
-from twin.identify.stiffness import largest_step
+from twin.identify.vehicle_file import largest_step
 from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.mission.turning import turn_factor

@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable
-from twin.identify.answer import Estimate, Identification
+from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
-from twin.identify.turning.unknowns import channel_of
-from twin.identify.unknowns import Parameter, choose
-from twin.mission.schedule import Schedule
+from twin.identify.turning_residuals import channel_of
+from twin.identify.unknowns import UnknownParameter, choose
+from twin.mission.controller import Schedule
 from twin.physics.fleet import make_batch
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
@@ -165,7 +165,7 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     )
 
 
-def _offset(parameter: Parameter, centre: float, calibration: Calibration) -> float:
+def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration) -> float:
     value = parameter.get(calibration)
     if parameter.logarithmic:
         return float(np.log(value / centre) / parameter.spread)
@@ -331,14 +331,14 @@ def _scale(series: list[Array], period: float, least: float) -> float:
 def _merged(
     flight: Identification,
     calibration: Calibration,
-    parameters: tuple[Parameter, ...],
+    parameters: tuple[UnknownParameter, ...],
     centres: Array,
     deviation: Array,
     covariance: Array,
 ) -> Identification:
     """The flight model's identification with the refined estimates in their places."""
     refined = {
-        p.name: Estimate(
+        p.name: IdentifiedParameter(
             name=p.name,
             unit=p.unit,
             meaning=p.meaning,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from twin.errors import InputError, unknown_name
-from twin.identify.balance import balance
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.logged import AFLOAT, Log, load_logs
-from twin.identify.translation import Motion, fly
+from twin.identify.start_values import balance
+from twin.identify.translation import Translation, fly
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,7 +45,7 @@ class SpeedEstimate:
     """Row in the store."""
     period: float
     """[s]"""
-    motion: Motion
+    motion: Translation
     """Surge, sway and heave through the water [m/s]."""
     sink_rate: Array
     """[m/s] downward through the water, which the vehicle's depth rate would be in still water."""
@@ -86,7 +86,7 @@ def motion_of(
     model: FlightModel = "flight",
     *,
     start: tuple[float, float, float] | None = None,
-) -> Motion:
+) -> Translation:
     """Velocity through the water, body FRD, that the model gives for a log.
 
     Args:
@@ -109,7 +109,7 @@ def motion_of(
         rates = np.stack([uniform_filter1d(rate, half) for rate in log.rates])
         speed, alpha, beta, gliding = balance(vehicle, net, roll, pitch, rates)
         speed = np.where(gliding & (log.depth > AFLOAT), speed, 0.0)
-        return Motion(
+        return Translation(
             surge=speed * np.cos(alpha) * np.cos(beta),
             sway=speed * np.sin(beta),
             heave=speed * np.sin(alpha) * np.cos(beta),
@@ -152,7 +152,7 @@ def steady_parts(log: Log) -> Mask:
     return still & (np.abs(log.pitch) > STEADY_LEAST_PITCH)
 
 
-def horizontal(log: Log, calibration: Calibration, motion: Motion) -> tuple[Array, Array]:
+def horizontal(log: Log, calibration: Calibration, motion: Translation) -> tuple[Array, Array]:
     """North and east velocity through the water [m/s], (time,) each; zero afloat."""
     pitch, roll = calibration.true_pitch(log.pitch), log.roll
     across = motion.sway * np.sin(roll) + motion.heave * np.cos(roll)

@@ -43,7 +43,7 @@ FASTEST = 5.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Motion:
+class Translation:
     """Velocity through the water, body FRD, each (time,)."""
 
     surge: Array
@@ -82,7 +82,7 @@ def fly(
     pitch: Array,
     rates: Array,
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Motion:
+) -> Translation:
     """Velocity through the water of a vehicle with this attitude.
 
     Args:
@@ -107,7 +107,7 @@ def fly(
             f"vehicle {vehicle.name!r} flies faster than {FASTEST:g} m/s in this log: its drag or "
             "its trim is far off, or the log is in other units"
         )
-    return Motion(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
+    return Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
 
 
 @inline

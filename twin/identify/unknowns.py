@@ -19,7 +19,7 @@ DEGREE = math.pi / 180.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Parameter:
+class UnknownParameter:
     """One quantity that identification can estimate."""
 
     name: str
@@ -115,8 +115,8 @@ def _get_cycle(index: int) -> Callable[[Calibration], float]:
 _COMPASS_SPREAD = 3.0
 """[deg] deviation of a glider's compass after its own calibration, with 10 deg not unheard of."""
 
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter(
+PARAMETERS: tuple[UnknownParameter, ...] = (
+    UnknownParameter(
         name="neutral_density",
         unit="kg m-3",
         meaning="density in which the vehicle is neutral at pump 0: the trim",
@@ -124,7 +124,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.vehicle.reference_density,
         set=lambda c, x: _vehicle(c, reference_density=x),
     ),
-    Parameter(
+    UnknownParameter(
         name="drag",
         unit="kg m-1",
         meaning="parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
@@ -133,7 +133,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.vehicle.flow_frame.drag[0],
         set=_set_drag,
     ),
-    Parameter(
+    UnknownParameter(
         name="mass",
         unit="kg",
         meaning="mass, and with it the volume whose buoyancy follows the water's density",
@@ -143,7 +143,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.vehicle.mass,
         set=_set_mass,
     ),
-    Parameter(
+    UnknownParameter(
         name="lift_ratio",
         unit="rad-1",
         meaning="lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
@@ -153,7 +153,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.vehicle.flow_frame.lift[1] / c.vehicle.flow_frame.drag[0],
         set=_set_lift,
     ),
-    Parameter(
+    UnknownParameter(
         name="induced_ratio",
         unit="rad-2",
         meaning="induced over parasite drag, K_D / K_D0",
@@ -163,7 +163,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.vehicle.flow_frame.drag[1] / c.vehicle.flow_frame.drag[0],
         set=_set_induced,
     ),
-    Parameter(
+    UnknownParameter(
         name="compressibility",
         unit="1e-10 Pa-1",
         meaning="relative volume that the hull loses per pressure",
@@ -173,7 +173,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: 1e10 * c.vehicle.hull_compressibility,
         set=lambda c, x: _vehicle(c, hull_compressibility=1e-10 * x),
     ),
-    Parameter(
+    UnknownParameter(
         name="thermal_expansion",
         unit="1e-6 K-1",
         meaning="relative volume that the hull gains per temperature",
@@ -182,7 +182,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: 1e6 * c.thermal_expansion,
         set=lambda c, x: c.replace(thermal_expansion=1e-6 * x),
     ),
-    Parameter(
+    UnknownParameter(
         name="thermal_lag",
         unit="s",
         meaning="time in which the hull follows the temperature of the water",
@@ -192,7 +192,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.thermal_lag,
         set=lambda c, x: c.replace(thermal_lag=x),
     ),
-    Parameter(
+    UnknownParameter(
         name="pitch_offset",
         unit="degree",
         meaning="true pitch less the sensor's",
@@ -201,7 +201,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         get=lambda c: c.pitch_offset / DEGREE,
         set=lambda c, x: c.replace(pitch_offset=x * DEGREE),
     ),
-    Parameter(
+    UnknownParameter(
         name="heading_offset",
         unit="degree",
         meaning="true heading less the compass', mean over all headings",
@@ -211,7 +211,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         set=lambda c, x: c.replace(heading_offset=x * DEGREE),
     ),
     *(
-        Parameter(
+        UnknownParameter(
             name=f"heading_{name}",
             unit="degree",
             meaning=f"compass deviation with the {text}",
@@ -234,7 +234,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 
-def choose(names: Mapping[str, object] | tuple[str, ...] | list[str]) -> tuple[Parameter, ...]:
+def choose(
+    names: Mapping[str, object] | tuple[str, ...] | list[str],
+) -> tuple[UnknownParameter, ...]:
     """The parameters of these names, in the order of `PARAMETERS`.
 
     Raises:

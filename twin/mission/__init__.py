@@ -1,6 +1,6 @@
 """Missions: what a glider is asked to fly, as dataclasses or TOML, checked and compiled."""
 
-from twin.mission.glide import SteadyGlide, steady_glide
+from twin.mission.glide_balance import SteadyGlide, steady_glide
 from twin.mission.plan import Mission
 from twin.mission.segments import (
     Circle,
@@ -14,7 +14,7 @@ from twin.mission.segments import (
     Transect,
     Waypoint,
 )
-from twin.mission.shipped import load_mission, mission_names
+from twin.mission.shipped_missions import load_mission, mission_names
 
 __all__ = [
     "Circle",

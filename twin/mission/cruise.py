@@ -1,7 +1,7 @@
 """Cruise: the steady straight flight under a propeller, level or at a pitch.
 
 Angle of attack, propeller rate and the position of what pitches the vehicle are those at which
-surge, heave and pitch balance (`twin.mission.balance`), found by Newton's method.
+surge, heave and pitch balance (`twin.mission.glide_balance`), found by Newton's method.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission.balance import DEEP, imbalance, newton
+from twin.mission.glide_balance import DEEP, imbalance, newton
 from twin.vehicle.parts import Part
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _LARGEST_ANGLE = math.radians(45.0)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SteadyFlight:
+class SteadyCruise:
     """A straight flight in still water of the reference density."""
 
     pitch: float
@@ -44,7 +44,7 @@ class SteadyFlight:
 
 def steady_flight(
     vehicle: Vehicle, pitch: float | None, speed: float, position: Array
-) -> SteadyFlight:
+) -> SteadyCruise:
     """The flight at a pitch [rad] and speed [m/s] through the water; pitch None flies level.
 
     Args:
@@ -61,15 +61,15 @@ def steady_flight(
     position = np.array(position, dtype=np.float64)
     position[driving] = cruise_rate(vehicle, speed)
     if pitching is None:
-        return SteadyFlight(pitch=pitch or 0.0, angle_of_attack=0.0, position=position)
+        return SteadyCruise(pitch=pitch or 0.0, angle_of_attack=0.0, position=position)
     free = (pitching, driving)
     scale = np.array([1.0, *(_travel(vehicle.parts[i]) for i in free)])
 
-    def flight(x: Array) -> SteadyFlight:
+    def flight(x: Array) -> SteadyCruise:
         at = position.copy()
         at[list(free)] = x[1:] * scale[1:]
         steep = float(x[0]) if pitch is None else pitch
-        return SteadyFlight(pitch=steep, angle_of_attack=float(x[0]), position=at)
+        return SteadyCruise(pitch=steep, angle_of_attack=float(x[0]), position=at)
 
     def left(x: Array) -> Array:
         f = flight(x)

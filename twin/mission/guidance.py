@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
-from twin.mission import table as g
-from twin.mission.loops import compass, pid, wrapped
+from twin.mission import mission_file as g
 from twin.mission.phases import advance
-from twin.mission.reckoning import reckon
+from twin.mission.reckoning import compass, pid, reckon, wrapped
 
 Array = NDArray[np.float64]
 

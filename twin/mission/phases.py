@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
-from twin.mission import table as g
+from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from twin.bounded import read_toml
 from twin.errors import MissionError, unknown_name
-from twin.mission import fields as check
-from twin.mission import table as g
+from twin.mission import mission_file as check
+from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
 from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle

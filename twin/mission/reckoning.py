@@ -4,6 +4,8 @@ As gliders do it: from fix to fix the way through the water is added up from dep
 heading, with the angle of attack of the steady way, or from the propeller's speed. At the first fix
 after a dive the misclosure over the time under water is the estimate of the current, which the
 next dive adds to its way and its course allows for.
+
+Loops: the arithmetic of guidance's control loops, compiled, without any memory of their own.
 """
 
 from __future__ import annotations
@@ -14,8 +16,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
-from twin.mission import table as g
-from twin.mission.loops import compass
+from twin.mission import mission_file as g
+
+
+@jit
+def pid(
+    kp: float,
+    ki: float,
+    kd: float,
+    error: float,
+    rate: float,
+    feedforward: float,
+    low: float,
+    high: float,
+    period: float,
+    zone: float,
+    state: Array,
+    slot: int,
+) -> float:
+    """One PID tick with the derivative on the measured rate; returns the clamped output.
+
+    The integral of the error, limited to `zone`, is kept in state[slot] and stands still while
+    the output is clamped and the error pushes further out.
+    """
+    output = feedforward + kp * error + ki * state[slot] - kd * rate
+    clamped = min(max(output, low), high)
+    if (output - clamped) * error * ki <= 0.0:
+        state[slot] += period * min(max(error, -zone), zone)
+    return clamped
+
+
+@jit
+def wrapped(angle: float) -> float:
+    """`angle` [rad] in [-pi, pi)."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+
+
+@jit
+def compass(angle: float) -> float:
+    """`angle` [rad] in [0, 2 pi), as headings are."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
+
 
 Array = NDArray[np.float64]
 

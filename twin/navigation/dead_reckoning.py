@@ -6,11 +6,14 @@ Integration is trapezoidal. What comes out is the track THROUGH THE WATER; the c
 matter, see `twin.navigation.dives`.
 
 Angles are radians here; stores hold degrees, `Attitude.of` converts.
+
+Ellipse: what a covariance of north and east looks like on a map.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -29,7 +32,7 @@ LEAST_COSINE = 0.2
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Attitude:
+class AttitudeSeries:
     """Roll, pitch and heading of one mission, ZYX Euler angles from NED to body FRD."""
 
     roll: Array
@@ -45,7 +48,9 @@ class Attitude:
             raise InputError(f"roll, pitch and heading must be of one shape, got {sorted(shapes)}")
 
     @classmethod
-    def of(cls, signals: Signals, source: Literal["measured", "true"] = "measured") -> Attitude:
+    def of(
+        cls, signals: Signals, source: Literal["measured", "true"] = "measured"
+    ) -> AttitudeSeries:
         """The attitude that was measured, or the true one.
 
         Raises:
@@ -105,7 +110,7 @@ def heave_from_depth_rate(
     return rest * cosine / np.maximum(cosine**2, LEAST_COSINE**2)
 
 
-def rotate_to_ned(velocity: Array, attitude: Attitude) -> Array:
+def rotate_to_ned(velocity: Array, attitude: AttitudeSeries) -> Array:
     """Body velocities (time, 3) FRD to NED (time, 3); the full ZYX rotation (Fossen 2011, 2.22)."""
     u, v, w = np.moveaxis(velocity, -1, 0)
     s_roll, c_roll = np.sin(attitude.roll), np.cos(attitude.roll)
@@ -120,7 +125,9 @@ def rotate_to_ned(velocity: Array, attitude: Attitude) -> Array:
     return np.stack([north, east, down], axis=-1)
 
 
-def horizontal_velocity(surge: Array, sway: Array, depth_rate: Array, attitude: Attitude) -> Array:
+def horizontal_velocity(
+    surge: Array, sway: Array, depth_rate: Array, attitude: AttitudeSeries
+) -> Array:
     """North and east velocity through the water [m/s], (time, 2), with heave solved for."""
     heave = heave_from_depth_rate(depth_rate, surge, sway, attitude.roll, attitude.pitch)
     return rotate_to_ned(np.stack([surge, sway, heave], axis=-1), attitude)[:, :2]
@@ -134,7 +141,7 @@ def integrate(velocity: Array, period: float) -> Array:
 
 
 def water_track(
-    surge: Array, sway: Array, depth: Array, attitude: Attitude, period: float
+    surge: Array, sway: Array, depth: Array, attitude: AttitudeSeries, period: float
 ) -> Array:
     """North and east [m] moved through the water since the start, (time, 2).
 
@@ -174,3 +181,51 @@ def true_water_path(signals: Signals, period: float) -> Array:
 def horizontal_error(track: Array, truth: Array) -> Array:
     """Distance [m] between two tracks (time, 2) at each sample, (time,)."""
     return np.hypot(*(np.asarray(track) - np.asarray(truth)).T)
+
+
+def chi_squared(part: float) -> float:
+    """Squared Mahalanobis distance within which a part of normal points of a plane lies.
+
+    The quantile of chi-squared with two degrees of freedom, -2 ln(1 - part).
+    """
+    return -2.0 * math.log1p(-part)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ellipse:
+    """By its semi-axes: from the middle to the edge."""
+
+    semi_major_m: float
+    """[m] half of the longer axis"""
+    semi_minor_m: float
+    """[m] half of the shorter axis"""
+    bearing_deg: float
+    """[degree] of the longer axis, clockwise from north, 0 to 180"""
+
+    @classmethod
+    def of(cls, squares: Array) -> Ellipse:
+        """The ellipse x^T squares^-1 x = 1 of north and east; `squares` [m2], (2, 2)."""
+        (minor, major), axes = _axes(squares)
+        return cls(
+            semi_major_m=float(major),
+            semi_minor_m=float(minor),
+            bearing_deg=math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0,
+        )
+
+
+def outline(squares: Array, points: int) -> Array:
+    """North, east [m] around `Ellipse.of(squares)`, (points, 2), closed.
+
+    Counterclockwise seen from above, from north over west, as GeoJSON has it.
+    """
+    angles = np.linspace(0.0, 2.0 * math.pi, points)
+    lengths, axes = _axes(squares)
+    if np.linalg.det(axes) > 0.0:
+        axes = axes * [1.0, -1.0]
+    return np.asarray(((axes * lengths) @ np.stack([np.cos(angles), np.sin(angles)])).T)
+
+
+def _axes(squares: Array) -> tuple[Array, Array]:
+    """Lengths, the shorter first, (2,), and directions, (2, 2), in columns."""
+    values, vectors = np.linalg.eigh(squares)
+    return np.sqrt(np.maximum(values, 0.0)), vectors

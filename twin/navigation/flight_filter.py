@@ -1,6 +1,6 @@
 """Flight filter: what a glider's flight model gets wrong, estimated while it flies.
 
-The steady balance of forces (`twin.identify.balance`) says at every sample how fast the depth must
+The steady balance of forces (`twin.identify.start_values`) says at every sample how fast the depth must
 change. What it changes in truth corrects seven constants of the mission, from which speed and flow
 angles follow:
 
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.baselines.base import no_glider
+from twin.navigation.estimators.baseline import no_glider
 from twin.navigation.flight_filter_kernels import (
     CARRIED,
     CHANNELS,
@@ -73,7 +73,7 @@ class FlightSpread:
         return np.array([c, c, tilt, tilt, self.ballast, self.compressibility, c])
 
 
-class Model(NamedTuple):
+class FlightFilterModel(NamedTuple):
     """The vehicle and the settings, as compiled code takes them."""
 
     law: Array
@@ -104,7 +104,7 @@ class FlightFilter:
         spread = FlightSpread() if spread is None else spread
         law = vehicle.flow_frame
         self.period = period
-        self.model = Model(
+        self.model = FlightFilterModel(
             np.array([*law.drag, *law.lift, *law.side_force]),
             np.ascontiguousarray(vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]),
             np.array(

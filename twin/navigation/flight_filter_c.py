@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from twin.navigation.baselines.base import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.navigation.estimators.baseline import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import (
     AFLOAT_S,

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from twin.compiled import jit
-from twin.navigation.baselines.base import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.navigation.estimators.baseline import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.parts.pump import CUBIC_CM
 
 CHANNELS = (

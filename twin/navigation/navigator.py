@@ -23,7 +23,7 @@ from twin.navigation.compass_deviation import IRON, CompassDeviation
 from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.navigation.dead_reckoning import LEAST_COSINE
 from twin.navigation.dvl_cleaning import BOTTOM
-from twin.navigation.estimator import State, VelocityEstimator
+from twin.navigation.estimators.base import State, VelocityEstimator
 
 Array = NDArray[np.float64]
 

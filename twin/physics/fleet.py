@@ -8,12 +8,12 @@ import numpy as np
 from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
+from twin.physics.lookup_tables import tables_of
+from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
-from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
-from twin.physics.tables import tables_of
 from twin.records.trajectory import Trajectory
 
 

@@ -1,19 +1,25 @@
-"""MuJoCo model: a vehicle made into the MuJoCo model that the native water acts on."""
+"""MuJoCo model: a vehicle made into the MuJoCo model that the native water acts on.
+
+Silence for MuJoCo's own warnings while our code watches a run.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import warnings
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 
 from twin.errors import InputError, VehicleError, unknown_name
 from twin.frames import flip_vector
+from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import fill_block, header, joint_places, label, write_tables
 from twin.physics.native import block as b
 from twin.physics.native.install import install
 from twin.physics.obstacles import may_collide, prepare_contacts
-from twin.physics.tables import Tables
 from twin.vehicle.laws import LAWS, Ellipsoids
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -264,3 +270,17 @@ def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
 
 def _first_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+_SAY_NOTHING = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
+
+
+@contextlib.contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Keep MuJoCo from printing and logging warnings: an unstable run is reported as an error."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_SAY_NOTHING)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

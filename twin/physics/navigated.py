@@ -28,7 +28,7 @@ from twin.navigation.navigator import (
     Navigator,
 )
 from twin.navigation.settings import Navigation
-from twin.physics.part_signals import declare_parts
+from twin.physics.true_signals import declare_parts
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
 

@@ -12,14 +12,19 @@ from numpy.typing import NDArray
 
 from twin.errors import SimulationUnstable
 from twin.mission import Mission
-from twin.mission.table import ABORTED, DONE
-from twin.physics.log_signals import from_log
+from twin.mission.mission_file import ABORTED, DONE
 from twin.physics.model_block import header, table
 from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
-from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME
+from twin.physics.true_signals import from_log
+from twin.records.storage.store_place import (
+    NOMINAL,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+)
 from twin.records.trajectory import Trajectory
-from twin.water.current.origin import DEFAULT_TIME
+from twin.water.current.axes import DEFAULT_TIME
 
 HYDROGRAPHY = ("true_temperature", "true_salinity")
 """Signals of missions in water whose temperature and salinity are known"""

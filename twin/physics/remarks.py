@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.mission import Mission, Waypoint
 from twin.physics.simulation import Simulation
-from twin.records.summary import summarise
+from twin.records.mission_dataset import summarise
 from twin.records.trajectory import Trajectory
 from twin.water.current.grid_kernels import beyond_grid
 from twin.water.floor.lookup import beyond_floor

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.ballast import Ballast
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.water.current.axes import FORMER_DEFAULT, Origin
 from twin.water.current.base import Current, current_from_dict
-from twin.water.current.origin import FORMER_DEFAULT, Origin
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
 
 if TYPE_CHECKING:
-    from twin.navigation.estimator import VelocityEstimator
+    from twin.navigation.estimators.base import VelocityEstimator
 
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""

@@ -23,8 +23,7 @@ from twin.frames import (
     quaternion_to_matrix,
 )
 from twin.physics.model_block import joint_places, state
-from twin.physics.mujoco_model import compile_model
-from twin.physics.quiet import quiet_mujoco
+from twin.physics.mujoco_model import compile_model, quiet_mujoco
 from twin.physics.steady_motion import (
     Trim,
     advice,

@@ -14,17 +14,15 @@ from numpy.typing import NDArray
 from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import flip_quaternion, flip_vector
 from twin.mission.controller import Command, Controller, Observation
-from twin.mission.table import DONE
+from twin.mission.mission_file import DONE
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
-from twin.physics.integration import check_integration
-from twin.physics.model_block import header, state
-from twin.physics.mujoco_model import compile_model
+from twin.physics.lookup_tables import Tables, tables_of
+from twin.physics.model_block import check_integration, header, state
+from twin.physics.mujoco_model import compile_model, quiet_mujoco
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
-from twin.physics.quiet import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
-from twin.physics.tables import Tables, tables_of
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
@@ -245,8 +243,8 @@ class Simulation:
 
     def _run_navigated(self, controller: Controller | None) -> None:
         """Guidance, or a controller, by what is known on board; see `twin.physics.navigated`."""
-        from twin.physics.live_truth import LiveTruth
         from twin.physics.navigated import OnBoard, guidance_of
+        from twin.physics.true_signals import LiveTruth
 
         scenario, timestep = self.scenario, self.model.opt.timestep
         guidance = guidance_of(scenario)

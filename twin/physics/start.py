@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.numbers import number, numbers
-from twin.water.current.origin import HIGHEST_LATITUDE, Origin, same_place
+from twin.water.current.axes import HIGHEST_LATITUDE, Origin, same_place
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

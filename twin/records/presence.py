@@ -1,20 +1,27 @@
 """Presence: what is at a path or address: a store, one that was begun, something else, nothing.
 
 Only metadata and the names of files are read, no arrays.
+
+Flight file: recognises what `twin flight` wrote, so that an error can name it.
 """
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin.bounded import parse_json
-from twin.errors import InputError, StoreError
-from twin.records.attributes import is_missions
-from twin.records.checksums import is_listed
-from twin.records.object_files import files_at
-from twin.records.sharded import METADATA
-from twin.records.store_path import StorePath, store_path
+from twin.errors import InputError, StoreError, quoted
+from twin.records.attributes import TITLE, is_missions
+from twin.records.storage.checksums import is_listed
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.sharded import METADATA
+from twin.records.storage.store_place import StorePath, store_path
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 GENERATING = ".generating"
 """Ending of the folder beside a store that `factory generate` works in until it is complete."""
@@ -85,3 +92,45 @@ def read_attributes(path: str | StorePath) -> dict[str, Any]:
 def is_there(path: StorePath) -> bool:
     """Whether anything is under a path or below an address; raises OSError."""
     return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
+
+
+FLIGHT_TITLE = "Flight of underwater gliders by their flight model"
+"""With which the title of such a file begins"""
+SIGNATURES = (b"\x89HDF", b"CDF")
+"""First bytes of netCDF files"""
+
+
+def is_flight(path: str | StorePath) -> bool:
+    """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
+    path = store_path(path)
+    try:
+        if not isinstance(path, Path) or path.is_dir():
+            about = json.loads(files_at(path).read_small(METADATA)).get("attributes", {})
+            return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
+        with path.open("rb") as file:
+            if not file.read(4).startswith(SIGNATURES):
+                return False
+    except (OSError, ValueError, AttributeError, RecursionError):
+        return False
+    import netCDF4
+
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            return str(getattr(dataset, TITLE, "")).startswith(FLIGHT_TITLE)
+    except OSError:
+        return False
+
+
+def open_flight(path: Path) -> xr.Dataset:
+    """Such a file or folder, lazily; raises whatever its reader does."""
+    import xarray as xr
+
+    return xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
+
+
+def flight_message(path: str | StorePath) -> str:
+    """What a reader of stores says of such a file."""
+    return (
+        f"{path} is a flight, which `twin flight` wrote: `twin plot {quoted(path)}` draws it; "
+        "this needs the store that it was made from"
+    )

@@ -33,17 +33,17 @@ from twin.records.attributes import (
     is_logged,
     is_missions,
 )
-from twin.records.limits import recorded_limits
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.store import open_store
-from twin.records.store_arrays import (
+from twin.records.schema.limits import recorded_limits
+from twin.records.storage.store_arrays import (
     check_arrays,
     check_filled,
     check_mission,
     gone_arrays,
     read_array,
 )
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.store_place import StorePath, store_path
+from twin.records.store import open_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle

@@ -22,16 +22,27 @@ import numpy as np
 from twin.bounded import check_dataset
 from twin.errors import StoreError, WriteError, quoted
 from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
-from twin.records.flight_file import flight_message, is_flight
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
-from twin.records.object_files import files_at
-from twin.records.place import read_place
-from twin.records.presence import is_complete, is_store, is_there, is_unfinished, read_attributes
+from twin.records.presence import (
+    flight_message,
+    is_complete,
+    is_flight,
+    is_store,
+    is_there,
+    is_unfinished,
+    read_attributes,
+)
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
-from twin.records.store_arrays import check_arrays, check_mission, mission_samples, read_array
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.store_arrays import (
+    check_arrays,
+    check_mission,
+    mission_samples,
+    read_array,
+)
+from twin.records.storage.store_place import StorePath, read_place, store_path
+from twin.records.storage.whole import check_folder_target, recover, whole_folder
 from twin.records.trajectory import Trajectory
-from twin.records.whole import check_folder_target, recover, whole_folder
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from twin.bounded import check_archive, check_dataset
 from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
-from twin.records.flight_file import FLIGHT_TITLE
+from twin.records.presence import FLIGHT_TITLE
 from twin.records.schema import MISSION, TIME
 from twin.records.store import write_netcdf, write_zarr
 

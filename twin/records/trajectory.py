@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, UnknownName
 from twin.lazy import resolve
-from twin.records.place import START_LATITUDE, START_LONGITUDE
+from twin.records.storage.store_place import START_LATITUDE, START_LONGITUDE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,7 +106,7 @@ class Trajectory(Mapping[str, Array]):
         Raises:
           UnknownName: no such figure. InputError: the trajectory lacks a signal that it shows.
         """
-        drawn: Figure = resolve("twin.plot.registry:figure")(self, figure, **options)
+        drawn: Figure = resolve("twin.show.figures.base:figure")(self, figure, **options)
         return drawn
 
     @property

@@ -11,7 +11,9 @@ from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
 from twin.records.mission_dataset import STATES, mission_dataset, signal_names, stored_columns
-from twin.records.place import (
+from twin.records.schema import MISSION, TIME, variable
+from twin.records.storage.store_arrays import check_mission
+from twin.records.storage.store_place import (
     DATETIME,
     FLOWN,
     LATITUDE,
@@ -23,11 +25,9 @@ from twin.records.place import (
     unix_milliseconds,
     unix_seconds,
 )
-from twin.records.schema import MISSION, TIME, variable
+from twin.records.storage.whole import whole_file
 from twin.records.store import declare_signals, read_trajectory, write_netcdf, write_store
-from twin.records.store_arrays import check_mission
 from twin.records.trajectory import Trajectory
-from twin.records.whole import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, unknown_name
 from twin.records.attributes import SPLITS
-from twin.records.buffers import Places, buffers
 from twin.records.reader import MissionStore
-from twin.records.sharded import fast_reading
-from twin.records.store_path import StorePath, store_path
+from twin.records.storage.disk import Places, buffers
+from twin.records.storage.sharded import fast_reading
+from twin.records.storage.store_place import StorePath, store_path
 
 Floats = NDArray[np.float32]
 Missions = dict[int, Floats]

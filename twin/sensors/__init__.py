@@ -5,7 +5,7 @@ A sensor of one's own is one file: see docs/reference/sensors.md and `register`.
 
 from twin.sensors.altimeter import Altimeter
 from twin.sensors.attitude import Attitude
-from twin.sensors.base import Sensor, Surroundings
+from twin.sensors.base import SENSORS, Sensor, Surroundings, register
 from twin.sensors.compass import COMPASS_PRESETS, Compass
 from twin.sensors.ctd import Ctd
 from twin.sensors.dvl import Dvl
@@ -14,7 +14,6 @@ from twin.sensors.gps import Gps
 from twin.sensors.imu import IMU_PRESETS, Imu
 from twin.sensors.onboard import Onboard, OnboardTrack
 from twin.sensors.pressure import Pressure
-from twin.sensors.registry import SENSORS, register
 from twin.sensors.suite import SUITE_PRESETS, SensorSuite
 
 __all__ = [

@@ -20,14 +20,13 @@ from twin.errors import InputError, UnknownName, unknown_name
 from twin.records.schema import Variable, variable
 from twin.sensors.altimeter import Altimeter
 from twin.sensors.attitude import Attitude
-from twin.sensors.base import Sensor, Surroundings
+from twin.sensors.base import SENSORS, Sensor, Surroundings
 from twin.sensors.checks import Signals
 from twin.sensors.compass import Compass
 from twin.sensors.dvl import Dvl
 from twin.sensors.imu import Imu
 from twin.sensors.noise import DRAWN_STREAM, sensor_generator
 from twin.sensors.onboard import DVL, Onboard
-from twin.sensors.registry import SENSORS
 
 if TYPE_CHECKING:
     from twin.water.density import DensityProfile

@@ -2,14 +2,14 @@
 
 import sys
 
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 
 _VIEW = "view"
 PROGRAM = Program(
     name="python -m twin.suite",
     summary="Control tasks for a glider, in the dm_control viewer.",
     commands=(
-        Command(
+        ProgramCommand(
             name=_VIEW,
             summary="watch a policy fly a task (the default command)",
             loader="twin.suite.view:View",

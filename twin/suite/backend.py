@@ -23,6 +23,6 @@ def choose_backend() -> None:
         return
     if any(os.environ.get(screen) for screen in _SCREENS):
         return
-    from twin.render.context import available_backend
+    from twin.show.render.context import available_backend
 
     os.environ[_VARIABLE] = available_backend() or "disable"

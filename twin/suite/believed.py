@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify.balance import net_mass
+from twin.identify.start_values import net_mass
 from twin.navigation.navigator import NavigationState
 from twin.navigation.settings import Navigation
-from twin.physics.live_truth import LiveTruth
 from twin.physics.model_block import header, table
 from twin.physics.native import block
 from twin.physics.navigated import OnBoard
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
+from twin.physics.true_signals import LiveTruth
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

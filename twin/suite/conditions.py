@@ -15,11 +15,11 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.physics.ballast import Ballast
-from twin.registry import Registry
+from twin.seams import Registry
 from twin.vehicle.vehicle import Vehicle
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current, CurrentSum
-from twin.water.current.origin import Origin
-from twin.water.current.spec import parse_current
+from twin.water.current.current_text import parse_current
 from twin.water.density import DensityProfile
 
 TABLE, BASE = "table", "preset"

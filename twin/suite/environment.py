@@ -11,7 +11,7 @@ import numpy as np
 from dm_control.rl import control
 
 from twin.errors import InputError
-from twin.navigation.estimator import VelocityEstimator
+from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.numbers import number
 from twin.suite.believed import Believed

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.physics.model_block import header, part_table
+from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.native import block as b
-from twin.physics.quiet import quiet_mujoco
 from twin.physics.start import Start
 from twin.suite.conditions import Conditions
 from twin.suite.placing import OF_THE_VEHICLE, Nominal, place_vehicle, write_conditions

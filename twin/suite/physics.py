@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.frames import flip_vector
+from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
     header,
     part_names,
@@ -33,12 +34,11 @@ from twin.physics.model_block import (
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install
 from twin.physics.start import Start
-from twin.physics.tables import Tables
 from twin.suite.conditions import Conditions
 from twin.suite.placing import Nominal, place_vehicle, write_conditions
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.origin import Origin
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from twin.errors import InputError
-from twin.registry import Registry
+from twin.seams import Registry
 
 GROUP = "glider_twin.tasks"
 """Entry points of installed distributions: NAME = "module:function"."""

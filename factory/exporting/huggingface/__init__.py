@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from factory.exporting.base import Exporter
-from factory.exporting.described import described
+from factory.exporting.base import Exporter, described
 
 HUGGINGFACE = Exporter(
     name="huggingface",

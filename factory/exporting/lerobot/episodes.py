@@ -19,8 +19,7 @@ from factory.exporting.data_card import card, split_name, write_card
 from factory.exporting.lerobot.features import INDICES, OTHER, Features, choose_features
 from factory.exporting.lerobot.statistics import Total, episode_statistics
 from factory.exporting.metadata import Metadata
-from factory.stores.generated import GeneratedStore
-from factory.stores.stored_flight import StoredFlight
+from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
 

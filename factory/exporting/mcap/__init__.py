@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def _write(
     run: MissionStore, missions: Sequence[int], folder: Path, advance: Advance
 ) -> list[Path]:
-    from factory.exporting.mcap.files import export_mcap
+    from factory.exporting.mcap.mcap_file import export_mcap
 
     return export_mcap(run, missions, folder, advance)
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap.axes import orientation
+from factory.exporting.mcap.cdr import orientation
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane, offset, position
-from twin.records.place import (
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
+from twin.records.storage.store_place import (
     DATETIME,
     LATITUDE,
     LONGITUDE,
@@ -16,8 +18,6 @@ from twin.records.place import (
     START_LONGITUDE,
     read_place,
 )
-from twin.records.reader import MissionStore
-from twin.records.schema import MISSION
 from twin.records.timeseries import FIXES, sample_coordinates
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ NANOSECONDS = 1_000_000
 """In a millisecond"""
 
 
-class Samples:
+class McapSamples:
     """Signals, moments and places of a mission.
 
     Raises:

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap.axes import body, to_body, world
-from factory.exporting.mcap.samples import Samples
-from factory.stores.generated import GeneratedStore
-from factory.stores.stored_flight import StoredFlight
+from factory.exporting.mcap.cdr import body, to_body, world
+from factory.exporting.mcap.samples import McapSamples
+from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.schema import VARIABLES
 from twin.records.timeseries import FIXES
 from twin.sensors.imu import Imu
@@ -70,7 +69,7 @@ class Topic:
     """Of a bare number"""
 
 
-def topics(samples: Samples) -> Iterator[Topic]:
+def topics(samples: McapSamples) -> Iterator[Topic]:
     """All topics of a mission, standard messages first."""
     used: set[str] = set()
     for topic in _standard(samples):
@@ -81,7 +80,7 @@ def topics(samples: Samples) -> Iterator[Topic]:
             yield _number(samples, name)
 
 
-def _standard(samples: Samples) -> Iterator[Topic]:
+def _standard(samples: McapSamples) -> Iterator[Topic]:
     simulated = not samples.run.logged
     for group in ("true", "measured"):
         if samples.all_of(*_names(group, *ANGLES)):
@@ -114,7 +113,7 @@ def _standard(samples: Samples) -> Iterator[Topic]:
     yield _fix(samples, name, samples.latitude, samples.longitude, (), None)
 
 
-def _imu(samples: Samples, group: str) -> Iterator[Topic]:
+def _imu(samples: McapSamples, group: str) -> Iterator[Topic]:
     """Attitude, rates and specific force, which ROS calls linear acceleration."""
     suffix = TRUE if group == "true" else ""
     rates, forces = _names(group, *RATES), _names(group, *FORCES)
@@ -134,7 +133,7 @@ def _imu(samples: Samples, group: str) -> Iterator[Topic]:
     yield _stamped(samples, topic, "sensor_msgs/msg/Imu", values, names, frame=frame)
 
 
-def _pose(samples: Samples, group: str) -> Iterator[Topic]:
+def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
     """Where the vehicle is, as odometry, pose and transform."""
     measured = group == "measured"
     logged = samples.run.logged
@@ -188,7 +187,7 @@ def _pose(samples: Samples, group: str) -> Iterator[Topic]:
     yield _transforms("/tf_static", fixed, np.arange(samples.count) == 0)
 
 
-def _doppler(samples: Samples) -> Iterator[Topic]:
+def _doppler(samples: McapSamples) -> Iterator[Topic]:
     """Velocity by the Doppler log, over the bottom and through the water apart."""
     names = _names("measured", "dvl_surge", "dvl_sway", "dvl_heave")
     if not samples.all_of(*names, "measured_dvl_mode"):
@@ -206,7 +205,7 @@ def _doppler(samples: Samples) -> Iterator[Topic]:
 
 
 def _fix(
-    samples: Samples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
+    samples: McapSamples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
     deviation: float | None,
 ) -> Topic:  # fmt: skip
     """Places as a map shows them; the height is above the sea surface."""
@@ -226,14 +225,14 @@ def _fix(
     return _stamped(samples, name, "sensor_msgs/msg/NavSatFix", values, signals, frame=frame)
 
 
-def _gps_deviation(samples: Samples) -> float | None:
+def _gps_deviation(samples: McapSamples) -> float | None:
     """[m] of the fixes of a mission, per axis; None where nobody knows it."""
     if isinstance(samples.run, GeneratedStore):
         return samples.run.sensor_constants(samples.mission).get("gps_sigma") or None
     return None
 
 
-def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _imu_covariances(samples: McapSamples) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Of rates [(rad/s)2] and specific force [(m/s2)2]; zeros, that is unknown, of other sensors.
 
     White noise, bias instability and turn-on bias of a sample, each as its deviation.
@@ -253,7 +252,7 @@ def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, 
     return found[0], found[1]
 
 
-def _number(samples: Samples, name: str) -> Topic:
+def _number(samples: McapSamples, name: str) -> Topic:
     """A signal that no standard message has."""
     group, rest = name.split("_", 1)
     stored = VARIABLES[name].units
@@ -266,7 +265,7 @@ def _number(samples: Samples, name: str) -> Topic:
 
 
 def _stamped(
-    samples: Samples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
+    samples: McapSamples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
     frame: str = BASE,
 ) -> Topic:  # fmt: skip
     """A topic with headers; samples with a gap in any field have no message."""

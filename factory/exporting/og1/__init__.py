@@ -22,9 +22,8 @@ def _write(
     from factory.exporting.metadata import metadata_for
     from factory.exporting.og1.deployments import export_og1_logs
     from factory.exporting.og1.missions import export_og1
-    from factory.stores.generated import GeneratedStore
-    from factory.stores.stored_flight import StoredFlight
-    from twin.records.logs import LogStore
+    from factory.generation.generated_store import GeneratedStore, StoredFlight
+    from twin.records.logged import LogStore
 
     if isinstance(run, LogStore):
         metadata = metadata_for(run, options.metadata)

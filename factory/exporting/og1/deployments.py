@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.metadata import Metadata
-from factory.exporting.og1.flight_terms import JoinedDives, flight_terms
+from factory.exporting.og1.flight_terms import JoinedDives, conductivity, flight_terms, payload
 from factory.exporting.og1.flown import Flown, flown
-from factory.exporting.og1.places import corrected_places, gps_fixes, tracks
-from factory.exporting.og1.quality import ENDING, quality
-from factory.exporting.og1.seawater import conductivity, payload
+from factory.exporting.og1.missions import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.terms import (
     ASCENT,
     COORDINATES,
@@ -40,16 +38,18 @@ from factory.exporting.og1.terms import (
     log_attributes,
 )
 from factory.exporting.og1.variables import (
+    ENDING,
     Og1Variable,
     deployment_place,
     depth_variable,
     dvl_mode,
     phase_variable,
+    quality,
     text,
     time_attributes,
     write_og1,
 )
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Flown: the corrected tracks, velocities and currents that an OG1.0 file holds.
 
-They are `twin.flight`'s where the vehicle's flight can be modelled. Where it cannot, the vehicle's
+They are `twin.logs`'s where the vehicle's flight can be modelled. Where it cannot, the vehicle's
 own dead-reckoned track is corrected at the fixes in the same way, and without one the straight line
 between them; the file says which and why.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.flight import (
+from twin.logs import (
     DiveCurrent,
     Drift,
     Fixes,
@@ -22,11 +22,10 @@ from twin.flight import (
     estimate_flight,
     linear_track,
 )
-from twin.flight.current import USUAL_CHANGE, USUAL_DURATION
-from twin.flight.dive import FlownDive
-from twin.flight.fixes import fixes_of
-from twin.flight.place import place_of
-from twin.flight.track import track_velocity
+from twin.logs.corrected_track import track_velocity
+from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
+from twin.logs.dive import FlownDive
+from twin.logs.fix import fixes_of, place_of
 from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
@@ -38,7 +37,7 @@ UNKNOWN = "unknown: no GPS fix and no track"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Track:
+class FlownTrack:
     """One mission's way over ground."""
 
     position: Array
@@ -60,7 +59,7 @@ class Track:
 class Flown:
     """The tracks of the missions of a store."""
 
-    tracks: dict[int, Track]
+    tracks: dict[int, FlownTrack]
     model: str
     """Which vehicle's flight model, or why there is none"""
 
@@ -72,7 +71,7 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
       run: the store.
       missions: rows of it.
       vehicle: file or name of the vehicle, which must be one that can be flown; default as
-        `twin.flight.estimate_flight` has it.
+        `twin.logs.estimate_flight` has it.
 
     Raises:
       TwinError: the given vehicle cannot be flown on this store.
@@ -91,7 +90,7 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
         if one.dive.motion is None:
             tracks[mission] = _unmodelled(run, mission)
             continue
-        tracks[mission] = Track(
+        tracks[mission] = FlownTrack(
             position=one.position,
             deviation=one.deviation,
             fixes=one.fixes,
@@ -103,7 +102,7 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
     return Flown(tracks=tracks, model=f"flight model of vehicle {found.calibration.vehicle.name}")
 
 
-def _unmodelled(run: MissionStore, mission: int) -> Track:
+def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:
     """By the vehicle's own track, or along straight lines."""
     fixes = fixes_of(run, mission)
     velocity = _on_board(run, mission, fixes)
@@ -118,7 +117,7 @@ def _unmodelled(run: MissionStore, mission: int) -> Track:
         position, deviation = corrected_track(velocity, run.period, fixes, latitude)
     if method == STRAIGHT and not len(fixes):
         position[:], deviation[:], method = np.nan, np.nan, UNKNOWN
-    return Track(
+    return FlownTrack(
         position=position,
         deviation=deviation,
         fixes=fixes,

@@ -5,14 +5,19 @@ from __future__ import annotations
 import datetime
 from dataclasses import dataclass
 
-from factory.flight.mission_place import mission_place
-from factory.stores.generated import GeneratedStore
-from factory.stores.stored_flight import StoredFlight
+from factory.generation.generated_store import GeneratedStore, StoredFlight
+from factory.sampling.mission_water import mission_place
 from twin.errors import StoreError
-from twin.records.place import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME, read_place
 from twin.records.schema import MISSION
+from twin.records.storage.store_place import (
+    NOMINAL,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+    read_place,
+)
 from twin.version import __version__
-from twin.water.current.origin import DEFAULT_TIME, Origin
+from twin.water.current.axes import DEFAULT_TIME, Origin
 
 EARLIEST = datetime.datetime(2001, 9, 9, 1, 46, 40, tzinfo=datetime.UTC)
 """OG1.0's valid_min of times, 1e9 s after 1970"""

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata, with_metadata
 from factory.exporting.og1.simulated import SimulatedMission
-from factory.stores.generated import GeneratedStore
-from factory.stores.stored_flight import StoredFlight
-from twin.records.logs import LogStore
+from factory.generation.generated_store import GeneratedStore, StoredFlight
+from twin.records.logged import LogStore
 from twin.records.schema import SIMULATED
 from twin.records.trajectory import actuator_names
 from twin.sensors import SensorSuite

@@ -1,4 +1,7 @@
-"""Dives of all logs on one time grid as one dataset, with the report of what was done to them."""
+"""Dives of all logs on one time grid as one dataset, with the report of what was done to them.
+
+Pieces: rows of a log that is not cut into dives, such as the runs of a propelled vehicle.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.dives.dive_checks import complete, standing
-from factory.importing.dives.dive_current import averaged_current
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
-from factory.importing.dives.pieces import pieces
-from factory.importing.dives.positions import row_positions
-from factory.importing.dives.resample import frame_origin, grid, on_grid
-from factory.importing.dives.segments import Segment, cut
-from factory.importing.reading.deployment_log import Channel, DeploymentLog
-from factory.importing.reading.tally import ImportReport, Tally, summarise
-from factory.importing.reading.unread_names import likely_replacements, tell_unread, unread
-from factory.importing.repairs.dive_rules import DiveRules
-from factory.importing.repairs.gps_fixes import tell_read
-from factory.importing.repairs.plausibility import check_signs
+from factory.importing.dives.positions import averaged_current, row_positions
+from factory.importing.dives.regular_times import frame_origin, grid, on_grid
+from factory.importing.dives.segments import LogSegment, cut
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
+from factory.importing.reading.tally import (
+    ImportReport,
+    Tally,
+    likely_replacements,
+    summarise,
+    tell_unread,
+    unread,
+)
+from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes, tell_read
+from factory.importing.repairs.plausibility import DiveRules, check_signs
 from factory.importing.repairs.seawater import depth_of, pressure_of
 from factory.importing.repairs.surface_offset import zeroed
 from twin.errors import InputError
+from twin.geodesy import offset
 from twin.records.attributes import (
     COMMENT,
     FILES,
@@ -39,6 +46,58 @@ from twin.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+NEAR_END = 5.0
+"""[s] A fix so near to a row's end stands for it."""
+
+
+def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegment]:
+    """The rows that the reader of a log has found, in time order, with their fixes.
+
+    Rows shorter than `rules.min_duration` are left out, counted.
+    """
+    assert log.pieces is not None
+    fixes = good_fixes(log.fixes, log.channel("measured_depth"), rules, tally)
+    long = [span for span in log.pieces if span[1] - span[0] >= rules.min_duration]
+    tally.add(
+        "left out", "rows", len(log.pieces) - len(long), f"shorter than {rules.min_duration:g} s"
+    )
+    used = np.zeros(len(fixes), bool)
+    for start, end in long:
+        used |= (fixes.time >= start) & (fixes.time <= end)
+    tell_fixes(fixes, used, tally, kept="within rows", left_out="outside rows")
+    return [_segment(start, end, fixes.within(start, end)) for start, end in long]
+
+
+def _segment(start: float, end: float, inside: LoggedFixes) -> LogSegment:
+    nothing = (float("nan"), float("nan"))
+    first, last = _near(inside, start), _near(inside, end)
+    moved = nothing
+    if first is not None and last is not None:
+        north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
+        moved = (float(north), float(east))
+    return LogSegment(
+        start=start,
+        end=end,
+        start_fix=first,
+        end_fix=last,
+        displacement=moved,
+        surface_duration=float("nan"),
+        surface_drift=nothing,
+        inside=inside,
+    )
+
+
+def _near(fixes: LoggedFixes, time: float) -> tuple[float, float] | None:
+    """Latitude and longitude of the fix nearest to a row's end, where one is near."""
+    if not len(fixes):
+        return None
+    k = int(np.argmin(np.abs(fixes.time - time)))
+    if abs(fixes.time[k] - time) > NEAR_END:
+        return None
+    return float(fixes.latitude[k]), float(fixes.longitude[k])
+
 
 WANTED = (
     "measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
@@ -216,7 +275,7 @@ def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
 
 
 def _tell_outside(
-    depth: Channel, segments: Sequence[Segment], rules: DiveRules, tally: Tally
+    depth: Channel, segments: Sequence[LogSegment], rules: DiveRules, tally: Tally
 ) -> None:
     """Count the depths that no row holds, by where the vehicle was."""
     outside = _outside(depth, segments)
@@ -228,7 +287,7 @@ def _tell_outside(
         tally.add("left out", "depth samples", int(count.sum()), where)
 
 
-def _outside(depth: Channel, segments: Sequence[Segment]) -> NDArray[np.bool_]:
+def _outside(depth: Channel, segments: Sequence[LogSegment]) -> NDArray[np.bool_]:
     """True for samples in no segment."""
     inside = np.zeros(len(depth), bool)
     for segment in segments:
@@ -237,7 +296,7 @@ def _outside(depth: Channel, segments: Sequence[Segment]) -> NDArray[np.bool_]:
 
 
 def _numbers(
-    log: DeploymentLog, segment: Segment, segments: Sequence[Segment], number: int
+    log: DeploymentLog, segment: LogSegment, segments: Sequence[LogSegment], number: int
 ) -> dict[str, float]:
     """Per-row numbers that come from the log."""
     numbers: dict[str, float] = {"dive": float(number)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from factory.importing.dives.segments import Segment
+from factory.importing.dives.segments import LogSegment
 from factory.importing.reading.deployment_log import DeploymentLog
 from factory.importing.reading.tally import Tally
 
@@ -22,7 +22,7 @@ _STANDS, _PITCHED = 300.0, 10.0
 """[s, degree] A depth that keeps its value for so long while the nose points up or down."""
 
 
-def complete(log: DeploymentLog, segment: Segment, dive: int, tally: Tally) -> bool:
+def complete(log: DeploymentLog, segment: LogSegment, dive: int, tally: Tally) -> bool:
     """Whether the log holds a dive from its first fix to its last; says so where it does not."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
     if not len(inside):
@@ -51,7 +51,7 @@ def complete(log: DeploymentLog, segment: Segment, dive: int, tally: Tally) -> b
     return whole
 
 
-def standing(log: DeploymentLog, segment: Segment, tally: Tally) -> None:
+def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
     """Report sensors that stood still for the whole dive, as `suspect`, once for each dive."""
     depth = log.channel("measured_depth").within(segment.start, segment.end)
     below = depth.values > _BELOW

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.dives.dive_current import CURRENT_METHOD
-from factory.importing.dives.positions import Positions
-from factory.importing.dives.segments import PHASES, Segment
+from factory.importing.dives.positions import CURRENT_METHOD, Positions
+from factory.importing.dives.segments import PHASES, LogSegment
 from factory.importing.reading.deployment_log import Array, DeploymentLog
 from twin.records.attributes import (
     COMMENT,
@@ -26,7 +25,8 @@ from twin.records.attributes import (
     SPLITS,
     TITLE,
 )
-from twin.records.place import (
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.storage.store_place import (
     ATTRIBUTES,
     DATETIME,
     LATITUDE,
@@ -41,7 +41,6 @@ from twin.records.place import (
     sample_variables,
     unix_milliseconds,
 )
-from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.trajectory import sample_times
 from twin.version import __version__
 
@@ -63,7 +62,7 @@ class DiveRow:
     """One row of the store."""
 
     log: DeploymentLog
-    segment: Segment
+    segment: LogSegment
     signals: dict[str, Array]
     numbers: dict[str, float]
     """Per-row numbers besides those of the segment: dive, vehicle_dac_north ..."""

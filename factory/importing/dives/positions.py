@@ -2,9 +2,11 @@
 
 Its way through the water is reckoned from depth rate, pitch and heading; where these say nothing,
 the vehicle's own track is taken; where it logged none, it is taken to rest. The misclosure at the
-GPS fixes is spread linearly in time (`twin.flight.track`), so that every fix is met. A vehicle that
+GPS fixes is spread linearly in time (`twin.logs.corrected_track`), so that every fix is met. A vehicle that
 is taken to rest moves on the straight line between its fixes, and is nowhere outside them.
 `twin flight` does better: it knows the vehicle.
+
+Depth-averaged current of a dive, from its two GPS fixes and its way through the water.
 """
 
 from __future__ import annotations
@@ -15,10 +17,116 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.dives.dive_current import through_water
+from factory.importing.dives.segments import SURFACE, LogSegment
 from twin.geodesy import position, wrap_longitude
-from twin.records.place import rounded_degrees
-from twin.water.current.origin import HIGHEST_LATITUDE
+from twin.records.storage.store_place import rounded_degrees
+from twin.water.current.axes import HIGHEST_LATITUDE
+
+ATTACK = 3.0
+"""[degree] Angle between a glider's nose and its path, as glider people take it (OceanGliders)."""
+CURRENT_METHOD = (
+    "(displacement over ground between the fixes - displacement through the water) / dive_duration;"
+    " through the water at depth rate / tan(|pitch| + 3 degree) along the true heading, zero at the"
+    " surface, bridged where |pitch| is below 10 degree. NaN without two fixes, pitch or heading,"
+    " for dives that the log does not hold to their end, and under propulsion"
+)
+"""For the attributes of a store."""
+_STEEP = 10.0
+"""[degree] Flatter, the glider is turning over: the speed is bridged."""
+_WINDOW = 20.0
+"""[s] Pitch and depth rate are averaged over so long."""
+_AFLOAT = 1.0
+"""[m] Above, it lies at the surface."""
+_KNOWN = 0.9
+"""So much of the time under water must have original samples."""
+_DRIVEN = 0.01
+"""With the thruster on for more of the time, the depth rate says nothing about the speed."""
+_FEWEST = 10
+"""Samples of a glide without which there is no speed."""
+
+
+def averaged_current(
+    signals: Mapping[str, Array],
+    segment: LogSegment,
+    period: float,
+    *,
+    complete: bool = True,
+    driven: float = 0.0,
+) -> tuple[float, float]:
+    """North and east [m/s] of a row's depth-averaged current; NaN where it cannot be known.
+
+    Args:
+      signals: of the row, on its grid.
+      period: [s] of the grid.
+      complete: whether the log holds the dive to its end.
+      driven: part of the time with the thruster on.
+    """
+    velocity = through_water(signals, period, driven=driven)
+    if velocity is None or not complete or not np.isfinite(segment.displacement).all():
+        return float("nan"), float("nan")
+    # the trapezoid between samples: the first and last are the fixes
+    weight = np.full(len(velocity), period)
+    weight[[0, -1]] *= 0.5
+    through = [float(np.sum(weight * axis)) for axis in velocity.T]
+    return (
+        (segment.displacement[0] - through[0]) / segment.duration,
+        (segment.displacement[1] - through[1]) / segment.duration,
+    )
+
+
+def through_water(
+    signals: Mapping[str, Array], period: float, *, driven: float = 0.0
+) -> Array | None:
+    """North and east [m/s] through the water by depth rate and pitch, (time, 2).
+
+    None where they do not say it: no such signal, no glide, a log with holes, or propulsion.
+
+    Args:
+      signals, period, driven: as `averaged_current`.
+    """
+    names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
+    if any(name not in signals for name in names) or driven > _DRIVEN:
+        return None
+    depth, pitch, heading, phase = (signals[name] for name in names)
+    known = signals["measured_gap"] < 0.5
+    under = (depth > _AFLOAT) & (phase != SURFACE)
+    if not under.any() or known[under].mean() < _KNOWN:
+        return None
+    speed = level_speed(depth, pitch, period)
+    if speed is None:
+        return None
+    speed = np.where(under, speed, 0.0)
+    course = np.radians(heading)
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
+    return velocity if np.isfinite(velocity).all() else None
+
+
+def level_speed(depth: Array, pitch: Array, period: float) -> Array | None:
+    """[m/s] Horizontal speed through the water; None without a glide.
+
+    Args:
+      depth: [m], (time,).
+      pitch: [degree], (time,).
+    """
+    rate = np.gradient(_mean(depth, period), period)
+    slope = _mean(pitch, period)
+    # it sinks nose down and rises nose up
+    good = (np.abs(slope) > _STEEP) & (rate * slope < 0.0) & (depth > _AFLOAT)
+    if good.sum() < _FEWEST:
+        return None
+    path = np.radians(np.maximum(np.abs(slope), _STEEP) + ATTACK)
+    index = np.arange(len(depth))
+    return np.interp(index, index[good], (np.abs(rate) / np.tan(path))[good])
+
+
+def _mean(values: Array, period: float) -> Array:
+    """Running mean over `_WINDOW`, the end values repeated outside."""
+    half = max(round(0.5 * _WINDOW / period), 0)
+    if half == 0 or len(values) < 2:
+        return values
+    padded = np.pad(values, half, mode="edge")
+    return np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+
 
 Array = NDArray[np.float64]
 
@@ -32,7 +140,7 @@ class Positions:
     longitude: Array
     """[degree], (time,)"""
     method: str
-    """One of `twin.records.place.METHODS`"""
+    """One of `twin.records.storage.store_place.METHODS`"""
 
 
 def row_positions(
@@ -50,8 +158,8 @@ def row_positions(
       period: [s] of the grid.
       driven: part of the time with the thruster on: then the depth rate says nothing of the speed.
     """
-    from twin.flight.fixes import Fixes
-    from twin.flight.track import Drift, linear_track, track_velocity
+    from twin.logs.corrected_track import Drift, linear_track, track_velocity
+    from twin.logs.fix import Fixes
 
     count = len(signals["measured_gap"])
     nowhere = Positions(

@@ -7,10 +7,15 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import (
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes
+from factory.importing.repairs.plausibility import DiveRules
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
@@ -22,7 +27,7 @@ PHASES = {SURFACE: "surface", DESCENT: "descent", CLIMB: "climb", LEVEL: "inflec
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Segment:
+class LogSegment:
     """One row: a dive between two fixes, or what there is of one."""
 
     start: float
@@ -38,7 +43,7 @@ class Segment:
     """[s] at the surface before the row, between the fixes there; NaN where unknown."""
     surface_drift: tuple[float, float]
     """[m/s] north, east of that time."""
-    inside: Fixes = NO_FIXES
+    inside: LoggedFixes = NO_FIXES
     """Fixes within the row, where it is no dive: a vehicle at the surface has them all along."""
 
     @property
@@ -47,7 +52,7 @@ class Segment:
         return self.end - self.start
 
 
-def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> list[Segment]:
+def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> list[LogSegment]:
     """The dives of a log, in time order.
 
     Consecutive fixes with a dive between them make a row, unless the log is silent for long in it:
@@ -57,7 +62,7 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     fixes = good_fixes(log.fixes, depth, rules, tally, station=log.station)
     first, last = log.span
     edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
-    segments: list[Segment] = []
+    segments: list[LogSegment] = []
     short = holes = noise = 0
     for k in range(len(edges) - 1):
         start, end = edges[k], edges[k + 1]
@@ -177,14 +182,14 @@ def _tell_holes(log: DeploymentLog, depth: Channel, tally: Tally) -> None:
 
 def _segment(
     log: DeploymentLog,
-    fixes: Fixes,
+    fixes: LoggedFixes,
     begin: float,
     stop: float,
     first: int | None,
     last: int | None,
     previous_end: float | None,
     rules: DiveRules,
-) -> Segment:
+) -> LogSegment:
     """Make one row; `first` and `last` index the fixes at its ends."""
     nothing = float("nan")
     position = [
@@ -204,7 +209,7 @@ def _segment(
         if len(around) > 1:
             waited = float(around.time[-1] - around.time[0])
             drift = surface_drift(around)
-    return Segment(
+    return LogSegment(
         start=begin,
         end=stop,
         start_fix=position[0],
@@ -219,7 +224,7 @@ _DRIFT_TIME = 60.0
 """[s] Over a shorter time the noise of two fixes exceeds a usual drift."""
 
 
-def surface_drift(fixes: Fixes) -> tuple[float, float]:
+def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:
     """North and east [m/s] by a straight line through the fixes; NaN for less than a minute."""
     time = fixes.time - fixes.time[0]
     if time[-1] < _DRIFT_TIME:
@@ -281,7 +286,7 @@ _AT_REST = 10.0
 """[s] Floating is told from diving by the depth's change over so long."""
 
 
-def float_at_fixes(phase: Array, depth: Array, segment: Segment, period: float) -> Array:
+def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: float) -> Array:
     """Phases with 0 from the fix on until the depth leaves what it was there, at both ends.
 
     A Seaglider hangs with its nose down while it has its fixes, its sensor 1 to 3 m under water.

@@ -1,4 +1,7 @@
-"""Importer: what the import must know of one kind of log, and the function that reads it."""
+"""Importer: what the import must know of one kind of log, and the function that reads it.
+
+Registry of the importers, and which kind of log a file looks like.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,15 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.reading.other_kind import OtherKind
+from factory.importing.reading.deployment_log import OtherKind
 from twin.errors import InputError
+from twin.seams import Registry, instance_of
 
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
     from factory.importing.reading.payload import PayloadSignal
     from factory.importing.reading.tally import Tally
+
 
 TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
 """Suffixes of tables, which `factory.importing.reading.columns.read_table` reads."""
@@ -122,3 +127,49 @@ class WrongFormat(OtherKind):
     def some(self) -> str:
         """The first names."""
         return ", ".join(self.names[:5]) or "nothing"
+
+
+IMPORTERS: Registry[Importer] = Registry(
+    "kind of log",
+    group="glider_twin.importers",
+    shipped={
+        "slocum": "factory.importing.formats.slocum:SLOCUM",
+        "seaglider": "factory.importing.formats.seaglider:SEAGLIDER",
+        "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
+        "og1": "factory.importing.formats.og1:OG1",
+        "ngdac": "factory.importing.formats.ngdac:NGDAC",
+        "lrauv": "factory.importing.formats.lrauv:LRAUV",
+        "csv": "factory.importing.formats.csv:CSV",
+    },
+    check=instance_of("kind of log", Importer),
+)
+"""Every kind of log that can be imported, by name."""
+
+register = IMPORTERS.add
+"""Add an importer of one's own."""
+
+
+def likely_kind(names: Iterable[str]) -> str | None:
+    """The importer with the most marks among the names; None when no importer has any."""
+    found = set(names)
+    scores = {importer.name: len(importer.marks & found) for importer in IMPORTERS.values()}
+    best = max(scores, key=lambda name: scores[name])
+    return best if scores[best] else None
+
+
+def sniff(path: str | Path) -> str | None:
+    """The kind of log that a file looks like by what is in it; None when it looks like none.
+
+    Raises:
+      InputError: the file cannot be read.
+    """
+    from factory.importing.reading.columns import column_names
+    from factory.importing.reading.netcdf import holds_arrays, variable_names
+
+    path = Path(path)
+    with path.open("rb") as file:
+        start = file.read(64)
+    for importer in IMPORTERS.values():
+        if any(start.startswith(first) for first in importer.first_bytes):
+            return importer.name
+    return likely_kind(variable_names(path) if holds_arrays(path) else column_names(path))

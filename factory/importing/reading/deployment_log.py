@@ -1,12 +1,21 @@
-"""The log of one deployment: channels at their native rates, in the schema's names and units."""
+"""The log of one deployment: channels at their native rates, in the schema's names and units.
+
+One file after the other: what cannot be read is reported and left out, the rest is read.
+OtherKind: a file of another kind than the logs that are read; offload folders hold some.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from factory.importing.reading.tally import Tally, summarise
+from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -56,7 +65,7 @@ def joined(pieces: Sequence[Channel]) -> Channel:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fixes:
+class LoggedFixes:
     """GPS fixes in time order."""
 
     time: Array
@@ -69,16 +78,16 @@ class Fixes:
     def __len__(self) -> int:
         return len(self.time)
 
-    def keep(self, mask: NDArray[np.bool_]) -> Fixes:
+    def keep(self, mask: NDArray[np.bool_]) -> LoggedFixes:
         """The fixes where `mask` is true."""
-        return Fixes(self.time[mask], self.latitude[mask], self.longitude[mask])
+        return LoggedFixes(self.time[mask], self.latitude[mask], self.longitude[mask])
 
-    def within(self, start: float, end: float) -> Fixes:
+    def within(self, start: float, end: float) -> LoggedFixes:
         """The fixes from `start` to `end` [s], both included."""
         return self.keep((self.time >= start) & (self.time <= end))
 
 
-NO_FIXES = Fixes(np.zeros(0), np.zeros(0), np.zeros(0))
+NO_FIXES = LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -102,7 +111,7 @@ class DeploymentLog:
     platform: str
     """Make of the vehicle."""
     channels: Mapping[str, Channel]
-    fixes: Fixes
+    fixes: LoggedFixes
     magnetic_variation: Channel
     """[degree] east positive: true heading = magnetic heading + variation; may be empty."""
     auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
@@ -135,3 +144,65 @@ class DeploymentLog:
         names = ("measured_depth", "measured_pressure", "measured_pitch")
         used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
         return min(c.time[0] for c in used), max(c.time[-1] for c in used)
+
+
+class OtherKind(InputError):
+    """A file without logs of this kind; a folder is read without it, and that is not an error."""
+
+
+Result = TypeVar("Result")
+
+UNREADABLE = "unreadable file"
+"""Subject of the report's entries of files that could not be read."""
+OTHER_KIND = "file of another kind"
+"""Subject of those that are no logs of the kind, as offload folders hold them: no failure."""
+_NAMED = 2
+"""Files that an entry of several names"""
+
+
+def each_file(
+    paths: Sequence[Path], read: Callable[[Path], Result], tally: Tally
+) -> list[tuple[Path, Result]]:
+    """What `read` makes of each file that it can read, in order.
+
+    Files with the same reason are reported together.
+
+    Raises:
+      InputError: of the first file, when none can be read.
+    """
+    found: list[tuple[Path, Result]] = []
+    refused: list[tuple[Path, InputError]] = []
+    for path in paths:
+        try:
+            found.append((path, read(path)))
+        except InputError as error:
+            refused.append((path, error))
+    if refused and not found:
+        raise refused[0][1]
+    _tell(refused, len(paths), tally)
+    return found
+
+
+def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:
+    """Report the files that are left out, by reason."""
+    groups: dict[tuple[str, str], list[tuple[Path, InputError]]] = {}
+    for path, error in refused:
+        subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
+        groups.setdefault((subject, _reason(path, error)), []).append((path, error))
+    for (subject, reason), members in groups.items():
+        if len(members) == 1:
+            path, error = members[0]
+            why = str(error)
+            why = why if path.name in why else f"{path.name}: {why}"
+        else:
+            names = summarise([path.name for path, _ in members], _NAMED)
+            why = f"{len(members)} of {total} files: {reason} ({names})"
+        tally.add("left out", subject, len(members), why)
+
+
+def _reason(path: Path, error: InputError) -> str:
+    """What an error says, without the name of the file that it begins with."""
+    why = str(error)
+    for name in (str(path), path.name):
+        why = why.removeprefix(name)
+    return why.lstrip(": ")

@@ -7,8 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from factory.importing.reading.deployment_log import Channel
-from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import leave_out
+from factory.importing.reading.tally import Tally, leave_out
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, Variable, declare
 

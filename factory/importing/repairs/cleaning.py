@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.plausibility import FASTEST, SLOWEST, speed_along_pitch
-from factory.importing.repairs.restarts import lone_zeros, short_runs, stale
-from factory.importing.repairs.unreachable import unreachable
+from factory.importing.repairs.plausibility import (
+    FASTEST,
+    SLOWEST,
+    lone_zeros,
+    short_runs,
+    speed_along_pitch,
+    stale,
+    unreachable,
+)
 from twin.errors import InputError
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog, Fixes
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.plausibility import DiveRules
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
@@ -36,8 +36,8 @@ _FITS = 0.9
 
 
 def good_fixes(
-    fixes: Fixes, depth: Channel, rules: DiveRules, tally: Tally, *, station: bool = False
-) -> Fixes:
+    fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally, *, station: bool = False
+) -> LoggedFixes:
     """Fixes without those that a receiver invents and those that no drift explains; counted.
 
     Args:
@@ -78,13 +78,13 @@ def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
     tally.add("read", FIXES, before + sum(len(log.fixes) for log in logs), "with a position")
 
 
-def tell_fixes(fixes: Fixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
+def tell_fixes(fixes: LoggedFixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
     """Count the good fixes that rows hold and those that no row holds."""
     tally.add("kept", FIXES, int(used.sum()), kept)
     tally.add("left out", FIXES, int((~used).sum()), left_out)
 
 
-def coasting(fixes: Fixes, fastest: float) -> Mask:
+def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
     """Fixes of a receiver that lost its satellites and goes on at the last velocity it guessed.
 
     At least `_STEPS` steps at the same velocity, above `fastest` [m/s].
@@ -117,7 +117,7 @@ def coasting(fixes: Fixes, fastest: float) -> Mask:
     return bad
 
 
-def _afloat(fixes: Fixes, depth: Channel, rules: DiveRules, tally: Tally) -> Fixes:
+def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
     """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
     away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
     # a silent log says little about the fix; well below on both sides it says enough
@@ -192,7 +192,7 @@ def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
     return text
 
 
-def _distance(fixes: Fixes, i: int, j: int) -> float:
+def _distance(fixes: LoggedFixes, i: int, j: int) -> float:
     """[m] Between two fixes."""
     north, east = offset(
         fixes.latitude[j], fixes.longitude[j], float(fixes.latitude[i]), float(fixes.longitude[i])
@@ -200,7 +200,7 @@ def _distance(fixes: Fixes, i: int, j: int) -> float:
     return float(np.hypot(north, east))
 
 
-def _apart(fixes: Fixes, i: int, j: int, rules: DiveRules) -> bool:
+def _apart(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:
     reach = rules.fix_noise + rules.fix_speed * float(fixes.time[j] - fixes.time[i])
     return _distance(fixes, i, j) > reach
 

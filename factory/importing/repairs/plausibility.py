@@ -2,9 +2,15 @@
 
 A glider sinks nose down and rises nose up; it rises with more volume than it sinks with; it is
 neither faster than a thruster makes it nor slower than its own noise.
+
+Stretches of samples that no vehicle could reach from the rest of its log.
+The numbers by which a log is cut into dives and its GPS fixes are judged.
+What a restarted pressure sensor writes before its first measurement: 0, or its last value.
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,3 +94,149 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
                 "suspect", "measured_pump", len(pump),
                 f"{log.deployment} sinks with more volume than it rises with: wrong sign or column",
             )  # fmt: skip
+
+
+_BESIDE = 2
+"""Samples on either side of a cut that can go alone."""
+_BACK = 200
+"""Pieces that are looked back over; bad stretches come in fewer pieces than that."""
+
+
+def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
+    """True for samples outside the longest chain in which nothing changes faster than it can.
+
+    The series is cut wherever neighbours differ by more than `jump` + `rate` [unit/s] times the
+    time between them, and the samples beside a cut are pieces of their own: one wrong sample at an
+    end shall not take days with it. Of the pieces, those are kept that follow each other at
+    possible rates and hold the most samples together; a sentinel that lasts for minutes is as far
+    from them as one that lasts for a sample.
+
+    Args:
+      time: [s] increasing strictly, shape (samples,).
+      values: finite, shape (samples,).
+    """
+    count = len(values)
+    if count < 2:
+        return np.zeros(count, bool)
+    cuts = np.flatnonzero(np.abs(np.diff(values)) > jump + rate * np.diff(time)) + 1
+    if not cuts.size:
+        return np.zeros(count, bool)
+    beside = np.arange(-_BESIDE, _BESIDE + 1)
+    cuts = np.unique(np.clip((cuts[:, None] + beside).ravel(), 1, count - 1))
+    first = np.concatenate([[0], cuts])
+    last = np.concatenate([cuts, [count]]) - 1
+    total = (last - first + 1).astype(np.float64)
+    before = np.full(len(first), -1)
+    for i in range(1, len(first)):
+        earlier = np.arange(max(0, i - _BACK), i)
+        ends = last[earlier]
+        reach = jump + rate * (time[first[i]] - time[ends])
+        fits = np.abs(values[first[i]] - values[ends]) <= reach
+        if fits.any():
+            best = earlier[fits][np.argmax(total[earlier[fits]])]
+            before[i] = best
+            total[i] += total[best]
+    bad = np.ones(count, bool)
+    piece = int(np.argmax(total))
+    while piece >= 0:
+        bad[first[piece] : last[piece] + 1] = False
+        piece = int(before[piece])
+    return bad
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveRules:
+    """How a log is cut into rows. Depths are below the log's own surface."""
+
+    min_depth: float = 5.0
+    """[m] An interval between fixes that goes deeper is a dive, another one time at the surface."""
+    min_stretch: float = 30.0
+    """[s] It is so deep for so long at a stretch: a sensor at the surface shows single depths of 5
+    to 14 m when air and waves pass it."""
+    min_duration: float = 60.0
+    """[s] Shorter dives are left out, counted."""
+    surface_depth: float = 1.5
+    """[m] Shallower counts as at the surface where no fix says so."""
+    longest_gap: float = 3600.0
+    """[s] Without fixes, a row ends where neither depth nor attitude is known for so long; a stay
+    at the surface is interrupted by a hole in the fixes that is longer."""
+    fix_depth: float = 2.0
+    """[m] A GPS antenna receives nothing deeper."""
+    fix_lag: float = 30.0
+    """[s] For so long after the surface a receiver goes on with its last velocity, and vehicles
+    log what it says."""
+    coast: float = 40.0
+    """[m] Such a fix is used when it has moved by less from the last one at the surface: as much
+    as two fixes differ anyway. 0 uses none of them, so that rows start at the surface."""
+    coast_speed: float = 3.5
+    """[m/s] Three and more steps at one velocity above this are not drift: the receiver coasts."""
+    fix_speed: float = 4.0
+    """[m/s] Fixes that need a faster drift are wrong."""
+    fix_noise: float = 100.0
+    """[m] Two good fixes can differ by so much without any drift."""
+    drift_speed: float = 2.0
+    """[m/s] A faster drift at the surface is none: the vehicle was carried, or a fix is wrong."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (value >= 0.0 if field.name == "coast" else value > 0.0):
+                raise ValueError(f"{field.name} must be positive")
+
+
+Mask = NDArray[np.bool_]
+
+FASTEST_RESTART = 1.0
+"""[m/s] No glider changes its depth faster over a restart: what needs more is no measurement."""
+_FEW = 3
+"""So many zeros in a row can be a restart's."""
+_HOLE = 20.0
+"""[s] A sensor that is silent for longer may have been restarted."""
+
+
+def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
+    """Exact zeros that the nearest other sample before or after cannot have reached.
+
+    Args:
+      time: [s] increasing strictly, shape (samples,).
+      values: finite, [dbar] or [m], shape (samples,).
+      rate, jump: by which other samples are judged (`unreachable`).
+    """
+    other = np.flatnonzero(values != 0.0)
+    zero = values == 0.0
+    if not zero.any() or not other.size:
+        return np.zeros(len(values), bool)
+    # neither is a sentinel a place from which to judge
+    other = other[~unreachable(time[other], values[other], rate=rate, jump=jump)]
+    at = np.searchsorted(other, np.arange(len(values)))
+    bad = np.zeros(len(values), bool)
+    for near, there in ((at - 1, at > 0), (at, at < len(other))):
+        beside = other[np.clip(near, 0, len(other) - 1)]
+        reach = jump + FASTEST_RESTART * np.abs(time - time[beside])
+        bad |= zero & there & (np.abs(values[beside]) > reach)
+    # many in a row are the surface, and it is the other sample that is wrong
+    return bad & short_runs(zero, _FEW)
+
+
+def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
+    """Samples after a hole that repeat the one before it exactly, far from the one after them.
+
+    Args as `lone_zeros`; `rate` is not used: a restart takes longer than noise does.
+    """
+    del rate
+    bad = np.zeros(len(values), bool)
+    if len(values) > 2:
+        gap, step = np.diff(time), np.diff(values)
+        again = (step[:-1] == 0.0) & (gap[:-1] > _HOLE)
+        bad[1:-1] = again & (np.abs(step[1:]) > jump + FASTEST_RESTART * gap[1:])
+    return bad
+
+
+def short_runs(mask: Mask, longest: int) -> Mask:
+    """True where `mask` is, in runs of `longest` samples at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    short = np.zeros(len(mask), bool)
+    for start, end in edges.reshape(-1, 2):
+        if end - start <= longest:
+            short[start:end] = True
+    return short

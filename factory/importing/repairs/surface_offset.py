@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.dive_rules import DiveRules
 from factory.importing.repairs.gps_fixes import coasting, nearest
+from factory.importing.repairs.plausibility import DiveRules
 from factory.importing.repairs.seawater import pressure_of
 
 Array = NDArray[np.float64]

@@ -1,20 +1,28 @@
-"""Lines: tracks of the methods through the water and how they look."""
+"""Lines: tracks of the methods through the water and how they look.
+
+Dots: every mission or dive a dot, the median a bar.
+Learning: validation error during the training.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from learn.data.labels import MODE
 from learn.evaluation.evaluation import DVL, FLOOR, NETWORK
-from learn.report.names import colour_of, title_of
-from learn.report.shown import Shown
-from twin.navigation.baselines.registry import BASELINES
+from learn.report.contents import Contents, Shown, colour_of, title_of
+from learn.report.figures.base import ReportFigure
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dvl_cleaning import BOTTOM
-from twin.plot import style
+from twin.navigation.estimators.baseline import BASELINES
+from twin.show import style
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
 """Of methods in their order: each tells itself from the others without its colour"""
@@ -71,3 +79,82 @@ def look(name: str, place: int) -> dict[str, Any]:
         return TRUTH_LINE
     dashes = DASHES[(place - 1) % len(DASHES)]
     return {"color": colour_of(name), "lw": 1.4, "ls": dashes, "label": title_of(name)}
+
+
+FEW_DECADES = 2.0
+"""Below, a logarithmic axis has 2 and 5 written beside the powers of ten."""
+MOST_TICKS = 6
+MOST_MINOR_TICKS = 60
+LEAST_PERCENT = 1e-4
+"""Left end of logarithmic axes: a metre in a thousand kilometres."""
+GOLDEN = 0.6180339887
+"""Fractional part of the golden ratio, whose multiples spread evenly."""
+
+
+def explain(figure: Figure, dots: str, notes: Sequence[str]) -> None:
+    """What dots and bars are, and what is missing, above the axes."""
+    dot = Line2D([], [], marker="o", ms=3.2, ls="none", color=style.GUIDE, label=dots)
+    bar = Line2D([], [], marker="|", ms=9, mew=2.2, ls="none", color=style.GUIDE, label="median")
+    blank = [Line2D([], [], ls="none", label=note) for note in notes]
+    figure.legend(handles=[dot, bar, *blank], loc="outside upper left", ncols=3)
+
+
+def dots(axes: Axes, row: int, values: Array, colour: str) -> None:
+    """Each value a dot, the median a bar; jittered by rank so that equal ones stay visible."""
+    values = np.maximum(values[np.isfinite(values)], LEAST_PERCENT)
+    jitter = 0.22 * (np.mod(np.arange(len(values)) * GOLDEN, 1.0) - 0.5)
+    axes.plot(values, row + jitter, "o", ms=3.2, color=colour, alpha=0.55, mew=0)
+    median = float(np.median(values))
+    axes.plot([median, median], [row - 0.3, row + 0.3], color=colour, lw=2.2)
+
+
+def plain_decades(axes: Axes) -> None:
+    """A logarithmic x axis whose few numbers are written out: 2, 5, 10, 20."""
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    decades = np.log10(high / low)
+    steps = (1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=MOST_TICKS))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(LogLocator(subs=range(2, 10), numticks=MOST_MINOR_TICKS))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+class Learning(ReportFigure):
+    """See the module."""
+
+    summary = "validation error of each network during its training"
+    section = "training"
+
+    def draw(self, contents: Contents) -> Figure | None:
+        """See `ReportFigure`."""
+        return learning_figure(contents.metrics) if contents.metrics else None
+
+    def caption(self, contents: Contents) -> str:
+        """See `ReportFigure`."""
+        return "Error of the free run over whole validation missions during training."
+
+
+def learning_figure(metrics: Sequence[Mapping[str, Any]]) -> Figure:
+    """Validation error against time of each network."""
+    with style.styled():
+        figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 2.6)
+        axes = figure.add_subplot()
+        for name in dict.fromkeys(row["network"] for row in metrics):
+            rows = [row for row in metrics if row["network"] == name]
+            key = "train_mse" if rows[0]["validation_mse"] is None else "validation_mse"
+            colour = style.ESTIMATE if name.startswith("surge") else style.TRUTH
+            label = name.removesuffix("-0")
+            member = not name.endswith("-0")
+            axes.plot(
+                [row["seconds"] for row in rows],
+                [row[key] for row in rows],
+                color=colour,
+                alpha=0.5 if member else 1.0,
+                label=None if member else label,
+            )
+        axes.set_yscale("log")
+        axes.set_xlabel("time in training [s]")
+        axes.set_ylabel("validation MSE [(m/s)²]")
+        axes.legend()
+    return figure

@@ -7,11 +7,11 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.report.contents import Contents
 from learn.report.figures.base import ReportFigure
 from twin.navigation.dead_reckoning import sample_times
-from twin.plot import style
+from twin.show import style
 
 TRAINING_PANELS = (
     ("true_surge", "surge [m/s]"),
@@ -56,7 +56,7 @@ class TrainingData(ReportFigure):
         return f"A training mission ({contents.training.index}): {learned}, and what was measured."
 
 
-def training_figure(mission: Mission) -> Figure:
+def training_figure(mission: MissionSequence) -> Figure:
     """A training mission: the velocities to learn and the main measured signals."""
     panels = [(name, label) for name, label in TRAINING_PANELS if name in mission.signals]
     with style.styled():

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
 from twin.preload import preload_triton
-from twin.registry import check_class, place_of
+from twin.seams import check_class, place_of
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
 """From parameters (n,) to the error and its gradient (n,)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from twin.registry import Registry
+from twin.seams import Registry
 
 OPTIMISERS: Registry[Any] = Registry(
     "optimiser",

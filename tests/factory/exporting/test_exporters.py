@@ -13,8 +13,8 @@ import pytest
 from logs import Flight, example, write_slocum
 
 from factory.exporting import EXPORTERS, Exporter
+from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
-from factory.stores.generated import open_missions
 from twin.errors import InputError, StoreError, WriteError
 from twin.records.store import write_store
 

@@ -12,13 +12,13 @@ from hubs import read_with
 from logs import Flight, write_slocum
 
 from factory.exporting import EXPORTERS, ExportOptions
+from factory.exporting.data_card import licence_identifier
 from factory.exporting.huggingface import dataset_folder
 from factory.exporting.lerobot.statistics import Total, episode_statistics
-from factory.exporting.licences import licence_identifier
+from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
-from factory.stores.generated import GeneratedStore
 from twin.errors import InputError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 pq = pytest.importorskip("pyarrow.parquet")

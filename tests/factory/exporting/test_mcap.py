@@ -12,12 +12,11 @@ import pytest
 from logs import Flight, write_slocum
 
 from factory.exporting import EXPORTERS
-from factory.exporting.mcap.axes import body, orientation, to_body, world
-from factory.exporting.mcap.cdr import encode
+from factory.exporting.mcap.cdr import body, encode, orientation, to_body, world
+from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
-from factory.stores.generated import GeneratedStore
 from twin.errors import InputError, StoreError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.timeseries import sample_coordinates
 
@@ -170,7 +169,7 @@ def test_long_missions_are_written_piece_by_piece(
 ) -> None:
     from mcap.reader import make_reader
 
-    monkeypatch.setattr("factory.exporting.mcap.files.AT_A_TIME", 100)
+    monkeypatch.setattr("factory.exporting.mcap.mcap_file.AT_A_TIME", 100)
     run = GeneratedStore(field_store)
     (pieces,) = EXPORTERS["mcap"].export(run, [MISSION], tmp_path / "bags")
     found = []

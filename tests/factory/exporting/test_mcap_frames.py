@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from factory.exporting import EXPORTERS
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
 
 pytest.importorskip("mcap")
 rosbags = pytest.importorskip("rosbags.highlevel")

@@ -16,10 +16,10 @@ from factory.exporting import EXPORTERS, ExportOptions
 from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.flown import ON_BOARD, STRAIGHT, flown
+from factory.generation.generated_store import open_exportable
 from factory.importing import import_logs
-from factory.stores.stored_flight import open_exportable
 from twin.errors import InputError, StoreError, VehicleError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 FLIGHT = Flight(dives=3)

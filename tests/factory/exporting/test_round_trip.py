@@ -12,14 +12,13 @@ from logs import Flight, write_basestation, write_slocum
 from simulated_logs import simulated_flight
 
 from factory.exporting import EXPORTERS
+from factory.generation.generated_store import GeneratedStore, open_exportable
 from factory.importing import import_logs
-from factory.importing.formats.og1.water import oxygen_per_volume
+from factory.importing.formats.og1.derived import oxygen_per_volume
 from factory.importing.reading.deployment_log import Channel
 from factory.importing.reading.tally import Tally
-from factory.stores.generated import GeneratedStore
-from factory.stores.stored_flight import open_exportable
-from twin.physics.part_signals import declare_parts
-from twin.records.logs import LogStore
+from twin.physics.true_signals import declare_parts
+from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import Variable, declare
 from twin.records.store import write_store

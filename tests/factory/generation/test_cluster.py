@@ -18,10 +18,10 @@ from factory.generation import cluster
 from factory.generation.block import fly_block
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
-from factory.generation.job import Job
+from factory.generation.pool import Job
 from factory.generation.site import Site
-from factory.inspect.info import unfinished
-from factory.recipe.recipe import Recipe
+from factory.inspect.description import unfinished
+from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError, TwinError
 
 pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')

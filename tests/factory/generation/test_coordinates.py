@@ -13,11 +13,11 @@ import xarray as xr
 import zarr
 
 from factory.generation.generate import generate
-from factory.inspect.replay import replay_mission
-from factory.recipe.recipe import make_recipe
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.inspect.flown_again import replay_mission
+from factory.sampling.recipe import make_recipe
 from twin.geodesy import from_tangent_plane
-from twin.records.place import COORDINATES, NO_TIME, PLACE
+from twin.records.storage.store_place import COORDINATES, NO_TIME, PLACE
 
 OFF_MONTEREY = (36.8, -122.4)
 

@@ -22,18 +22,18 @@ from trees import contents
 
 import factory.generation.block
 import factory.generation.generate
-import twin.records.files
+import twin.records.storage.stored_files
 from benchmarks.faults.here import Here
 from factory.generation.block import fly_block
 from factory.generation.generate import generate
-from factory.generation.job import Job
-from factory.generation.layout import LEAST_SHARD
+from factory.generation.generated_store import GeneratedStore
+from factory.generation.manifest import LEAST_SHARD
+from factory.generation.pool import Job
 from factory.generation.site import Site, generating, locked
-from factory.inspect.info import unfinished
-from factory.inspect.replay import replay_failure
-from factory.inspect.verify import verify_store
-from factory.recipe.recipe import Recipe
-from factory.stores.generated import GeneratedStore
+from factory.inspect.description import unfinished
+from factory.inspect.flown_again import replay_failure
+from factory.inspect.soundness import verify_store
+from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError, TwinError
 from twin.records.store import open_store
 
@@ -98,7 +98,7 @@ def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) ->
 def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = twin.records.files.LocalFiles._parent
+    written = twin.records.storage.stored_files.LocalFiles._parent
     store = tmp_path / "missions.zarr"
     for allowed in (0, 3, 40, 70, 90):  # blocks, the shard, and among the last files
         left = [allowed]
@@ -109,12 +109,12 @@ def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
             left[0] -= 1
             return written(files, key)
 
-        monkeypatch.setattr(twin.records.files.LocalFiles, "_parent", parent)
+        monkeypatch.setattr(twin.records.storage.stored_files.LocalFiles, "_parent", parent)
         with pytest.raises(KeyboardInterrupt):
             generate(recipe(), store, executor=Here(), resume=True)
         assert unfinished(store) is not None
         assert not store.exists()
-    monkeypatch.setattr(twin.records.files.LocalFiles, "_parent", written)
+    monkeypatch.setattr(twin.records.storage.stored_files.LocalFiles, "_parent", written)
     generate(recipe(), store, executor=Here(), resume=True)
     assert contents(store) == contents(paper_store)
 

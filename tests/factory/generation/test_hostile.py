@@ -14,15 +14,15 @@ import pytest
 import factory.generation.attempts
 from factory.generation.attempts import fly_mission
 from factory.generation.block import TABLE, Block
-from factory.generation.job import Job
 from factory.generation.manifest import Manifest, missions_kept, read_manifest
-from factory.generation.parts import ARRAY, Part, generate_part
+from factory.generation.parts import ARRAY, StorePart, generate_part
+from factory.generation.pool import Job
 from factory.generation.site import Site
 from factory.generation.target import recipe_begun
-from factory.recipe.recipe import Recipe
+from factory.sampling.recipe import Recipe
 from twin.errors import FloorError, NoSteadyState, StoreError
-from twin.records.files import GiantFile, LocalFiles
 from twin.records.presence import read_attributes
+from twin.records.storage.stored_files import GiantFile, LocalFiles
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
@@ -75,10 +75,10 @@ def test_missions_of_manifests_are_counted_without_being_listed(
 @pytest.mark.parametrize("text", ["{}", '{"first": 0, "count": 0}', "[]", "[" * 100_000])
 def test_a_damaged_count_of_parts_is_told(tmp_path: Path, recipe: Recipes, text: str) -> None:
     made, store = recipe(), tmp_path / "missions.zarr"
-    generate_part(made, store, Part(0, 4))
+    generate_part(made, store, StorePart(0, 4))
     (Site(store, made.digest).folder / ARRAY).write_text(text)  # type: ignore[union-attr]
     with pytest.raises(StoreError, match=r"array\.json is damaged .*: remove it"):
-        generate_part(made, store, Part(1, 4))
+        generate_part(made, store, StorePart(1, 4))
 
 
 def bomb() -> bytes:

@@ -13,8 +13,8 @@ import xarray as xr
 from zarr.storage import MemoryStore
 
 import factory
-from factory.generation.into_store import generate_into
-from factory.recipe.recipe import Recipe
+from factory.generation.generate import generate_into
+from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 
 Recipes = Callable[..., Recipe]

@@ -14,19 +14,19 @@ from s3 import s3_server
 from factory.__main__ import main
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
-from factory.generation.parts import Part, finish, generate_part
-from factory.generation.repair import repair
-from factory.inspect.checks import check_files
-from factory.inspect.info import unfinished
-from factory.recipe.recipe import Recipe
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.generation.parts import StorePart, finish, generate_part
+from factory.generation.rebuild import repair
+from factory.inspect.description import unfinished
+from factory.inspect.store_check import check_files
+from factory.sampling.recipe import Recipe
 from learn.data.dataset import load_missions
 from twin.errors import InputError, StoreError, WriteError
-from twin.records.content import content_hash, store_hash
-from twin.records.object_files import ObjectFiles, files_at
+from twin.records.storage.checksums import content_hash, store_hash
+from twin.records.storage.object_storage import ObjectFiles, files_at
+from twin.records.storage.store_place import Url, store_path
+from twin.records.storage.whole import check_folder_target
 from twin.records.store import open_store
-from twin.records.store_path import Url, store_path
-from twin.records.whole import check_folder_target
 from twin.records.windows import Windows
 
 Recipes = Callable[..., Recipe]
@@ -72,7 +72,7 @@ def test_parts_and_finish_make_the_same_objects(
     server: None, recipe: Recipes, paper_store: Path
 ) -> None:
     made, store = recipe(), "s3://bucket/parts/missions.zarr"
-    generate_part(made, store, Part(1, 2))
+    generate_part(made, store, StorePart(1, 2))
     begun = unfinished(store_path(store))
     assert begun is not None
     assert 0 < begun.missions_kept < len(made.plan)
@@ -80,7 +80,7 @@ def test_parts_and_finish_make_the_same_objects(
         finish(store)
     with pytest.raises(StoreError, match=r"is incomplete: the `factory generate` command"):
         open_store(store)
-    generate_part(made, store, Part(0, 2))
+    generate_part(made, store, StorePart(0, 2))
     summary, _ = finish(store)
     assert summary.missions == len(made.plan)
     assert contents(store) == contents(paper_store)

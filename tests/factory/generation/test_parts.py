@@ -11,10 +11,16 @@ import pytest
 from trees import contents
 
 from factory.generation.generate import generate
-from factory.generation.layout import Layout
-from factory.generation.parts import Part, finish, generate_part, parse_part, slurm_part
+from factory.generation.manifest import Layout
+from factory.generation.parts import (
+    StorePart,
+    finish,
+    generate_part,
+    parse_part,
+    slurm_part,
+)
 from factory.generation.site import Site
-from factory.recipe.recipe import Recipe
+from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 from twin.records.store import open_store
 
@@ -42,22 +48,22 @@ def test_parts_in_any_order_make_the_store(
 ) -> None:
     made, store = recipe(), tmp_path / "missions.zarr"
     for index in (2, 0):
-        assert generate_part(made, store, Part(index, 3))[0] > 0
+        assert generate_part(made, store, StorePart(index, 3))[0] > 0
     with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
         open_store(store)
     with pytest.raises(
         StoreError, match=r"1 of 4 missions .* run these parts of 3 again: --array=1$"
     ):
         finish(store)
-    again, missions = generate_part(made, store, Part(2, 3))
+    again, missions = generate_part(made, store, StorePart(2, 3))
     assert (again, missions) == (0, 1)
-    generate_part(made, store, Part(1, 3))
+    generate_part(made, store, StorePart(1, 3))
     summary, same = finish(store)
     assert same.digest == made.digest
     assert summary.missions == len(made.plan)
     assert contents(store) == contents(paper_store)
     assert finish(store)[0].flown == 0  # once more is harmless
-    assert generate_part(made, store, Part(0, 3)) == (0, 0)
+    assert generate_part(made, store, StorePart(0, 3)) == (0, 0)
 
 
 def test_eight_commands_at_once_make_the_same_bytes(
@@ -81,7 +87,7 @@ def test_eight_commands_at_once_make_the_same_bytes(
 
 def test_a_whole_run_goes_on_from_parts(tmp_path: Path, recipe: Recipes, paper_store: Path) -> None:
     made, store = recipe(), tmp_path / "missions.zarr"
-    generate_part(made, store, Part(0, 2))
+    generate_part(made, store, StorePart(0, 2))
     summary = generate(made, store, workers=1, resume=True)
     assert 0 < summary.flown < len(made.plan)
     assert contents(store) == contents(paper_store)
@@ -92,7 +98,7 @@ def test_slurm_counts_parts_as_the_first_array_did(
 ) -> None:
     """Tasks that run again are an array of their own, with another count."""
 
-    def part(task: int, count: int, first: int) -> Part:
+    def part(task: int, count: int, first: int) -> StorePart:
         names = ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN")
         found = slurm_part(dict(zip(names, map(str, (task, count, first)), strict=True)))
         assert found is not None
@@ -115,11 +121,11 @@ def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) ->
     made, store = recipe(), tmp_path / "missions.zarr"
     with pytest.raises(StoreError, match="nothing was begun"):
         finish(store)
-    generate_part(made, store, Part(0, 2))
+    generate_part(made, store, StorePart(0, 2))
     with pytest.raises(InputError, match="was begun in 2 parts, 0 to 1"):
-        generate_part(made, store, Part(5, 8))
+        generate_part(made, store, StorePart(5, 8))
     with pytest.raises(StoreError, match=r"other settings \(seed: 0 -> 1\)"):
-        generate_part(recipe(seed=1), store, Part(1, 2))
+        generate_part(recipe(seed=1), store, StorePart(1, 2))
     assert (Site(store, made.digest).folder / "recipe.json").is_file()
 
 
@@ -127,4 +133,4 @@ def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) ->
 def test_a_wrong_part_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"--shard"):
         parse_part(text)
-    assert parse_part("0/8") == Part(0, 8)
+    assert parse_part("0/8") == StorePart(0, 8)

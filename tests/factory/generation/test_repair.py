@@ -10,10 +10,10 @@ import pytest
 from trees import contents
 
 from factory.generation.generate import generate
-from factory.generation.repair import lost, repair
-from factory.inspect.checks import check_files
-from factory.recipe.recipe import Recipe
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.generation.rebuild import lost, repair
+from factory.inspect.store_check import check_files
+from factory.sampling.recipe import Recipe
 from twin.errors import StoreError
 
 Recipes = Callable[..., Recipe]

@@ -15,10 +15,10 @@ import pytest
 
 import factory.generation.generate
 from factory.generation.generate import generate
-from factory.generation.layout import MOST_IN_BLOCK
+from factory.generation.manifest import MOST_IN_BLOCK
 from factory.generation.site import Site, generating, locked
-from factory.inspect.info import unfinished
-from factory.recipe.recipe import Recipe
+from factory.inspect.description import unfinished
+from factory.sampling.recipe import Recipe
 
 Recipes = Callable[..., Recipe]
 FLOWN_AGAIN = (0, 2)

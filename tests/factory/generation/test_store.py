@@ -14,15 +14,15 @@ import pytest
 import xarray as xr
 import zarr
 
-from factory.flight.fly import fly
-from factory.recipe.plan import samples_in
-from factory.recipe.recipe import Recipe, make_recipe
-from factory.recipe.sampling import sensor_seed
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.sampling.draw import sensor_seed
+from factory.sampling.drawn_plan import samples_in
+from factory.sampling.fly import fly
+from factory.sampling.recipe import Recipe, make_recipe
 from twin.errors import StoreError
 from twin.records.attributes import SPLITS
 from twin.records.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
-from twin.records.sharded import stored_values
+from twin.records.storage.sharded import stored_values
 from twin.records.store import open_store, read_trajectory
 from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import load_vehicle

@@ -14,8 +14,8 @@ import pytest
 from unchanged import PRESETS, SEED, differences, expected_hashes
 
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
-from twin.records.checksums import array_checksums
+from factory.sampling.recipe import make_recipe
+from twin.records.storage.checksums import array_checksums
 
 
 @pytest.mark.parametrize("preset", PRESETS)

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
-from factory.importing.reading.units import in_unit
+from factory.importing.reading.netcdf import in_unit
 from factory.inspect.verify_logs import verify_logs
 from twin.errors import InputError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from factory.importing.formats.seaglider.rotation import ROLL_CNV, rotation_from_counts
+from factory.importing.formats.seaglider.log_signals import ROLL_CNV, rotation_from_counts
 from factory.importing.formats.slocum.native_sensors import slocum_log
 from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel
 from factory.importing.reading.tally import Tally

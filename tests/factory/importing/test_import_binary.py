@@ -9,9 +9,9 @@ import pytest
 from logs import Flight, gps_columns, pack, write_dbd, write_seaexplorer
 
 from factory.importing import import_logs
-from factory.importing.reading.deployment_log import Fixes
+from factory.importing.reading.deployment_log import LoggedFixes
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.declination import reference_declination
+from factory.importing.repairs.angles import reference_declination
 from twin.errors import InputError
 
 FLIGHT = Flight()
@@ -160,11 +160,11 @@ def test_the_reference_field_agrees_with_base_stations(
 ) -> None:
     """What Seagliders' base stations put into their files, to a tenth of a degree."""
     time = np.array([np.datetime64(day, "s").astype(float)])
-    place = Fixes(time, np.array([latitude]), np.array([longitude]))
+    place = LoggedFixes(time, np.array([latitude]), np.array([longitude]))
     found = reference_declination(place, "log", Tally())
     assert found.values == pytest.approx([logged], abs=0.1)
 
 
 def test_no_place_no_reference_field() -> None:
     nothing = np.zeros(0)
-    assert not len(reference_declination(Fixes(nothing, nothing, nothing), "log", Tally()))
+    assert not len(reference_declination(LoggedFixes(nothing, nothing, nothing), "log", Tally()))

@@ -15,10 +15,10 @@ from factory.__main__ import PROGRAM
 from factory.importing import import_logs
 from factory.importing.dives.segments import surface_drift
 from factory.importing.reading.columns import parse_stamps, tidy, unix_seconds
-from factory.importing.reading.deployment_log import Channel, Fixes
+from factory.importing.reading.deployment_log import Channel, LoggedFixes
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.cleaning import degrees_minutes, spikes
-from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.plausibility import DiveRules
 from twin.errors import InputError
 from twin.records.store import open_store
 
@@ -135,10 +135,10 @@ def test_times_of_every_kind() -> None:
 
 def test_a_drift_needs_a_minute() -> None:
     time = np.array([0.0, 30.0, 59.0])
-    fixes = Fixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
+    fixes = LoggedFixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
     assert np.isnan(surface_drift(fixes)).all()
     time = np.array([0.0, 30.0, 90.0])
-    fixes = Fixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
+    fixes = LoggedFixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
     assert surface_drift(fixes)[0] == pytest.approx(0.1112, abs=1e-3)
 
 

@@ -22,12 +22,12 @@ from logs import (
 )
 
 from factory.exporting.og1.missions import export_og1
+from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
-from factory.importing.reading.each_file import OTHER_KIND
-from factory.importing.reading.units import in_unit
-from factory.stores.generated import GeneratedStore
+from factory.importing.reading.deployment_log import OTHER_KIND
+from factory.importing.reading.netcdf import in_unit
 from twin.errors import InputError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 FLIGHT = Flight(depth=100.0, variation=17.0, surface=600.0)
@@ -204,7 +204,7 @@ def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_ow
 def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
     from factory.exporting.og1.deployments import export_og1_logs
-    from twin.records.logs import LogStore
+    from twin.records.logged import LogStore
     from twin.records.store import write_store
 
     pytest.importorskip("pyarrow")

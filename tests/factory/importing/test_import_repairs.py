@@ -23,7 +23,7 @@ from factory.importing import import_logs
 from factory.importing.reading.columns import column_names, read_table, tidy
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.angles import in_degrees
-from factory.importing.repairs.unreachable import unreachable
+from factory.importing.repairs.plausibility import unreachable
 from twin.errors import InputError
 
 FLIGHT = Flight()

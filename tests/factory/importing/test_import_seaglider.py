@@ -10,7 +10,7 @@ import pytest
 from logs import SHARED, Flight, write_basestation, write_csv, write_seaglider
 
 from factory.importing import import_logs
-from factory.importing.dives.resample import to_body
+from factory.importing.dives.regular_times import to_body
 from factory.importing.reading.columns import read_table
 from twin.errors import InputError
 

@@ -11,7 +11,7 @@ import pytest
 from logs import SHARED, START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
 from factory.importing import import_logs
-from factory.importing.formats.slocum.header import read_header, vehicle_of
+from factory.importing.formats.slocum.caches import read_header, vehicle_of
 from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
 

@@ -21,7 +21,7 @@ from factory.importing import import_logs
 from factory.importing.dives.segments import longest_stretch
 from factory.importing.reading.columns import read_table
 from factory.importing.reading.deployment_log import Channel
-from factory.importing.repairs.dive_rules import DiveRules
+from factory.importing.repairs.plausibility import DiveRules
 
 FLIGHT = Flight()
 UNIT334 = SHARED / "slocum_unit334_2023"

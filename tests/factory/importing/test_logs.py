@@ -17,7 +17,8 @@ from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.parquet.flat_table import export_parquet
+from factory.exporting.parquet import export_parquet
+from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
 from factory.inspect.logs_page import (
     OURS,
@@ -28,9 +29,8 @@ from factory.inspect.logs_page import (
     dive_figures,
 )
 from factory.inspect.verify_logs import verify_logs
-from factory.stores.generated import GeneratedStore, open_missions
 from twin.errors import InputError, StoreError
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
 

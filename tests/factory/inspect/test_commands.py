@@ -17,10 +17,10 @@ import xarray as xr
 import factory
 from factory.__main__ import PROGRAM
 from factory.commands.generate import BLAS_THREADS, raw_bytes
-from factory.recipe.overrides import read_changes
-from factory.recipe.plan import check_room
-from factory.recipe.recipe import make_recipe
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.sampling.drawn_plan import check_room
+from factory.sampling.presets import read_changes
+from factory.sampling.recipe import make_recipe
 from twin.__main__ import PROGRAM as TWIN
 from twin.cli.program import Program
 from twin.cli.text_table import WIDEST

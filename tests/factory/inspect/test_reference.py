@@ -11,9 +11,9 @@ import zarr
 
 from factory.__main__ import PROGRAM
 from factory.commands import reference
-from factory.recipe import reference_set as sets
+from factory.sampling import presets as sets
 from twin.errors import InputError
-from twin.records.checksums import array_checksums
+from twin.records.storage.checksums import array_checksums
 from twin.version import PHYSICS_VERSION
 
 

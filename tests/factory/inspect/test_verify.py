@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 import zarr
 
-from factory.inspect.checks import Report
-from factory.inspect.kinematics import kinematic_problems
-from factory.inspect.replay import replay_mission
-from factory.inspect.verify import verify_store
-from factory.stores.generated import GeneratedStore
+from factory.generation.generated_store import GeneratedStore
+from factory.inspect.flown_again import replay_mission
+from factory.inspect.soundness import verify_store
+from factory.inspect.store_check import StoreReport, kinematic_problems
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED
 from twin.records.store import read_trajectory
@@ -26,7 +25,7 @@ def stored_signals(preset: str) -> set[str]:
     return {*SIMULATED, *(HYDROGRAPHY if preset == "field_store" else ())}
 
 
-def problems(report: Report) -> str:
+def problems(report: StoreReport) -> str:
     return " | ".join(problem for check in report.checks for problem in check.problems)
 
 

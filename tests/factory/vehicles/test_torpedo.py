@@ -12,18 +12,18 @@ import xarray as xr
 
 import factory
 from factory.__main__ import PROGRAM
-from factory.flight.fly import build_scenario
-from factory.flight.vehicle_errors import encoder_zeros, spread_vehicle
 from factory.generation.generate import generate
-from factory.inspect.info import drawn_rows
+from factory.generation.generated_store import GeneratedStore
+from factory.inspect.description import drawn_rows
+from factory.inspect.flown_again import replay_mission
 from factory.inspect.missions_page import store_page
-from factory.inspect.replay import replay_mission
-from factory.inspect.verify import verify_store
-from factory.recipe.parameters import declared, parameter_table
-from factory.recipe.recipe import make_recipe
-from factory.recipe.sampling import draw_parameters
-from factory.recipe.vehicle_parameters import ADDED_MASS
-from factory.stores.generated import GeneratedStore
+from factory.inspect.soundness import verify_store
+from factory.sampling.draw import draw_parameters
+from factory.sampling.fly import build_scenario
+from factory.sampling.parameters import declared, parameter_table
+from factory.sampling.recipe import make_recipe
+from factory.sampling.vehicle_errors import encoder_zeros, spread_vehicle
+from factory.sampling.vehicle_parameters import ADDED_MASS
 from twin.errors import InputError, VehicleError
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
@@ -144,7 +144,7 @@ def test_a_spread_that_no_mission_can_draw_is_refused(
 
 
 def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
-    from twin.physics.part_signals import declare_parts
+    from twin.physics.true_signals import declare_parts
 
     elevator = dataclasses.replace(torpedo.part("elevator"), name="pitch")
     vehicle = dataclasses.replace(torpedo, parts=(elevator,), steering={})

@@ -18,7 +18,7 @@ from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
-from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.estimators.baseline import BASELINES
 
 PAGES = [
     Path(__file__).parents[3] / "docs" / "howto" / name for name in ("train.md", "on_board.md")
@@ -41,7 +41,7 @@ def place(tmp_path_factory):
     store = write_flown_store(folder / "data" / "missions.zarr")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("twin.plot.page.DPI", 30)
+        patch.setattr("twin.show.figures.page_layout.DPI", 30)
         assert PROGRAM.main(["fit", str(store), "--name", "first", "--json", *QUICK]) == 0
     return folder
 
@@ -49,7 +49,7 @@ def place(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
     """Drawing takes most of the time of these tests; `place` and test_report draw."""
-    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
 
 
 @pytest.fixture
@@ -449,8 +449,8 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
     from factory.generation.generate import generate
-    from factory.recipe.recipe import make_recipe
-    from learn.report.tables import paper_sentence
+    from factory.sampling.recipe import make_recipe
+    from learn.report.result_tables import paper_sentence
 
     monkeypatch.chdir(tmp_path)
     generate(make_recipe(hours=2.5), DEFAULT_STORE, workers=1)

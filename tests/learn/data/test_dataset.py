@@ -8,8 +8,7 @@ from learn_missions import synthetic_mission, write_dataset, write_synthetic_sto
 
 from learn.data.dataset import load_missions
 from learn.data.preparation import SampleDivision, prepare
-from learn.data.sequences import Sequences
-from learn.data.windows import batches, cut_windows, pack_windows
+from learn.data.sequences import Sequences, batches, cut_windows, pack_windows
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, select_features
 

@@ -5,13 +5,13 @@ import pytest
 
 import learn
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
+from factory.sampling.recipe import make_recipe
 from learn.data.dataset import load_missions
 from learn.data.parts import input_groups
 from twin.errors import InputError, StoreError
-from twin.navigation.estimated_channels import ESTIMATED, estimate
 from twin.navigation.features import FLIGHT, INPUT_SETS, leave_out, select_features
 from twin.navigation.flight_filter_kernels import CHANNELS
+from twin.navigation.settings import ESTIMATED, estimate
 from twin.vehicle.vehicle import load_vehicle
 
 FEATURES = ("flight_surge", "flight_sway", "flight_attack")

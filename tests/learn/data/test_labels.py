@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, write_store
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.data.labels import (
     STORE_CURRENT,
     LabelConfig,
@@ -18,9 +18,8 @@ from learn.data.preparation import prepare
 from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
 from learn.training.fitting import fit
-from learn.training.given_settings import fit_settings
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig
+from learn.training.settings import FitConfig, fit_settings
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
 from twin.navigation.features import select_features
@@ -49,7 +48,7 @@ def surveyed(current=CURRENT, mode=LOCK, **motion):
 
 def mission(signals=None, **more):
     signals = surveyed(**more) if signals is None else signals
-    return Mission(index=4, split="train", period=PERIOD, signals=signals)
+    return MissionSequence(index=4, split="train", period=PERIOD, signals=signals)
 
 
 @pytest.mark.parametrize("known", ["store", f"{CURRENT[0]},{CURRENT[1]}"])

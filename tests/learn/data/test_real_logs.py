@@ -14,22 +14,22 @@ from logs import Flight, write_csv, write_slocum
 import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
-from learn.data.dataset import Mission, load_missions
+from learn.data.dataset import MissionSequence, load_missions
 from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
 from learn.networks.config import NetworkConfig
-from learn.report.origin import Origin
+from learn.report.card import RunOrigin
 from learn.studies.folds import folds_with_labels, leave_out_each
 from learn.training.fitting import fit
 from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
-from twin.navigation.baselines.base import Estimate
+from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import INPUT_SETS, select_features
-from twin.records.logs import LogRow
+from twin.records.logged import LogRow
 from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
 
@@ -211,7 +211,7 @@ def row_of(start: float, moved: tuple[float, float], current: tuple[float, float
     }
     displacement = (moved[0] + current[0] * duration, moved[1] + current[1] * duration)
     row = LogRow(deployment="a", start=start, duration=duration, displacement=displacement)
-    mission = Mission(index=0, split="test", period=period, signals=signals, row=row)
+    mission = MissionSequence(index=0, split="test", period=period, signals=signals, row=row)
     return LogReference.of(mission, load_vehicle("graver-2005"), LabelConfig())
 
 
@@ -246,7 +246,7 @@ def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
 def test_the_card_of_a_run_on_logs_speaks_of_logs(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("twin.plot.page.Page._figure", lambda *_: "")
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     settings = {"inputs": "glider", "network": "mlp", "hidden": 4, "epochs": 1, "members": 1}
     run = learn.fit(store, folder=tmp_path / "first", **settings)
     card = (run.folder / "README.md").read_text()
@@ -270,7 +270,7 @@ def test_the_card_tells_simulation_then_real(store: Path, tmp_path: Path) -> Non
         "truth": ["true_surge", "true_sway"],
         "started_from": {"run": "runs/sim", "store": "sim.zarr", "preset": "field"},
     }
-    origin = Origin(description)
+    origin = RunOrigin(description)
     assert origin.made_from() == [
         f"store: {store}, logs of vehicles at sea (seaglider)",
         "weights to start from: run runs/sim, trained on sim.zarr, simulated missions "
@@ -280,4 +280,4 @@ def test_the_card_tells_simulation_then_real(store: Path, tmp_path: Path) -> Non
     assert first.startswith("They were trained on logs of sg171;")
     assert "where the logs hold a velocity through the water" in second
     del description["started_from"]  # as runs of version 0.1.0
-    assert "this run keeps no record" in Origin(description).made_from()[1]
+    assert "this run keeps no record" in RunOrigin(description).made_from()[1]

@@ -12,10 +12,10 @@ from learn_missions import write_dataset, write_synthetic_store
 from learn.data.dataset import load_missions
 from twin.errors import StoreError
 from twin.records.attributes import SIMULATED_ATTRIBUTES
-from twin.records.content import content_hash
-from twin.records.limits import recorded_limits
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
+from twin.records.schema.limits import recorded_limits
+from twin.records.storage.checksums import content_hash
 
 CHANNELS = ("measured_pitch", "measured_depth", "true_surge")
 

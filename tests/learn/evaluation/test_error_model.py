@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from navigation import PERIOD
 
-from learn.evaluation.uncertainty import ErrorModel, position_sd
+from learn.evaluation.deviation import ErrorModel, position_sd
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import integrate
 

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from navigation import PERIOD, add_fixes, steady_mission, trimmed_mission, write_store
 
-from learn.data.dataset import Mission, load_missions
+from learn.data.dataset import MissionSequence, load_missions
+from learn.evaluation.deviation import Coverage, ErrorModel, fit_error_model
 from learn.evaluation.evaluation import evaluate, visible
-from learn.evaluation.score import Reference, score_mission, summarise_scores
-from learn.evaluation.tracks import TrackCollector
-from learn.evaluation.uncertainty import Coverage, ErrorModel, fit_error_model
+from learn.evaluation.judged_tracks import TrackCollector
+from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
-from twin.navigation.baselines.base import Estimate
-from twin.navigation.baselines.registry import BASELINES
+from twin.navigation.estimators.baseline import BASELINES, Estimate
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
 from twin.vehicle.vehicle import load_vehicle
@@ -120,7 +119,7 @@ def test_a_scaled_surge_gives_the_error_that_the_kinematics_say(missions, tmp_pa
 
 
 def test_over_ground_the_current_is_missed(store, missions):
-    reference = Reference.of(load_missions(store, CHANNELS, split="test")[0])
+    reference = ReferenceVelocity.of(load_missions(store, CHANNELS, split="test")[0])
     truth = Estimate(surge=reference.surge, sway=reference.sway)
     score = score_mission(reference, truth)
     assert score.tracks["ground"].end_m == pytest.approx(0.05 * 1499 * PERIOD, rel=1e-3)
@@ -128,7 +127,7 @@ def test_over_ground_the_current_is_missed(store, missions):
 
 
 def test_after_30_s_leaves_out_the_launch(missions):
-    reference = Reference.of(mission_of(missions[0]))
+    reference = ReferenceVelocity.of(mission_of(missions[0]))
     surge = reference.surge.copy()
     surge[:60] += 0.1
     figures = summarise_scores([score_mission(reference, Estimate(surge=surge, sway=surge))])
@@ -137,13 +136,13 @@ def test_after_30_s_leaves_out_the_launch(missions):
 
 
 def mission_of(signals, index=0):
-    return Mission(index=index, split="test", period=PERIOD, signals=signals)
+    return MissionSequence(index=index, split="test", period=PERIOD, signals=signals)
 
 
 def test_attitude_errors_count_in_water_but_not_in_velocity(missions):
     signals = dict(missions[0])
     signals["measured_heading"] = signals["measured_heading"] + 1.0
-    reference = Reference.of(mission_of(signals))
+    reference = ReferenceVelocity.of(mission_of(signals))
     score = score_mission(reference, Estimate(surge=reference.surge, sway=reference.sway))
     assert score.tracks["water"].percent == pytest.approx(100 * np.deg2rad(1.0), rel=1e-3)
     assert score.tracks["velocity"].percent < 1e-6
@@ -151,7 +150,7 @@ def test_attitude_errors_count_in_water_but_not_in_velocity(missions):
 
 def test_dives_are_judged_by_what_is_known_of_the_current(missions):
     signals = fixed_mission(current=(0.03, -0.1))
-    reference = Reference.of(mission_of(signals))
+    reference = ReferenceVelocity.of(mission_of(signals))
     dives = score_mission(reference, Estimate(surge=reference.surge, sway=reference.sway)).dives
     assert {name: len(found) for name, found in dives.items()} == {
         "none": 1,
@@ -168,7 +167,7 @@ def test_the_onboard_track_counts_before_its_fixes_and_through_water_without_any
     signals = fixed_mission(current=(0.0, 0.0))
     off = 7.0 * (np.arange(4000) > 1900)
     signals["measured_onboard_north"] = signals["true_north"] + off
-    reference = Reference.of(mission_of(signals))
+    reference = ReferenceVelocity.of(mission_of(signals))
     track = np.stack([signals[f"measured_onboard_{n}"] for n in ("north", "east")], 1)
     logged = Estimate(ground_track=track, uses_fixes=True)
     score = score_mission(reference, logged)
@@ -176,7 +175,7 @@ def test_the_onboard_track_counts_before_its_fixes_and_through_water_without_any
     assert score.dives["previous"][0].end_m == pytest.approx(7.0)
     free = trimmed_mission(500)
     free["measured_onboard_north"] = free["true_north"] + 3.0
-    reference = Reference.of(mission_of(free))
+    reference = ReferenceVelocity.of(mission_of(free))
     track = np.stack([free[f"measured_onboard_{n}"] for n in ("north", "east")], 1)
     score = score_mission(reference, Estimate(ground_track=track, uses_fixes=True))
     assert score.tracks["water"].end_m == pytest.approx(3.0)

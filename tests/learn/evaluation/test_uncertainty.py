@@ -8,21 +8,28 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission
 
-from learn.data.dataset import Mission
-from learn.evaluation.score import Reference
-from learn.evaluation.uncertainty import COMPASS_SD, ErrorModel, network_position_sd, position_sd
-from twin.navigation.baselines.base import Estimate
+from learn.data.dataset import MissionSequence
+from learn.evaluation.deviation import (
+    COMPASS_SD,
+    ErrorModel,
+    network_position_sd,
+    position_sd,
+)
+from learn.evaluation.score import ReferenceVelocity
+from twin.navigation.estimators.baseline import Estimate
 
 SAMPLES = 1200
 STILL = {"velocity_sd": 0.0, "heading_sd": 0.0, "current_sd": 0.0, "fix_sd": 0.0}
 
 
-def reference(pitch: float) -> Reference:
+def reference(pitch: float) -> ReferenceVelocity:
     signals = steady_mission(SAMPLES, pitch=pitch, velocity=(0.4, 0.0, 0.0))
-    return Reference.of(Mission(index=0, split="test", period=PERIOD, signals=signals))
+    return ReferenceVelocity.of(
+        MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
+    )
 
 
-def predicted(mission: Reference, **spread: float) -> float:
+def predicted(mission: ReferenceVelocity, **spread: float) -> float:
     """[m] at the end, for an estimate that claims these deviations of surge and sway [m/s]."""
     claims = {name: np.full(SAMPLES, value) for name, value in spread.items()}
     estimate = Estimate(surge=mission.surge, sway=mission.sway, **claims)
@@ -30,7 +37,7 @@ def predicted(mission: Reference, **spread: float) -> float:
     return float(network_position_sd(mission, estimate, model)[-1])
 
 
-def drawn(mission: Reference, *, surge_sd=0.0, sway_sd=0.0) -> float:
+def drawn(mission: ReferenceVelocity, *, surge_sd=0.0, sway_sd=0.0) -> float:
     """[m] root mean square error at the end, over missions whose surge and sway are biased."""
     rng = np.random.default_rng(0)
     exact = mission.track(Estimate(surge=mission.surge, sway=mission.sway), mission.measured)

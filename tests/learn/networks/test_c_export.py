@@ -11,18 +11,18 @@ import torch
 from glides import changed, glides
 from navigation import PERIOD, trimmed_mission
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.data.normalisation import Normalisation
 from learn.networks.base import Network, build_network
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
 from learn.networks.config import NetworkConfig
-from learn.networks.parity import TOLERANCE
+from learn.networks.onnx_export import TOLERANCE
 from learn.networks.predictor import Ensemble, Predictor
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
-from twin.navigation.estimated_channels import estimate
 from twin.navigation.features import FEATURES, FLIGHT, Feature, Term, channels_of
 from twin.navigation.features.c_steps import c_features
+from twin.navigation.settings import estimate
 from twin.vehicle.vehicle import load_vehicle
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
@@ -41,7 +41,7 @@ def mission():
         base = np.asarray(signals.get(name, np.zeros(400)), float)
         signals[name] = base + np.sin(np.arange(400) / 20) + 0.1 * rng.normal(size=400)
     signals["measured_heading"] = np.mod(350.0 + np.arange(400) / 4, 360.0)
-    return Mission(index=4, split="test", period=PERIOD, signals=signals)
+    return MissionSequence(index=4, split="test", period=PERIOD, signals=signals)
 
 
 def networks_of(kind, features, mission, members=1, **sizes):
@@ -115,7 +115,7 @@ def test_the_flight_filter_is_in_c_what_it_is_in_python(tmp_path):
     signals, _, _ = glides(changed(drag=1.08), pitches=(-25.0, 32.0, -36.0))
     vehicle = load_vehicle()
     signals |= estimate(signals, vehicle, PERIOD, mission=4)
-    glide = Mission(index=4, split="test", period=PERIOD, signals=signals)
+    glide = MissionSequence(index=4, split="test", period=PERIOD, signals=signals)
     names = ("sin_pitch", "flight_surge", "flight_sway", "flight_attack")
     networks = networks_of("ema", names, glide, hidden=6, layers=1)
     parity = export_c(networks, tmp_path / "glider_velocity.h", glide, vehicle)

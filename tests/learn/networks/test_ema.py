@@ -6,7 +6,7 @@ import torch
 from navigation import trimmed_mission
 from scipy.signal import lfilter
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.data.normalisation import Normalisation
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
@@ -87,6 +87,6 @@ def test_missions_of_another_period_are_refused():
         target_scale=1.0,
     )
     predictor = Predictor(ema(inputs=1).float(), scales)
-    mission = Mission(index=7, split="test", period=1.0, signals=trimmed_mission(20))
+    mission = MissionSequence(index=7, split="test", period=1.0, signals=trimmed_mission(20))
     with pytest.raises(StoreError, match=r"mission 7 has a sample every 1 s, and .* every 0\.5 s"):
         predictor.predict([mission])

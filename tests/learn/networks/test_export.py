@@ -11,7 +11,7 @@ import torch
 from navigation import PERIOD, trimmed_mission
 from onnx import helper
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
 from learn.data.normalisation import Normalisation
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
@@ -51,7 +51,7 @@ def mission():
     rng = np.random.default_rng(0)
     for name in ("measured_pitch", "measured_roll", "measured_pump"):
         signals[name] = signals[name] + 5.0 * np.sin(np.arange(600) / 20) + rng.normal(size=600)
-    return Mission(index=4, split="test", period=PERIOD, signals=signals)
+    return MissionSequence(index=4, split="test", period=PERIOD, signals=signals)
 
 
 @pytest.mark.parametrize(

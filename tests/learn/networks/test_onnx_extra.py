@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from learn.commands.export import Export
+from learn.commands.export import ExportNetwork
 from twin.cli.console import Console
 from twin.errors import InputError
 
@@ -18,7 +18,7 @@ def test_export_needs_the_extra_onnx(
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=rf'{package},.* pip install "glider-twin\[onnx\]"$'):
-        Export(run_folder=tmp_path / "none").run(Console("learn"))
+        ExportNetwork(run_folder=tmp_path / "none").run(Console("learn"))
 
 
 def test_running_a_model_needs_the_extra_onnx(

@@ -8,14 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 from navigation import PERIOD, add_fixes, trimmed_mission, write_store
 
-from learn.data.dataset import Mission
+from learn.data.dataset import MissionSequence
+from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import evaluate
-from learn.evaluation.uncertainty import ErrorModel
 from learn.report.build import build_page
 from learn.report.card import model_card
-from learn.report.contents import Contents, RunEvaluation
-from learn.report.shown import Showcase
-from learn.report.tables import (
+from learn.report.contents import Contents, RunEvaluation, Showcase
+from learn.report.result_tables import (
     ablation_rows,
     comparison_rows,
     dive_rows,
@@ -26,7 +25,7 @@ from learn.report.tables import (
 )
 from learn.runs.run import Run
 from twin.errors import InputError
-from twin.plot.page import Page
+from twin.show.figures.page_layout import Page
 
 
 class Constant:
@@ -59,7 +58,7 @@ def judged(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(judged, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
-    training = Mission(
+    training = MissionSequence(
         index=0, split="train", period=PERIOD, signals=judged.shown[0].reference.mission.signals
     )
     metrics = [
@@ -80,7 +79,7 @@ def page(judged, tmp_path_factory):
         command="learn fit",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.plot.page.DPI", 30)
+        patch.setattr("twin.show.figures.page_layout.DPI", 30)
         return build_page(folder, contents)
 
 
@@ -107,11 +106,10 @@ def test_every_figure_is_a_png_beside_the_page(page):
 
 
 def test_every_figure_has_labelled_axes(judged):
-    from learn.report.figures.errors import error_figure
+    from learn.report.figures.error_figures import error_figure
     from learn.report.figures.lines import water_lines
-    from learn.report.figures.track import track_figure
-    from learn.report.figures.uncertainty import uncertainty_figure
-    from learn.report.figures.velocities import velocity_figure
+    from learn.report.figures.tracks import track_figure
+    from learn.report.figures.velocities import uncertainty_figure, velocity_figure
 
     shown = judged.shown[0]
     drawn = [
@@ -126,7 +124,7 @@ def test_every_figure_has_labelled_axes(judged):
 
 
 def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
-    from learn.report.figures.errors import error_figure
+    from learn.report.figures.error_figures import error_figure
 
     figure = error_figure(judged.shown)
     axes = np.reshape(figure.axes, (2, 2))
@@ -143,7 +141,7 @@ def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
 
 def test_tracks_tell_methods_apart_and_name_those_without(judged):
     from learn.report.figures.lines import water_lines
-    from learn.report.figures.track import track_figure
+    from learn.report.figures.tracks import track_figure
 
     methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
     figure = track_figure(judged.shown[0], methods, water_lines(judged.shown[0], methods))
@@ -159,7 +157,7 @@ def test_tracks_tell_methods_apart_and_name_those_without(judged):
 
 def test_the_track_in_space_has_ends_and_a_shadow(judged):
     from learn.report.figures.lines import water_lines
-    from learn.report.figures.track_3d import track_3d_figure
+    from learn.report.figures.tracks import track_3d_figure
 
     figure = track_3d_figure(judged.shown[0], water_lines(judged.shown[0], ("network",)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -182,8 +180,8 @@ def test_a_launch_does_not_set_the_scale_of_errors(judged):
 
 
 def test_what_dots_and_bars_are_is_in_the_figure(judged):
-    from learn.report.figures.distribution import distribution_figure
-    from learn.report.figures.dives import dive_figure
+    from learn.report.figures.error_figures import distribution_figure
+    from learn.report.figures.velocities import dive_figure
 
     texts = [t.get_text() for t in distribution_figure(judged.evaluation).legends[0].get_texts()]
     assert texts[:2] == ["a mission", "median"]
@@ -196,7 +194,7 @@ def test_what_dots_and_bars_are_is_in_the_figure(judged):
 
 
 def test_dives_have_plain_numbers_and_no_empty_panel():
-    from learn.report.figures.dives import dive_figure
+    from learn.report.figures.velocities import dive_figure
 
     def errors(*percents):
         return tuple(SimpleNamespace(percent=p, max_percent=p) for p in percents)
@@ -215,8 +213,7 @@ def test_dives_have_plain_numbers_and_no_empty_panel():
 
 
 def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
-    from learn.report.figures.uncertainty import uncertainty_figure
-    from learn.report.figures.velocities import velocity_figure
+    from learn.report.figures.velocities import uncertainty_figure, velocity_figure
 
     shown = judged.shown[0]
     for deviation, place in ((1e6, "inside"), (0.0, "outside")):
@@ -229,7 +226,7 @@ def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
 
 
 def test_the_page_says_why_a_method_has_no_track_through_the_water(judged):
-    from learn.report.tables import without_track
+    from learn.report.result_tables import without_track
 
     without = {**judged.figures["baselines"]["steady_flight"], "dr_water_percent_mean": None}
     figures = {**judged.figures, "baselines": {"dvl": without, "onboard": without}}

@@ -16,8 +16,8 @@ from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
-from learn.runs.place import training_folder
 from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
+from learn.runs.run_folder import training_folder
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig

@@ -12,7 +12,7 @@ from learn.__main__ import PROGRAM
 from learn.networks.config import NetworkConfig
 from learn.runs.run import METRICS, SEEDS, open_run
 from learn.studies.seeds import Seeds, other_seeds
-from learn.training.fitting import Start, fit, fit_each
+from learn.training.fitting import TrainingStart, fit, fit_each
 from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
@@ -47,7 +47,8 @@ def test_any_executor_trains_what_one_process_trains(store, tmp_path):
         training_resources(executor=threads, memory=1.0) as resources,
     ):
         starts = [
-            Start(config=config_of(store, seed), folder=tmp_path / f"r{seed}") for seed in (0, 2)
+            TrainingStart(config=config_of(store, seed), folder=tmp_path / f"r{seed}")
+            for seed in (0, 2)
         ]
         runs = fit_each(starts, resources, watch=lambda job, report: seen.append((job, report)))
     assert weights(runs[0].folder) == weights(alone.folder) != weights(runs[1].folder)

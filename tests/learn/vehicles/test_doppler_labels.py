@@ -11,12 +11,12 @@ import pytest
 
 import learn
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
+from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
 from learn.data.labels import LabelConfig
-from learn.report import tables
+from learn.report import result_tables
 from learn.report.contents import Contents
-from learn.report.figures.doppler_errors import doppler_error_figure
+from learn.report.figures.error_figures import doppler_error_figure
 from learn.report.figures.lines import BESIDE_DVL, ground_lines, with_bottom_lock
 from learn.runs.run import open_run
 
@@ -55,7 +55,7 @@ def run(still: Path, tmp_path_factory: pytest.TempPathFactory) -> learn.Run:
     labels = ["--labels", "dvl", "--known-current", "0,0"]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("twin.plot.page.DPI", 30)
+        patch.setattr("twin.show.figures.page_layout.DPI", 30)
         assert PROGRAM.main(["fit", str(still), *words, *labels]) == 0
     return open_run(folder / "runs/dvl")
 
@@ -85,7 +85,7 @@ def test_figures_stand_beside_the_log(judged: learn.RunEvaluation, run: learn.Ru
     assert beside["missions"] == judged.figures["missions"]
     assert 0.0 < beside["surge_mse"] < 1.0
     assert beside["samples"] > 0
-    rows = {row["track"]: row["mean [%]"] for row in tables.doppler_rows(judged.figures)}
+    rows = {row["track"]: row["mean [%]"] for row in result_tables.doppler_rows(judged.figures)}
     own = judged.figures["baselines"]["dvl"]["dr_ground_percent_mean"]
     assert rows["DVL-aided, from the truth"] == own < 3.0
     # no two sides of a triangle are shorter than the third
@@ -129,12 +129,12 @@ def test_the_papers_figures_are_drawn_where_the_log_saw_the_bottom(
 def test_in_still_water_and_in_a_current_the_page_says_what_can_be_known(
     judged: learn.RunEvaluation, run: learn.Run, tmp_path: Path
 ) -> None:
-    assert any("The water stood still" in text for text in tables.verdicts(judged.figures))
+    assert any("The water stood still" in text for text in result_tables.verdicts(judged.figures))
     moving = made(tmp_path / "m.zarr", **{"current.speed": "0.3"})
     found = learn.evaluate(run, moving, split="all", baselines=("dvl",)).figures
-    text = " ".join(tables.verdicts(found))
+    text = " ".join(result_tables.verdicts(found))
     assert "no method can know it without sight of the bottom or a fix" in text
-    network, away, own = (row["mean [%]"] for row in tables.doppler_rows(found))
+    network, away, own = (row["mean [%]"] for row in result_tables.doppler_rows(found))
     assert isinstance(own, float)
     assert own < 5.0 < network  # the log sees the current, the networks do not
     assert away > 5.0
@@ -147,4 +147,4 @@ def test_an_on_board_track_by_a_doppler_log_is_none_through_the_water(
     onboard = found["baselines"]["onboard"]
     assert onboard["dr_water_percent_mean"] is None
     assert onboard["dr_ground_percent_mean"] < 5.0
-    assert "reckoned by a Doppler log" in tables.without_track(found, "water")
+    assert "reckoned by a Doppler log" in result_tables.without_track(found, "water")

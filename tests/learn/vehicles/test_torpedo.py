@@ -10,10 +10,10 @@ import pytest
 
 import learn
 from factory.generation.generate import generate
-from factory.recipe.recipe import make_recipe
+from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
 from learn.data.parts import parts_of
-from learn.training.given_settings import fit_settings
+from learn.training.settings import fit_settings
 from twin.errors import InputError
 from twin.navigation.features import FEATURES, GLIDER_PARTS, feature, mirror_signs, select_features
 from twin.vehicle.vehicle import load_vehicle

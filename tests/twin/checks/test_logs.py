@@ -14,11 +14,10 @@ from simulated_logs import CLIMB_PITCH, PITCH, simulated_log
 
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
-from twin.checks.logs import check_logs
-from twin.checks.logs.figures import Samples, turn_per_actuator
-from twin.checks.logs.legs import legs_of
-from twin.checks.logs.oscillation import limit_cycle, oscillation_of
-from twin.checks.logs.steering import turning_of
+from twin.checks import check_logs
+from twin.checks.heading_leg import legs_of, turning_of
+from twin.checks.log_figures import FigureSamples, turn_per_actuator
+from twin.checks.log_turns import limit_cycle, oscillation_of
 from twin.errors import InputError, StoreError, VehicleError
 from twin.records.store import write_store
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -203,9 +202,9 @@ def test_legs_are_descents_and_climbs_and_no_waves() -> None:
     assert legs_of(np.full(30, 3.0)) == []
 
 
-def leg(heading: np.ndarray, turning: np.ndarray, period: float = 2.0) -> Samples:
+def leg(heading: np.ndarray, turning: np.ndarray, period: float = 2.0) -> FigureSamples:
     quiet = np.zeros(len(heading))
-    return Samples(
+    return FigureSamples(
         period=period, depth_rate=quiet, pitch=quiet, roll=None, heading=heading,
         heading_error=None, heading_target=None, first_error=0.0, speed=None, turning=turning,
         positions={}, steady=np.ones(len(heading), bool),
@@ -269,7 +268,7 @@ def test_a_heading_loop_of_the_wrong_sign_is_beyond_its_limits(log: Path, vehicl
 def test_the_command_prints_json_and_writes_a_page(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("twin.plot.page.DPI", 30)
+    monkeypatch.setattr("twin.show.figures.page_layout.DPI", 30)
     words = ["check", "--logs", str(log), "--vehicle", VEHICLE]
     code = PROGRAM.main([*words, "--json", "--page", str(tmp_path / "page")])
     said = json.loads(capsys.readouterr().out)

@@ -7,8 +7,7 @@ import math
 import pytest
 
 from twin.checks import agreement as check
-from twin.checks.held_flight import MODELS, held_flight
-from twin.checks.published import published_flights, published_glides
+from twin.checks.published import MODELS, held_flight, published_flights, published_glides
 from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.physics.settle import trim

@@ -26,7 +26,7 @@ from twin.cli.console import Console, JsonOption, to_json
 from twin.cli.mistakes import number_kind
 from twin.cli.option_texts import option_names
 from twin.cli.options import parse_options
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 from twin.cli.progress import Progress, format_duration
 from twin.cli.text_table import WIDEST, counted, format_number, format_pairs, format_table
 from twin.errors import InputError, NoSteadyState
@@ -100,13 +100,13 @@ def _raise(error: BaseException) -> int:
 @pytest.fixture
 def program(monkeypatch: pytest.MonkeyPatch) -> Program:
     commands = {"glide": Glide, "mute": Mute}
-    monkeypatch.setattr(Command, "load", lambda self: commands[self.name])
+    monkeypatch.setattr(ProgramCommand, "load", lambda self: commands[self.name])
     return Program(
         name="swim",
         summary="A program for these tests.",
         commands=(
-            Command(name="glide", summary="glides", loader="unused"),
-            Command(name="mute", summary="says nothing", loader="unused"),
+            ProgramCommand(name="glide", summary="glides", loader="unused"),
+            ProgramCommand(name="mute", summary="says nothing", loader="unused"),
         ),
     )
 
@@ -239,7 +239,7 @@ def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
     ids=lambda value: value if isinstance(value, str) else value.name,
 )
 def test_help_is_no_wider_than_the_terminal(
-    command: Command, columns: str, monkeypatch, capsys: pytest.CaptureFixture[str]
+    command: ProgramCommand, columns: str, monkeypatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     assert parse_options(command.load(), prog=f"twin {command.name}", words=["--help"]) is None
@@ -258,7 +258,7 @@ def test_help_is_no_wider_than_the_terminal(
     ids=lambda thing: thing.name,
 )
 def test_help_of_every_command_has_an_example_that_its_parser_takes(
-    program: Program, command: Command, capsys: pytest.CaptureFixture[str]
+    program: Program, command: ProgramCommand, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prog = f"{program.name} {command.name}"
     assert parse_options(command.load(), prog=prog, words=["--help"]) is None
@@ -365,7 +365,7 @@ def test_help_of_the_program_imports_nothing_heavy(program: Program) -> None:
     [(program, command) for program in (TWIN, FACTORY, LEARN) for command in program.commands],
     ids=lambda thing: thing.name,
 )
-def test_help_of_a_command_imports_nothing_heavy(program: Program, command: Command) -> None:
+def test_help_of_a_command_imports_nothing_heavy(program: Program, command: ProgramCommand) -> None:
     loaded, text = _modules_after(program.name, [command.name, "--help"])
     assert not loaded & set(HEAVY)
     assert text.startswith(f"usage: {program.name} {command.name}")

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from twin.cli.endings import Endings, interruption
-from twin.cli.program import Command, Program
+from twin.cli.program import Program, ProgramCommand
 from twin.errors import WriteError
 
 COMMAND = """
@@ -18,7 +18,7 @@ import os, sys, time
 from dataclasses import dataclass
 from pathlib import Path
 from twin.cli.program import Command, Program
-from twin.records.whole import whole_folder
+from twin.records.storage.whole import whole_folder
 
 @dataclass(frozen=True, kw_only=True)
 class Write:
@@ -149,7 +149,7 @@ def test_an_interruption_in_compiled_code_is_told_as_one(monkeypatch, capsys, er
             raise error
 
     monkeypatch.setattr("twin.cli.options.parse_options", lambda *_, **__: Fly())
-    command = Command(name="fly", summary="", loader="builtins:object")
+    command = ProgramCommand(name="fly", summary="", loader="builtins:object")
     assert Program(name="twin", summary="", commands=(command,)).main(["fly"]) == code
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1

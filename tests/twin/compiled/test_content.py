@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[3]
 FLY = """
 import json
 import numpy as np
-from twin.navigation.baselines.ekf import Ekf
+from twin.navigation.estimators.ekf import Ekf
 from twin.identify.translation import fly
 from twin.vehicle.vehicle import load_vehicle
 
@@ -74,7 +74,7 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
     kept = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
     assert versions < kept
     assert {name.partition("-")[0] for name in kept - versions} >= {
-        "twin.navigation.baselines.ekf_kernels",
+        "twin.navigation.estimators.ekf_kernels",
         "twin.identify.translation",
     }
     assert run(before) == first
@@ -173,7 +173,7 @@ def test_without_a_folder_it_compiles_and_says_so(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.warns(RuntimeWarning, match=r"not kept .*file.*; set XDG_CACHE_HOME"):
         assert folder.cache_root.__wrapped__() != tmp_path / "file" / "x"
-    monkeypatch.setattr("twin.compiled.locator.cache_root", lambda: None)
+    monkeypatch.setattr("twin.compiled.folder.cache_root", lambda: None)
 
     @jit
     def third(x):

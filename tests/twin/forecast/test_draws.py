@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from twin.errors import VehicleError
-from twin.forecast.vehicle_draws import draw_vehicles, identified, scaled_speed
-from twin.forecast.water_draws import INTERVAL, draw_field_error, draw_water
+from twin.forecast.draws import (
+    INTERVAL,
+    draw_field_error,
+    draw_vehicles,
+    draw_water,
+    identified,
+    scaled_speed,
+)
 from twin.identify.calibration import load_calibration
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import steady_glide

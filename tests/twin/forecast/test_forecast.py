@@ -15,21 +15,20 @@ from factory.importing import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
-from twin.forecast.flights import surfacings
+from twin.forecast.draws import draw_deviation, draw_water
 from twin.forecast.known import Known
-from twin.forecast.members import members_of
-from twin.forecast.page import page, write_forecast
+from twin.forecast.members import members_of, surfacings
+from twin.forecast.request import arrivals
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
-from twin.forecast.watch import arrivals
-from twin.forecast.water_draws import draw_deviation, draw_water
-from twin.identify.start import other_kind
+from twin.identify.start_values import other_kind
 from twin.navigation.current import CurrentFilter, CurrentParameters
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
+from twin.show.forecast_page import page, write_forecast
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
-from twin.water.current.origin import Origin
-from twin.water.current.spec import parse_current
+from twin.water.current.axes import Origin
+from twin.water.current.current_text import parse_current
 
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
 UNIX = 1.795e9
@@ -108,7 +107,7 @@ def test_an_ellipse_holds_its_part_of_normal_members() -> None:
 
 
 def _flight(place, time=60.0):
-    from twin.forecast.flights import Flight as Flown
+    from twin.forecast.members import MemberFlight as Flown
 
     return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
                  track=np.zeros((2, 2)), duration=100.0, taken=20.0)  # fmt: skip
@@ -352,7 +351,7 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
         refined(steps[0])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("twin.forecast.forecast", interrupted)
+    monkeypatch.setattr("twin.forecast.surfacing_forecast", interrupted)
     out = tmp_path / "next"
     words = ["forecast", "--from", "36.8,-122.4,2026-11-22T12:00", "--goto", "37,-122.4"]
     assert PROGRAM.main([*words, "--members", "24", "--out", str(out)]) == 130

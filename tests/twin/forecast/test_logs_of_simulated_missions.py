@@ -7,11 +7,11 @@ import simulated_logs
 
 import twin
 from factory.exporting import EXPORTERS
+from factory.generation.generated_store import open_exportable
 from factory.importing.import_run import import_logs
-from factory.stores.stored_flight import open_exportable
 from twin.errors import StoreError
 from twin.forecast.known import known_from_logs
-from twin.hindcast.legs import PITCH
+from twin.hindcast.forecast_leg import PITCH
 from twin.records.store import write_store
 
 

@@ -13,7 +13,7 @@ from twin.fossen.equations import mass_distribution
 from twin.fossen.forces import damping_wrench
 from twin.fossen.matrices import rigid_body_mass
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.geostrophic import Geostrophic
 from twin.water.current.inertial import Inertial

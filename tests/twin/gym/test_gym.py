@@ -16,7 +16,7 @@ import twin.gym
 from twin import suite
 from twin.errors import InputError
 from twin.gym.registration import TASKS, environment_id
-from twin.render.context import available_backend
+from twin.show.render.context import available_backend
 
 every_task = pytest.mark.parametrize("task", TASKS)
 

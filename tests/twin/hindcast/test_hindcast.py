@@ -17,7 +17,7 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
 from twin.hindcast import METHODS, hindcast, legs_of, scores_of, walk
 from twin.navigation.current import CurrentParameters
-from twin.records.logs import LogStore
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 TIDE, PERIOD = 0.25, 12.4206012 * 3600.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.blocks import PRIOR
 from twin.identify.choice import LEAST_GAIN, Gain, left_out
+from twin.identify.problem import PRIOR
 from twin.vehicle.vehicle import load_vehicle
 
 _SPEC = importlib.util.spec_from_file_location(

@@ -20,16 +20,16 @@ from twin.identify import (
     load_logs,
     motion_of,
 )
-from twin.identify.balance import balance
-from twin.identify.figure import residual_figure
 from twin.identify.pitch import PITCHING
+from twin.identify.start_values import balance
 from twin.identify.unknowns import PARAMETERS, choose, with_known
 from twin.identify.vehicle_file import vehicle_xml, write_vehicle
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.content import store_hash
+from twin.records.storage.checksums import store_hash
 from twin.records.store import write_store
+from twin.show.identification_figure import residual_figure
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 _SPEC = importlib.util.spec_from_file_location(

@@ -14,21 +14,20 @@ import xarray as xr
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, MissionError
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.blocks import PRIOR, bootstrap, cut
-from twin.identify.confusion import confused
+from twin.identify.answer import confused
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
 from twin.identify.handling import handle, with_usual_glide
 from twin.identify.lateral import Glide, exponential, linearised
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
+from twin.identify.problem import PRIOR, bootstrap, cut
 from twin.identify.proof import failures
-from twin.identify.start import start_vehicle
-from twin.identify.stiffness import file_step, largest_step
-from twin.identify.turning.unknowns import TURNING, munk_moment
-from twin.identify.vehicle_file import vehicle_xml
+from twin.identify.start_values import start_vehicle
+from twin.identify.turning_residuals import TURNING, munk_moment
+from twin.identify.vehicle_file import file_step, largest_step, vehicle_xml
 from twin.mission import Mission
-from twin.mission.glide import steady_glide
+from twin.mission.glide_balance import steady_glide
 from twin.mission.segments import SawTooth
-from twin.mission.shipped import load_mission_for
+from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.store import write_store

@@ -7,7 +7,7 @@ import pytest
 
 from twin.errors import InputError
 from twin.mission import Hold, Mission, SawTooth, Spiral, Surface
-from twin.mission import table as g
+from twin.mission import mission_file as g
 from twin.mission.controller import Command, MissionController, Observation
 from twin.mission.guidance import guidance_step, new_state
 from twin.vehicle.vehicle import load_vehicle

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin.mission import Mission, SawTooth, Spiral
-from twin.mission import table as g
+from twin.mission import mission_file as g
 from twin.mission.guidance import guidance_step, new_state
 from twin.vehicle.vehicle import load_vehicle
 

@@ -11,7 +11,7 @@ from torpedo import TORPEDO
 import twin
 from twin.errors import MissionError
 from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Transect
-from twin.mission.balance import imbalance
+from twin.mission.glide_balance import imbalance
 from twin.mission.turning import turn_factor, turn_per_position
 from twin.mission.way import level_way, way
 from twin.physics.scenario import Start

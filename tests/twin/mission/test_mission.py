@@ -20,8 +20,8 @@ from twin.mission import (
     mission_names,
     steady_glide,
 )
-from twin.mission import table as g
-from twin.mission.shipped import PROPELLED
+from twin.mission import mission_file as g
+from twin.mission.shipped_missions import PROPELLED
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 

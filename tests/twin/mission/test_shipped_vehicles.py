@@ -15,13 +15,13 @@ from twin.__main__ import PROGRAM
 from twin.checks.agreement import check_manoeuvres
 from twin.fossen import FossenModel
 from twin.mission import Mission
-from twin.mission.glide import steady_glide
+from twin.mission.glide_balance import steady_glide
+from twin.mission.mission_file import MISSING, VehicleLine, shipped_vehicles
 from twin.mission.segments import SawTooth
-from twin.mission.shipped import load_mission_for, usual_mission
-from twin.mission.vehicle_table import MISSING, VehicleLine, shipped_vehicles
+from twin.mission.shipped_missions import load_mission_for, usual_mission
 from twin.physics.settle import trim as settle
 from twin.physics.steady_motion import trim_positions
-from twin.vehicle.shipped import vehicle_names
+from twin.vehicle.assets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 
 IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")

@@ -9,7 +9,7 @@ import pytest
 
 from twin.fossen import FossenModel
 from twin.mission import Mission, SawTooth, guidance
-from twin.mission.table import CLIMB_TURN, DIVE_TURN
+from twin.mission.mission_file import CLIMB_TURN, DIVE_TURN
 from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
 from twin.mission.way import way
 from twin.physics.scenario import Scenario

@@ -70,7 +70,7 @@ def test_the_first_misclosure_is_the_current():
     water = twin.Uniform(north=0.08, east=-0.05)
     simulation = Simulation(twin.Scenario(mission=mission, current=water, duration=2400.0))
     simulation.run()
-    from twin.mission.table import CURRENT_EAST, CURRENT_KNOWN, CURRENT_NORTH
+    from twin.mission.mission_file import CURRENT_EAST, CURRENT_KNOWN, CURRENT_NORTH
     from twin.physics.model_block import state
 
     memory = state(simulation.data)["guidance"]
@@ -162,7 +162,7 @@ def test_a_navigator_on_board_decides_position_and_current():
              "pitch": -0.4, "heading": 0.0, "roll_rate": 0.0,
                  "pitch_rate": 0.0, "yaw_rate": 0.0, "parts": parts}  # fmt: skip
     controller(Observation(**still, north=500.0, east=-300.0, current_north=0.0, current_east=0.0))
-    from twin.mission.table import HEADING_SETPOINT
+    from twin.mission.mission_file import HEADING_SETPOINT
 
     assert controller.state[HEADING_SETPOINT] == pytest.approx(math.radians(90.0))
 

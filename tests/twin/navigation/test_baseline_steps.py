@@ -8,13 +8,13 @@ from torpedo import TORPEDO
 
 import twin
 from twin.errors import InputError
-from twin.navigation.baselines.registry import BASELINES
 from twin.navigation.estimators import (
     VELOCITY_ESTIMATORS,
     VelocityEstimator,
     open_velocity_estimator,
     usual_velocity_estimator,
 )
+from twin.navigation.estimators.baseline import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

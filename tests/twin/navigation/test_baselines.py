@@ -7,21 +7,23 @@ from navigation import PERIOD, steady_mission, trimmed_mission
 from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.forces import parameters_of
-from twin.mission.schedule import Schedule
-from twin.navigation.baselines import ekf, ekf_kernels
-from twin.navigation.baselines.base import bridge, hold, smooth
-from twin.navigation.baselines.dvl import spikes
-from twin.navigation.baselines.ekf import Ekf, EkfNoise
-from twin.navigation.baselines.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
-from twin.navigation.baselines.pitch_plus_alpha import PitchPlusAlpha, steady_angle_of_attack
-from twin.navigation.baselines.registry import BASELINES
-from twin.navigation.baselines.steady_flight import SteadyFlight
+from twin.mission.controller import Schedule
 from twin.navigation.dead_reckoning import (
-    Attitude,
+    AttitudeSeries,
     horizontal_error,
     true_water_track,
     water_track,
 )
+from twin.navigation.estimators import ekf, ekf_kernels
+from twin.navigation.estimators.baseline import BASELINES, bridge, hold, smooth
+from twin.navigation.estimators.dvl import spikes
+from twin.navigation.estimators.ekf import Ekf, EkfNoise
+from twin.navigation.estimators.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
+from twin.navigation.estimators.pitch_plus_alpha import (
+    PitchPlusAlpha,
+    steady_angle_of_attack,
+)
+from twin.navigation.estimators.steady_flight import SteadyFlight
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
@@ -137,7 +139,7 @@ def test_water_lock_gives_the_velocity_through_the_water():
     estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
     assert estimate.surge == pytest.approx(signals["true_surge"])
     track = water_track(
-        estimate.surge, estimate.sway, signals["measured_depth"], Attitude.of(signals), PERIOD
+        estimate.surge, estimate.sway, signals["measured_depth"], AttitudeSeries.of(signals), PERIOD
     )
     assert horizontal_error(track, true_water_track(signals, PERIOD)).max() < 1e-6
 

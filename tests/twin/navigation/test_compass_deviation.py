@@ -9,8 +9,8 @@ import pytest
 from navigation import PERIOD
 
 from twin.navigation.compass_deviation import DEG, CompassDeviation, sensitivities
-from twin.navigation.dead_reckoning import Attitude, integrate, rotate_to_ned
-from twin.navigation.estimator import BodyVelocity, VelocityEstimator
+from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_ned
+from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.navigator import Navigator
 from twin.sensors.compass import Compass
 
@@ -142,7 +142,7 @@ def flown(true, *, rates: bool) -> tuple[np.ndarray, Navigator]:
 
 def test_the_way_before_a_turn_is_corrected_by_what_the_turn_tells() -> None:
     true = box()
-    attitude = Attitude(roll=true["roll"], pitch=true["pitch"], heading=true["heading"])
+    attitude = AttitudeSeries(roll=true["roll"], pitch=true["pitch"], heading=true["heading"])
     velocity = np.tile([SURGE, 0.0, 0.0], (len(true["roll"]), 1))
     end = integrate(rotate_to_ned(velocity, attitude)[:, :2], PERIOD)[-1]
     blind, _ = flown(true, rates=False)

@@ -10,7 +10,7 @@ from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
 from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
-    Attitude,
+    AttitudeSeries,
     depth_rate,
     heave_from_depth_rate,
     horizontal_error,
@@ -33,8 +33,8 @@ ANGLE = st.floats(-1.2, 1.2)
 SPEED = st.floats(-1.0, 1.0)
 
 
-def attitude_of(roll, pitch, heading) -> Attitude:
-    return Attitude(
+def attitude_of(roll, pitch, heading) -> AttitudeSeries:
+    return AttitudeSeries(
         roll=np.atleast_1d(roll), pitch=np.atleast_1d(pitch), heading=np.atleast_1d(heading)
     )
 
@@ -44,7 +44,7 @@ def reckon(signals, surge=None, sway=None):
         signals["true_surge"] if surge is None else surge,
         signals["true_sway"] if sway is None else sway,
         signals["measured_depth"],
-        Attitude.of(signals),
+        AttitudeSeries.of(signals),
         PERIOD,
     )
 
@@ -130,10 +130,10 @@ def test_a_missing_or_broken_channel_is_named():
     signals = steady_mission(50)
     signals["measured_pitch"][7] = np.nan
     with pytest.raises(StoreError, match=r"measured_pitch is not finite at 1 of 50.*sample 7"):
-        Attitude.of(signals)
+        AttitudeSeries.of(signals)
     del signals["measured_roll"]
     with pytest.raises(StoreError, match="no channel measured_roll"):
-        Attitude.of(signals)
+        AttitudeSeries.of(signals)
 
 
 # --- dives ------------------------------------------------------------------------------------

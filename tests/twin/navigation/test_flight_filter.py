@@ -7,9 +7,9 @@ import pytest
 from glides import PERIOD, changed, glides
 
 from twin.errors import InputError, StoreError
-from twin.navigation.estimated_channels import ESTIMATED, can_estimate, estimate, sources
 from twin.navigation.flight_filter import FlightFilter, FlightSpread
 from twin.navigation.flight_filter_kernels import CARRIED, CHANNELS, CONSTANTS
+from twin.navigation.settings import ESTIMATED, can_estimate, estimate, sources
 from twin.vehicle.vehicle import load_vehicle
 
 

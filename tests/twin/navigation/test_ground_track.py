@@ -8,7 +8,7 @@ from navigation import PERIOD, add_fixes, steady_mission
 
 from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
-    Attitude,
+    AttitudeSeries,
     heave_from_depth_rate,
     horizontal_error,
     true_ground_track,
@@ -37,7 +37,11 @@ def test_tracks_count_from_their_first_sample_wherever_that_is(current):
         true_water_track(there, PERIOD), true_water_track(here, PERIOD), atol=1e-9
     )
     reckoned = water_track(
-        there["true_surge"], there["true_sway"], there["measured_depth"], Attitude.of(there), PERIOD
+        there["true_surge"],
+        there["true_sway"],
+        there["measured_depth"],
+        AttitudeSeries.of(there),
+        PERIOD,
     )
     assert horizontal_error(reckoned, true_water_track(there, PERIOD)).max() < 1e-9
 

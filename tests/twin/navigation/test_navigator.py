@@ -8,12 +8,12 @@ from navigation import PERIOD, steady_mission
 
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
-    Attitude,
+    AttitudeSeries,
     horizontal_error,
     rotate_to_ned,
     water_track,
 )
-from twin.navigation.estimator import BodyVelocity, VelocityEstimator
+from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.navigator import Navigator
 
 
@@ -55,7 +55,7 @@ def test_without_a_current_it_is_the_track_of_dead_reckoning():
     found = walk(Navigator(Given(0.4, 0.02), latitude=30.0), measured)
     track = water_track(
         np.full(1500, 0.4), np.full(1500, 0.02), signals["measured_depth"],
-        Attitude.of(signals), PERIOD,
+        AttitudeSeries.of(signals), PERIOD,
     )  # fmt: skip
     # the depth rate of the whole track looks a sample ahead: the first one has none here
     assert horizontal_error(found, track).max() < 0.05
@@ -119,7 +119,7 @@ def locked(signals, current, first, last, outliers=()):
     """A Doppler log in bottom lock for some samples: the steady velocity and the current."""
     roll, pitch, heading = (np.deg2rad(signals[f"true_{n}"]) for n in ("roll", "pitch", "heading"))
     velocity = np.stack([signals[f"true_{n}"] for n in ("surge", "sway", "heave")], axis=1)
-    attitude = Attitude(roll=roll, pitch=pitch, heading=heading)
+    attitude = AttitudeSeries(roll=roll, pitch=pitch, heading=heading)
     over = rotate_to_ned(velocity, attitude) + np.array([*current, 0.0])
     axes = rotate_to_ned(np.broadcast_to(np.eye(3), (len(over), 3, 3)).transpose(1, 0, 2), attitude)
     log = np.einsum("ikj,kj->ki", axes, over)

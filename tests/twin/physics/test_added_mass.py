@@ -16,7 +16,7 @@ from physics import (
 )
 
 from twin.fossen import FossenModel, FossenState
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.mujoco_model import INTEGRATORS
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario

@@ -14,12 +14,12 @@ from twin.errors import FloorError, InputError, MissionError, VehicleError
 from twin.mission import Mission, SawTooth
 from twin.mission.controller import MissionController
 from twin.physics.fleet import make_batch
+from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import write_tables
 from twin.physics.mujoco_model import compile_model
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate
-from twin.physics.tables import Tables
-from twin.records.summary import summarise
+from twin.records.mission_dataset import summarise
 from twin.vehicle.assets import asset_path
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current.uniform import Uniform

@@ -8,7 +8,7 @@ import pytest
 import twin
 from twin.errors import InputError, VehicleError
 from twin.fossen import FossenModel, FossenState
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.ballast import Ballast, weighed
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from physics import glider, hydrodynamic_wrench, set_motion
 
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
+from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import write_tables
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
-from twin.physics.tables import Tables
 from twin.vehicle.laws.flow_frame import native_wrench
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile

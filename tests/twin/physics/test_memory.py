@@ -21,7 +21,7 @@ from twin.errors import TwinError
 from twin.mission import load_mission
 from twin.physics.model_block import header, state, table
 from twin.physics.native import block as b
-from twin.physics.quiet import quiet_mujoco
+from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.water.current import Profile

@@ -12,15 +12,15 @@ import pytest
 from twin.compiled import jit
 from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current import register, registry
 from twin.water.current.base import Current
+from twin.water.current.current_text import parse_current
 from twin.water.current.sampler import sample_gradient
-from twin.water.current.spec import parse_current
 
 VEHICLE = load_vehicle("glider")
 NEUTRAL = (0.0, 0.0, 0.0)

@@ -15,12 +15,12 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.mission.controller import Command
 from twin.mission.segments import Waypoint
-from twin.navigation.estimator import BodyVelocity, VelocityEstimator
+from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.physics.fleet import make_batch
-from twin.physics.live_truth import LiveTruth
 from twin.physics.scenario import Scenario, scenario_from_dict
 from twin.physics.simulation import Simulation
+from twin.physics.true_signals import LiveTruth
 from twin.sensors import Compass, SensorSuite
 
 IDEAL = Navigation(estimator="ekf", sensors="ideal")

@@ -11,8 +11,7 @@ from physics import glider, set_motion
 
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission, SawTooth, load_mission
-from twin.mission.controller import Command, MissionController
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Command, MissionController, Schedule
 from twin.physics.fleet import make_batch
 from twin.physics.model_block import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict

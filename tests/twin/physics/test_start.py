@@ -13,15 +13,15 @@ import pytest
 import xarray as xr
 
 import twin
-from factory.stores.stored_flight import open_exportable
+from factory.generation.generated_store import open_exportable
 from twin.errors import CurrentError, InputError, StoreError
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario, scenario_from_dict
 from twin.physics.simulation import simulate
 from twin.physics.start import Start, parse_place, utc_text
 from twin.records.reader import MissionStore
-from twin.water.current.origin import Origin
-from twin.water.current.spec import parse_current
+from twin.water.current.axes import Origin
+from twin.water.current.current_text import parse_current
 
 OLD = Path(__file__).parents[2] / "data" / "e2ff189" / "scenario.json"
 PLACE = {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"}
@@ -247,7 +247,7 @@ def test_an_environment_refuses_a_place_that_it_would_not_use() -> None:
 
 
 def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
-    from twin.plot.caption import mission_caption
+    from twin.show.figures.page_layout import mission_caption
 
     run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
     caption = mission_caption(MissionStore(run.save(tmp_path / "run.zarr")), 0)

@@ -9,7 +9,7 @@ import pytest
 
 from twin.errors import SimulationUnstable, VehicleError
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario, Start
 from twin.physics.simulation import simulate
 from twin.records.trajectory import Trajectory

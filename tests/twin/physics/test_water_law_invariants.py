@@ -11,7 +11,7 @@ import pytest
 from twin.errors import VehicleError
 from twin.fossen import FossenModel, FossenState
 from twin.frames import euler_to_quaternion
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start

@@ -13,7 +13,7 @@ import xarray as xr
 import zarr
 
 from twin.errors import StoreError
-from twin.records.checksums import (
+from twin.records.storage.checksums import (
     LIST,
     ZARR_LIST,
     FileSum,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from twin.records.limits import TABLE, quantity, recorded_limits, simulated_limits
 from twin.records.schema import (
     HYDROGRAPHY,
     LOGGED_ONLY,
@@ -13,6 +12,7 @@ from twin.records.schema import (
     WITH_FLOOR,
     Variable,
 )
+from twin.records.schema.limits import TABLE, quantity, recorded_limits, simulated_limits
 
 
 @pytest.mark.parametrize("name", VARIABLES)

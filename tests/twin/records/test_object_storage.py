@@ -15,9 +15,9 @@ import pytest
 from s3 import PACKAGES, s3_server
 
 from twin.errors import InputError
-from twin.records import object_storage
-from twin.records.object_files import ObjectFiles, files_at
-from twin.records.store_path import Url
+from twin.records.storage import object_storage
+from twin.records.storage.object_storage import ObjectFiles, files_at
+from twin.records.storage.store_place import Url
 
 pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
 
@@ -168,7 +168,7 @@ def test_a_profile_gives_keys_region_and_endpoint(tmp_path: Path) -> None:
             f"[profile mine]\nregion = us-east-1\nendpoint_url = {endpoint}\n"
         )
         program = (
-            "from twin.records.object_files import files_at\n"
+            "from twin.records.storage.object_storage import files_at\n"
             "files = files_at('s3://bucket/profile')\n"
             "files.write('a', b'1')\n"
             "print(files.read('a'), list(files.all_keys()))\n"

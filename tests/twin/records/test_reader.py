@@ -13,7 +13,7 @@ import xarray as xr
 from twin.errors import StoreError
 from twin.physics.scenario import Scenario
 from twin.records.attributes import CONVENTIONS, SPLITS
-from twin.records.logs import LogRow, LogStore, log_rows
+from twin.records.logged import LogRow, LogStore, log_rows
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle

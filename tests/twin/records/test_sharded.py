@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import zarr
 
-from twin.records import sharded
-from twin.records.checksums import ZARR_LIST, damaged_files, read_checksums
-from twin.records.files import LocalFiles
 from twin.records.schema import variable
-from twin.records.sharded import DTYPE, ArrayMeta, ShardedStore
+from twin.records.storage import sharded
+from twin.records.storage.checksums import ZARR_LIST, damaged_files, read_checksums
+from twin.records.storage.sharded import DTYPE, ArrayMeta, ShardedStore
+from twin.records.storage.stored_files import LocalFiles
 from twin.records.store import open_store
 
 MISSIONS, SAMPLES = 70, 300

@@ -8,7 +8,7 @@ import numpy as np
 
 import twin
 from twin.mission.segments import SawTooth, Surface
-from twin.records.summary import summarise
+from twin.records.mission_dataset import summarise
 
 
 def test_the_angle_of_attack_is_that_of_the_flight_not_of_the_surface() -> None:

@@ -10,10 +10,15 @@ import sys
 import pytest
 
 from twin.errors import WriteError
-from twin.records import disk, whole
-from twin.records.checksums import damaged_files
-from twin.records.disk import sweep, write_whole
-from twin.records.whole import check_folder_target, recover, whole_file, whole_folder
+from twin.records.storage import disk, whole
+from twin.records.storage.checksums import damaged_files
+from twin.records.storage.disk import sweep, write_whole
+from twin.records.storage.whole import (
+    check_folder_target,
+    recover,
+    whole_file,
+    whole_folder,
+)
 
 
 def write(path, text, **options):

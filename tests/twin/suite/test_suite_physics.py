@@ -17,7 +17,7 @@ from dm_control.rl.control import PhysicsError
 
 from twin import suite
 from twin.errors import InputError, VehicleError
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.model_block import header
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native import block as b
@@ -25,7 +25,7 @@ from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
-from twin.render.context import available_backend
+from twin.show.render.context import available_backend
 from twin.suite.physics import MEASUREMENTS, Physics
 from twin.vehicle.assets import asset_path
 from twin.vehicle.vehicle import load_vehicle

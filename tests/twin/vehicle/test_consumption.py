@@ -11,8 +11,8 @@ import pytest
 import twin
 from twin.__main__ import PROGRAM
 from twin.errors import UnknownName, VehicleError
+from twin.records.mission_dataset import summarise
 from twin.records.reader import MissionStore
-from twin.records.summary import summarise
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 

@@ -17,7 +17,7 @@ from twin.fossen import FossenModel
 from twin.fossen.equations import still_acceleration
 from twin.fossen.forces import displaced_mass, pumped
 from twin.fossen.steady import down_axis
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.ballast import Ballast
 from twin.physics.model_block import header
 from twin.physics.scenario import Scenario

@@ -9,7 +9,7 @@ import pytest
 
 import twin
 from twin.checks.agreement import check_manoeuvres
-from twin.checks.held_flight import held_flight
+from twin.checks.published import held_flight
 from twin.vehicle.vehicle import load_vehicle
 
 REMUS = load_vehicle("remus")

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from twin.checks.agreement import check_manoeuvres
-from twin.checks.held_flight import held_flight
+from twin.checks.published import held_flight
 from twin.errors import NoSteadyState
 from twin.fossen import FossenModel
 from twin.frames import euler_to_matrix
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start

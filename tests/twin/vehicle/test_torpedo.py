@@ -150,7 +150,7 @@ def test_the_survey_is_flown_and_summarised(capsys, survey):
 
 @pytest.mark.parametrize("command", ["simulate", "view"])
 def test_the_gliders_mission_names_the_one_that_suits(capsys, command, monkeypatch):
-    monkeypatch.setattr("twin.render.screen.require_screen", lambda: None)
+    monkeypatch.setattr("twin.show.render.graphics.require_screen", lambda: None)
     chosen = ("default",) if command == "simulate" else ("--plan", "default")
     code, _, err = call(capsys, command, *chosen, "--vehicle", TORPEDO)
     assert code == 2
@@ -242,8 +242,8 @@ def test_every_figure_is_drawn(capsys, store, tmp_path):
 
 
 def test_readouts_name_the_parts_with_units(store):
-    from twin.render.playback import poses
-    from twin.render.readout import readouts
+    from twin.show.render.playback import poses
+    from twin.show.render.readout import readouts
 
     trajectory = twin.open_trajectory(store)
     shown = {r.name: r.value for r in readouts(poses(trajectory, np.array([250.0])), 0)}
@@ -256,10 +256,10 @@ def test_drawn_bodies_turn_as_their_parts_do(store):
     """The rudder by its angle about its axis, the propeller by the integral of its rate."""
     import mujoco
 
-    from twin.render.motion import Motion
-    from twin.render.playback import poses
-    from twin.render.shot import Shot
-    from twin.render.stage import build
+    from twin.show.render.motion import Motion
+    from twin.show.render.playback import poses
+    from twin.show.render.shot import Shot
+    from twin.show.render.stage import build
 
     trajectory = twin.open_trajectory(store)
     vehicle = load_vehicle(TORPEDO)
@@ -299,7 +299,7 @@ def test_the_picture_shows_a_propelled_vehicle(store, tmp_path, capsys):
 
 
 def test_a_live_flight_turns_the_propeller(torpedo):
-    from twin.render.flight import Live
+    from twin.show.render.rendered_flight import Live
 
     live = Live(Scenario(vehicle=torpedo, mission=twin.load_mission("survey")))
     first, second = live.at(30.0), live.at(30.1)

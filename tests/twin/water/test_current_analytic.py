@@ -24,7 +24,7 @@ from twin.water.current import (
     parse_current,
     still_water,
 )
-from twin.water.current.origin import coriolis
+from twin.water.current.axes import coriolis
 
 MONTEREY = Origin(latitude_deg=36.8)
 

@@ -28,7 +28,7 @@ from twin.water.current import (
     register,
     registry,
 )
-from twin.water.current import program as layout
+from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample, sample_gradient, sample_track
 
 PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text(
@@ -201,7 +201,7 @@ def own_kind():
 
 
 def test_a_kind_of_ones_own_is_parsed_described_sampled_and_flown(own_kind):
-    from twin.mission.schedule import Schedule
+    from twin.mission.controller import Schedule
     from twin.physics.scenario import Scenario
     from twin.physics.simulation import simulate
 
@@ -266,7 +266,7 @@ def test_one_new_file_outside_the_package_flies_from_its_entry_point(tmp_path):
     (meta / "METADATA").write_text("Metadata-Version: 2.1\nName: my-jet\nVersion: 1.0\n")
     (meta / "entry_points.txt").write_text("[glider_twin.currents]\nmine = my_jet:Mine\n")
     code = """
-from twin.mission.schedule import Schedule
+from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.water.current import parse_current

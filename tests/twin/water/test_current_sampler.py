@@ -10,7 +10,7 @@ import pytest
 from numba import carray, cfunc
 
 from twin.water.current import GaussMarkov, Grid, Profile, parse_current
-from twin.water.current import program as layout
+from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample, sample_track
 
 

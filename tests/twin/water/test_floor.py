@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 from twin.commands.simulate import Simulate
 from twin.errors import FloorError
 from twin.geodesy import from_tangent_plane
-from twin.water.current.origin import Origin
+from twin.water.current.axes import Origin
 from twin.water.floor import (
     Bathymetry,
     FlatFloor,

@@ -12,8 +12,8 @@ import xarray as xr
 import twin
 from twin.errors import CurrentError, InputError
 from twin.water.current import parse_current
+from twin.water.current.axes import Origin
 from twin.water.current.hydrography import along_track, column
-from twin.water.current.origin import Origin
 
 PLACE = Origin(latitude_deg=49.0, longitude_deg=-16.0)
 DEPTH = np.array([0.0, 50.0, 200.0])

@@ -3,10 +3,13 @@
 Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
 climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A
 segment ends at the first of its limits.
+
+The registry of mission segments, and what a kind must have to be one.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -14,11 +17,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mission import table as g
+from twin.errors import MissionError
+from twin.mission import mission_file as g
+from twin.seams import Registry, self_named
 
 if TYPE_CHECKING:
     from twin.mission.way import Way
     from twin.vehicle.vehicle import Vehicle
+
 
 Array = NDArray[np.float64]
 
@@ -109,3 +115,37 @@ def command_of(vehicle: Vehicle, row: Array, which: int) -> Array:
 def limit(value: float | None) -> float:
     """A limit as rows have it: NaN for none."""
     return np.nan if value is None else float(value)
+
+
+def _lacks(kind: type[Segment]) -> str:
+    """What a kind of segment lacks."""
+    if not dataclasses.is_dataclass(kind):
+        return "`@dataclass(frozen=True, kw_only=True)`: its fields are the keys of mission files"
+    if kind.row is Segment.row and kind.flown_as is Segment.flown_as:
+        return "the method `row`"
+    if kind.expected is Segment.expected:
+        return "the method `expected`"
+    return ""
+
+
+SEGMENTS: Registry[type[Segment]] = Registry(
+    "kind of segment",
+    group="glider_twin.segments",
+    shipped={
+        "saw-tooth": "twin.mission.segments.saw_tooth:SawTooth",
+        "spiral": "twin.mission.segments.spiral:Spiral",
+        "transect": "twin.mission.segments.transect:Transect",
+        "circle": "twin.mission.segments.circle:Circle",
+        "lawn-mower": "twin.mission.segments.lawn_mower:LawnMower",
+        "hover": "twin.mission.segments.hover:Hover",
+        "waypoint": "twin.mission.segments.waypoint:Waypoint",
+        "surface": "twin.mission.segments.surface:Surface",
+        "hold": "twin.mission.segments.hold:Hold",
+    },
+    check=self_named("kind of segment", Segment, _lacks, MissionError),
+    name="kind",
+)
+"""Every kind of segment, by name."""
+
+register = SEGMENTS.add
+"""Add a kind of one's own; usable as a decorator."""

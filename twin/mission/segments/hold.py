@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission import fields as check
-from twin.mission import table as g
+from twin.mission import mission_file as check
+from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.way import (
     check_net_mass,

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from twin.mission import fields as check
+from twin.mission import mission_file as check
 from twin.mission.segments.level import Level
 from twin.mission.segments.transect import Transect
 

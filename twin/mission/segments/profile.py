@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mission import fields as check
-from twin.mission import table as g
+from twin.mission import mission_file as check
+from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
 from twin.mission.turning import turn_factor
 from twin.mission.way import (

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError
-from twin.mission import fields as check
-from twin.mission import table as g
+from twin.mission import mission_file as check
+from twin.mission import mission_file as g
 from twin.mission.segments.base import command_of
 from twin.mission.segments.profile import Profile
 from twin.mission.way import checked_rotation

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from twin import geodesy
 from twin.errors import MissionError, unknown_name
-from twin.mission import fields as check
-from twin.mission import table as g
-from twin.mission.far_targets import check_near, check_reachable
+from twin.mission import mission_file as check
+from twin.mission import mission_file as g
 from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.profile import Profile
 from twin.mission.segments.surface import Surface
-from twin.mission.way import Way, turn_limit
+from twin.mission.way import Way, check_near, check_reachable, turn_limit
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle

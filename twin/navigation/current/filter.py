@@ -26,15 +26,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.navigation.current.forecast import CurrentForecast
-from twin.navigation.current.innovation import Innovation
-from twin.navigation.current.layout import CALIBRATION, DIVE, MODES, POSITION, even, pair, square
-from twin.navigation.current.modes import LONGEST, Modes, Passage, modes_of, passage, turns
-from twin.navigation.current.parameters import CurrentParameters
-from twin.navigation.current.record import Record
+from twin.navigation.current.modes import (
+    LONGEST,
+    Innovation,
+    Modes,
+    Passage,
+    modes_of,
+    passage,
+    transition,
+    turns,
+)
+from twin.navigation.current.parameters import (
+    CALIBRATION,
+    DIVE,
+    MODES,
+    POSITION,
+    CurrentParameters,
+    even,
+    pair,
+    square,
+)
+from twin.navigation.current.record import CurrentForecast, Record
 from twin.navigation.current.smoother import SmoothedTrack, smoothed
-from twin.navigation.current.transition import transition
-from twin.navigation.ellipse import chi_squared
+from twin.navigation.dead_reckoning import chi_squared
 
 Array = NDArray[np.float64]
 

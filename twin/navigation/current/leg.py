@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter
-from twin.navigation.current.innovation import Innovation
+from twin.navigation.current.modes import Innovation
 from twin.navigation.current.parameters import CurrentParameters
 
 Array = NDArray[np.float64]

@@ -5,6 +5,9 @@ i east: lambda 0 is a random walk, -1/tau a first-order Gauss-Markov process, i 
 rotary component that drifts in amplitude and phase (Gelb 1974, Applied Optimal Estimation, chapter
 3; rotary components after Gonella 1972, Deep-Sea Res. 19). A line of the tide is a pair that turns
 both ways: together they make any ellipse.
+
+Transition: how the state of a current filter and its covariance change over a time step.
+Innovation: by how much a fix differs from what a filter expected.
 """
 
 from __future__ import annotations
@@ -15,8 +18,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.navigation.current.constituents import CONSTITUENTS, relative_amplitude
-from twin.navigation.current.parameters import CurrentParameters
+from twin.navigation.current.parameters import (
+    CALIBRATION,
+    CONSTITUENTS,
+    DIVE,
+    MODES,
+    POSITION,
+    CurrentParameters,
+    relative_amplitude,
+)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -128,3 +138,57 @@ def turns(values: Complex) -> Array:
     found[..., 1, 0] = values.imag
     found[..., 0, 1] = -values.imag
     return found
+
+
+ELSEWHERE = 1.0
+"""[m/s] at which a position is lost while the motion is not known"""
+
+
+def transition(
+    gone: Passage, dt: float, through: Array | None, spread: Array, memory: float
+) -> tuple[Array, Array]:
+    """The matrix that carries a state over a time, and the covariance that is gained meanwhile.
+
+    Args:
+      gone: what the time does to the modes.
+      dt: [s]
+      through: north, east through the water [m/s], (2,); None: not known.
+      spread: [m2/s2], (2, 2), of its error.
+      memory: [s] over which that error lasts.
+
+    Returns:
+      Both (state, state).
+    """
+    count = len(gone.kept)
+    size = MODES + 2 * count
+    carry, noise = np.eye(size), np.zeros((size, size))
+    blocks = MODES + 2 * np.arange(count)[:, None] + np.arange(2)
+    rows, columns = blocks[:, :, None], blocks[:, None, :]
+    carry[rows, columns] = turns(gone.kept)
+    noise[rows, columns] = gone.noise[:, None, None] * np.eye(2)
+    if through is None:
+        noise[POSITION, POSITION] = (ELSEWHERE * dt) ** 2 * np.eye(2)
+        return carry, noise
+    carry[POSITION, MODES:] = turns(gone.displaced).transpose(1, 0, 2).reshape(2, -1)
+    carry[POSITION, DIVE] = dt * np.eye(2)
+    carry[POSITION, CALIBRATION] = dt * turns(np.array(complex(*through)))
+    noise[MODES:, POSITION] = turns(gone.shared).reshape(-1, 2)
+    noise[POSITION, MODES:] = noise[MODES:, POSITION].T
+    # an error of first order adds up to 2 memory dt; that of a long step is its mean's
+    alike = max(2.0 * memory, dt)
+    noise[POSITION, POSITION] = gone.scattered.sum() * np.eye(2) + spread * dt * alike
+    return carry, noise
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Innovation:
+    """Of one fix."""
+
+    residual: Array
+    """North, east [m], (2,): fix less prediction"""
+    covariance: Array
+    """[m2], (2, 2), of the prediction and the fix"""
+    distance: float
+    """[1] squared Mahalanobis distance"""
+    duration: float
+    """[s] since the fix before"""

@@ -1,4 +1,7 @@
-"""Record: the steps of a filter, kept for smoothing."""
+"""Record: the steps of a filter, kept for smoothing.
+
+Forecast: a current and the displacement by it at later times, with their covariances.
+"""
 
 from __future__ import annotations
 
@@ -54,3 +57,19 @@ class Record:
     def update(self, mean: Array, covariance: Array) -> None:
         """A measurement at the last step's time made this of its state."""
         self.nodes[-1] = dataclasses.replace(self.nodes[-1], estimate=mean, covariance=covariance)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CurrentForecast:
+    """What a filter expects."""
+
+    times: Array
+    """[s] on the filter's clock, (time,)"""
+    current: Array
+    """North, east [m/s], (time, 2)"""
+    current_covariance: Array
+    """[m2/s2], (time, 2, 2)"""
+    displacement: Array
+    """North, east [m] beyond the way through the water since the filter's time, (time, 2)"""
+    displacement_covariance: Array
+    """[m2], (time, 2, 2)"""

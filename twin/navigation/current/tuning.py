@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.current.constituents import chosen_constituents
 from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.innovation import Innovation
 from twin.navigation.current.leg import Leg, replay
+from twin.navigation.current.modes import Innovation
 from twin.navigation.current.parameters import (
     FIELD,
     FIELD_SPREAD,
     MOST_FIELD,
     CurrentParameters,
+    chosen_constituents,
     likely_logarithms,
     parameters_of,
     prior_cost,

@@ -1,8 +1,12 @@
-"""Velocity estimators by name, a seam: what on board says how fast the water goes by."""
+"""Velocity estimators by name, a seam: what on board says how fast the water goes by.
 
-from twin.navigation.estimator import BodyVelocity, VelocityEstimator
-from twin.navigation.estimators.registry import (
+Baselines: what navigators do today, with one interface and the nominal vehicle only.
+"""
+
+from twin.navigation.estimators.base import (
     VELOCITY_ESTIMATORS,
+    BodyVelocity,
+    VelocityEstimator,
     open_velocity_estimator,
     register,
     usual_velocity_estimator,

@@ -11,29 +11,27 @@ A feature is computed over a whole mission (`Feature.compute`) or sample by samp
 """
 
 from twin.navigation.features.base import (
+    FEATURES,
+    GLIDER_PARTS,
     SLOW_S,
     Array,
     Channels,
     Feature,
     Term,
-    trailing_mean,
-    trailing_slope,
-)
-from twin.navigation.features.matrix import feature_matrix
-from twin.navigation.features.registry import (
-    FEATURES,
-    GLIDER_PARTS,
     channels_of,
     feature,
     is_known,
     is_part_channel,
     register,
+    trailing_mean,
+    trailing_slope,
 )
 from twin.navigation.features.selection import (
     DEFAULT_GROUPS,
     FLIGHT,
     INPUT_SETS,
     SENSORS,
+    feature_matrix,
     features_for,
     features_of,
     groups,

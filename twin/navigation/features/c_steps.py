@@ -10,8 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from twin.errors import InputError
-from twin.navigation.features.base import Array, Feature, Term, slope_weights
-from twin.navigation.features.registry import feature
+from twin.navigation.features.base import Array, Feature, Term, feature, slope_weights
 
 DEGREE = "(3.14159265358979323846 / 180.0)"
 SHAPED = {

@@ -1,4 +1,7 @@
-"""Selection: which features a network sees, from names, groups and the sensors that there are."""
+"""Selection: which features a network sees, from names, groups and the sensors that there are.
+
+Matrix: the features of one mission, whole.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,19 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, unknown_name
-from twin.navigation.estimated_channels import CTD, sources
-from twin.navigation.features.base import Feature
-from twin.navigation.features.inertial import FORCES
-from twin.navigation.features.registry import (
+from twin.errors import InputError, StoreError, unknown_name
+from twin.navigation.features.base import (
     FEATURES,
     GLIDER_PARTS,
     PART_GROUPS,
+    Channels,
+    Feature,
+    channels_of,
     feature,
     is_part_channel,
 )
+from twin.navigation.features.sensed import FORCES
+from twin.navigation.settings import CTD, sources
 
 INPUT_SETS: dict[str, tuple[str, ...]] = {
     "full": (
@@ -158,3 +163,25 @@ def leave_out(channels: Iterable[str]) -> str:
     if not readers:
         return ""
     return f", or train without what reads it: `learn fit --without {' '.join(readers)}`"
+
+
+def feature_matrix(
+    signals: Channels, features: Sequence[str], period: float, mission: int
+) -> NDArray[np.float32]:
+    """Features (time, features) of one mission, in their own units.
+
+    Raises:
+      StoreError: a channel is missing or holds a value that is not finite; the mission, the
+        channel and the first such sample are named.
+    """
+    for channel in channels_of(features):
+        if channel not in signals:
+            raise StoreError(f"mission {mission} has no channel {channel}")
+        bad = np.flatnonzero(~np.isfinite(signals[channel]))
+        if bad.size:
+            raise StoreError(
+                f"channel {channel} of mission {mission} is not finite at {bad.size} samples, "
+                f"first at {bad[0] * period:.1f} s; repair the store{leave_out([channel])}"
+            )
+    columns = [feature(name).compute(signals, period) for name in features]
+    return np.stack(columns, axis=1).astype(np.float32)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.features.base import Array, Feature, Term, slope_weights
-from twin.navigation.features.registry import feature
+from twin.navigation.features.base import Array, Feature, Term, feature, slope_weights
 
 STATE = ("window", "angles", "count")
 """Arrays of a state."""

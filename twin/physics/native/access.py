@@ -4,6 +4,8 @@ A model is ours when its numeric data end in a header of ours. Everything that n
 reads or writes through it is checked first: the sizes that the header was made for are the
 model's, every table lies inside the block. What does not fit is an error of MuJoCo's (a
 `FatalError`, in a batch a `SimulationError`), never a wild read or write.
+
+Raw memory access for native code: addresses are plain 64-bit integers.
 """
 
 from __future__ import annotations
@@ -11,12 +13,71 @@ from __future__ import annotations
 import ctypes
 
 import numba
+from llvmlite import ir
 from numba import types
+from numba.extending import intrinsic
 
 from twin.compiled import inline, jit
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
-from twin.physics.native.memory import as_f8_pointer, as_void_pointer, load_i8
+
+_I64 = ir.IntType(64)
+_F64 = ir.DoubleType()
+
+
+def _pointer(builder, address, element):
+    return builder.inttoptr(address, element.as_pointer())
+
+
+@intrinsic
+def load_f8(typingctx, address):
+    """The float64 at `address`."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(_pointer(builder, args[0], _F64))
+
+    return types.float64(types.int64), codegen
+
+
+@intrinsic
+def load_i8(typingctx, address):
+    """The int64 (or pointer) at `address`."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(_pointer(builder, args[0], _I64))
+
+    return types.int64(types.int64), codegen
+
+
+@intrinsic
+def load_i4(typingctx, address):
+    """The int32 at `address`."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(_pointer(builder, args[0], ir.IntType(32)))
+
+    return types.int32(types.int64), codegen
+
+
+@intrinsic
+def as_f8_pointer(typingctx, address):
+    """`address` as a pointer that `numba.carray` turns into an array."""
+
+    def codegen(context, builder, signature, args):
+        return _pointer(builder, args[0], _F64)
+
+    return types.CPointer(types.float64)(types.int64), codegen
+
+
+@intrinsic
+def as_void_pointer(typingctx, address):
+    """`address` as a pointer that `numba.carray` turns into an array of a given type."""
+
+    def codegen(context, builder, signature, args):
+        return builder.inttoptr(args[0], ir.IntType(8).as_pointer())
+
+    return types.voidptr(types.int64), codegen
+
 
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
 """Address of the table of struct offsets that `struct_offsets.publish` made."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.mission.table import GAINS, GUIDANCE_STATE
+from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.vehicle.parts.base import VALUES
 
 NAME = "glider_twin_block"

@@ -2,6 +2,9 @@
 
 The registries of laws and parts say which kernels there are. A kind that joins them later is
 compiled in when the callbacks are next installed.
+
+Control: guidance or a schedule, once per control period, inside MuJoCo's step.
+Floor: the sea floor under the vehicle, as MuJoCo's collisions and guidance have it.
 """
 
 from __future__ import annotations
@@ -10,9 +13,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from twin.compiled import changed, dispatch
+from twin.compiled import changed, dispatch, inline, jit
+from twin.mission.guidance import guidance_step
+from twin.mission.mission_file import SEGMENT_COLUMNS
+from twin.physics.native import block as b
+from twin.physics.native import struct_offsets as at
+from twin.physics.native.access import array, field, load_i4, load_i8, table_of
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
+from twin.water.floor.lookup import floor_depth
 
 _UNKNOWN = (math.nan,) * 6
 """Of a kind that this process does not know: the run fails, which zero would hide."""
@@ -79,3 +88,101 @@ def refresh() -> None:
     if now != _versions:
         _versions[:] = now
         changed()
+
+
+CONTROL_SCHEDULE = b.CONTROL_SCHEDULE
+
+
+@jit
+def run_control(head, start, table, data, time, state):
+    """Write `ctrl` when a control period has passed."""
+    period = head.control_period
+    step_tolerance = 1e-6 * period
+    if time < state.ticks * period - step_tolerance:
+        return
+    state.ticks += 1.0
+    count, rows = int(head.nu), int(head.plan_rows)
+    control = array(field(table, data, at.D_CTRL), count)
+    plan = table_of(start, head, head.plan)
+    if rows < 1:
+        return
+    if head.control == CONTROL_SCHEDULE:
+        width = 1 + count
+        if rows * width > plan.size:
+            return
+        k = 0
+        while k + 1 < rows and time >= plan[(k + 1) * width] - step_tolerance:
+            k += 1
+        for i in range(count):
+            control[i] = plan[k * width + 1 + i]
+        return
+    if rows * (SEGMENT_COLUMNS + 3 * count) > plan.size:
+        return
+    hull = int(head.hull_body)
+    velocity = array(field(table, data, at.D_QVEL), 6)
+    rotation = array(field(table, data, at.D_XMAT) + 72 * hull, 9)
+    roll = math.atan2(rotation[7], rotation[8])
+    pitch = math.asin(min(max(rotation[6], -1.0), 1.0))
+    heading = math.atan2(-rotation[3], rotation[0])
+    if heading < 0.0:
+        heading += 2.0 * math.pi
+    position = array(field(table, data, at.D_QPOS), 7)
+    depth = -position[2]
+    guidance_step(
+        plan[: rows * (SEGMENT_COLUMNS + 3 * count)].reshape((rows, SEGMENT_COLUMNS + 3 * count)),
+        head.gains,
+        state.guidance,
+        time,
+        depth,
+        roll,
+        pitch,
+        heading,
+        velocity[3],
+        -velocity[4],
+        -velocity[5],
+        control,
+        state.altitude,
+        position[0],
+        -position[1],
+    )
+
+
+@inline
+def follow_floor(head, start, table, data, position, state):
+    """Altitude of the CB, and the plane under the hull; inf where there is no floor."""
+    state.altitude = math.inf
+    if head.floor["size"] > 0.0:
+        lay_plane(head, table_of(start, head, head.floor), table, data, position, state)
+
+
+@jit
+def lay_plane(head, floor, table, data, position, state):
+    """Write the plane's place and attitude, and the altitude."""
+    north, east, arm = position[0], -position[1], 0.5 * head.length
+    state.altitude = floor_depth(floor, north, east) + position[2]
+    ahead, behind = floor_depth(floor, north + arm, east), floor_depth(floor, north - arm, east)
+    right, left = floor_depth(floor, north, east + arm), floor_depth(floor, north, east - arm)
+    # the floor's rise per metre along x (north) and y (west)
+    along, across = (behind - ahead) / (2.0 * arm), (right - left) / (2.0 * arm)
+    body = int(head.floor_body)
+    place = array(field(table, data, at.D_MOCAP_POS) + 24 * body, 3)
+    turn = array(field(table, data, at.D_MOCAP_QUAT) + 32 * body, 4)
+    place[0], place[1] = position[0], position[1]
+    place[2] = -0.25 * (ahead + behind + right + left)
+    # the quaternion that turns z into the normal (-along, -across, 1)
+    scale = 1.0 / math.sqrt(1.0 + along * along + across * across)
+    w = 1.0 + scale
+    norm = 1.0 / math.sqrt(w * w + (along * along + across * across) * scale * scale)
+    turn[0], turn[1], turn[2], turn[3] = (
+        w * norm,
+        across * scale * norm,
+        -along * scale * norm,
+        0.0,
+    )
+
+
+@inline
+def note_contact(table, data, state):
+    """Remember that the vehicle touches something now, until the next log row."""
+    if load_i4(data + load_i8(table + 8 * at.D_NCON)) > 0:
+        state.contact = 1.0

@@ -23,25 +23,27 @@ from twin.physics.native.access import (
     header_address,
     header_at,
     layout_table,
+    load_f8,
+    load_i8,
     part_address,
     part_at,
     part_here,
     state_of,
     table_of,
 )
-from twin.physics.native.control import run_control
 from twin.physics.native.effects import (
+    follow_floor,
     law_rate_damping,
     law_wrench,
+    note_contact,
     part_mass,
     part_volume,
     part_wrench,
+    run_control,
 )
-from twin.physics.native.floor import follow_floor, note_contact
-from twin.physics.native.mass_matrix import add_added_mass, add_point_mass
-from twin.physics.native.memory import load_f8, load_i8
-from twin.physics.native.sample_log import run_log
-from twin.physics.native.water import (
+from twin.physics.native.hydrodynamics import (
+    add_added_mass,
+    add_point_mass,
     added_mass_wrench,
     displaced_volume,
     hull_warming,
@@ -49,6 +51,7 @@ from twin.physics.native.water import (
     part_rate,
     point_mass_wrench,
 )
+from twin.physics.native.sample_log import run_log
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from twin.compiled import jit
-from twin.mission.table import HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
+from twin.mission.mission_file import HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
-from twin.physics.native.access import array, field
-from twin.physics.native.memory import load_f8, load_i8
+from twin.physics.native.access import array, field, load_f8, load_i8
 
 STATE_WORDS = b.STATE_WORDS
 

@@ -1,9 +1,8 @@
 """Hull laws: how the water's force on a hull is written, one file a kind."""
 
-from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.laws.base import LAWS, HullLaw, register
 from twin.vehicle.laws.body_axes import BodyAxes
 from twin.vehicle.laws.ellipsoid import Ellipsoids
 from twin.vehicle.laws.flow_frame import FlowFrame
-from twin.vehicle.laws.registry import LAWS, register
 
 __all__ = ["LAWS", "BodyAxes", "Ellipsoids", "FlowFrame", "HullLaw", "register"]

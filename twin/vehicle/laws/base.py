@@ -3,6 +3,8 @@
 The law is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model (`fossen_*`):
 two codes that share the coefficients and nothing else. Added mass is not part of it: its matrix
 stands in the vehicle file, and both models treat it as Kirchhoff's equations say.
+
+The registry of hull laws, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -15,10 +17,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.vehicle.uncertainty import Uncertainty
+from twin.errors import VehicleError
+from twin.seams import Registry, missing_method, self_named
+from twin.vehicle.changes import Uncertainty
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
+
 
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
@@ -87,3 +92,28 @@ class HullLaw(abc.ABC):
         assert kernel is not None
         motion = np.ascontiguousarray(nu_r, dtype=np.float64)
         return np.asarray(kernel(self.values(), float(density), motion))
+
+
+def _lacks(kind: type[HullLaw]) -> str:
+    """What a kind of law lacks: both models need it."""
+    for name in ("native_wrench", "native_rate_damping", "fossen_wrench"):
+        if getattr(kind, name) is None:
+            return f"`{name}`"
+    return missing_method(kind)
+
+
+LAWS: Registry[type[HullLaw]] = Registry(
+    "hull law",
+    group="glider_twin.hull_laws",
+    shipped={
+        "flow-frame": "twin.vehicle.laws.flow_frame:FlowFrame",
+        "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
+        "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
+    },
+    check=self_named("hull law", HullLaw, _lacks, VehicleError),  # type: ignore[type-abstract]
+    name="kind",
+)
+"""Every hull law, by name."""
+
+register = LAWS.add
+"""Add a kind of one's own; usable as a decorator."""

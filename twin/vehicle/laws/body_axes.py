@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
 from twin.errors import VehicleError, unknown_name
+from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.laws.base import HullLaw
-from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader

@@ -4,6 +4,8 @@ A part is an actuator of the vehicle file with one activation: its position, whi
 command by d(position)/dt = clip((command - position) / lag, -rate, rate) inside its travel. What
 it does to the vehicle is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model
 (`fossen_*`): two codes that share the parameters and nothing else.
+
+The registry of vehicle parts, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -17,10 +19,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.vehicle.uncertainty import LAG_SPREAD, Uncertainty
+from twin.errors import VehicleError
+from twin.seams import Registry, self_named
+from twin.vehicle.changes import LAG_SPREAD, Uncertainty
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
+
 
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
@@ -309,3 +314,41 @@ class Part:
         low, high = float(positions.min()), float(positions.max())
         unit = self.quantity.unit
         return {f"{self.name} (min, max)": f"{low:z.4g}, {high:z.4g} {unit}"}
+
+
+def _lacks(kind: type[Part]) -> str:
+    """What a kind of part lacks: each effect must be there for both models."""
+    if not isinstance(getattr(kind, "quantity", None), Quantity):
+        return "`quantity`: how a store shows its position"
+    if not kind.unit:
+        return "`unit` of its position"
+    shared = {field.name for field in dataclasses.fields(Part)}
+    own = [field.name for field in dataclasses.fields(kind) if field.name not in shared]
+    if own and kind.values is Part.values:
+        return f"`values`: by it {', '.join(own)} reach its kernels"
+    for effect in ("volume", "mass", "wrench"):
+        native, fossen = (getattr(kind, f"{model}_{effect}") for model in ("native", "fossen"))
+        if (native is None) != (fossen is None):
+            absent = "fossen" if fossen is None else "native"
+            return f"`{absent}_{effect}`: both models must have its {effect}, each in its own code"
+    return ""
+
+
+PARTS: Registry[type[Part]] = Registry(
+    "vehicle part",
+    group="glider_twin.vehicle_parts",
+    shipped={
+        "battery-slide": "twin.vehicle.parts.battery_slide:BatterySlide",
+        "battery-hinge": "twin.vehicle.parts.battery_hinge:BatteryHinge",
+        "pump": "twin.vehicle.parts.pump:Pump",
+        "propeller": "twin.vehicle.parts.propeller:Propeller",
+        "fin": "twin.vehicle.parts.fin:Fin",
+        "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
+    },
+    check=self_named("vehicle part", Part, _lacks, VehicleError),
+    name="kind",
+)
+"""Every vehicle part, by name."""
+
+register = PARTS.add
+"""Add a kind of one's own; usable as a decorator."""

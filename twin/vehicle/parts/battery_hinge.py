@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from twin.vehicle.changes import Uncertainty
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
-from twin.vehicle.uncertainty import Uncertainty
 
 ROTATION = 60.0
 """[deg] largest rotation that a random manoeuvre draws"""

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from twin.vehicle.changes import Uncertainty
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
-from twin.vehicle.uncertainty import Uncertainty
 
 SHIFT = (0.008, 0.03)
 """[m] of a travel of 0.05 m: commands that a random manoeuvre draws"""

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiled import jit
+from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.parts.base import Carrier, Part, Quantity
-from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from twin.compiled import jit
+from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
-from twin.vehicle.uncertainty import Uncertainty, coefficient
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import program as layout
 from twin.water.current import registry, text
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
+from twin.water.current import sampler as layout
+from twin.water.current.axes import Origin
+from twin.water.current.sampler import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.errors import CurrentError
-from twin.water.current.arguments import FASTEST_CURRENT
-from twin.water.current.axes import depth_values, time_values
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
+from twin.water.current.axes import Origin, depth_values, time_values
+from twin.water.current.registry import FASTEST_CURRENT
+from twin.water.current.sampler import Floats
 from twin.water.current.velocity_file import Velocity
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 
 from twin.compiled import jit
 from twin.errors import CurrentError
-from twin.water.current import arguments as checks
+from twin.water.current import registry as checks
+from twin.water.current.axes import Origin, coriolis
 from twin.water.current.base import Current
-from twin.water.current.origin import Origin, coriolis
-from twin.water.current.program import Floats
 from twin.water.current.register import register
+from twin.water.current.sampler import Floats
 
 LOWEST_LATITUDE = 2.0
 """[degree] Nearer to the equator f vanishes and the steady Ekman balance does not hold."""

@@ -11,12 +11,12 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.errors import CurrentError
-from twin.water.current import arguments as checks
+from twin.water.current import registry as checks
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.interpolation import INVALID
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
 from twin.water.current.register import register
+from twin.water.current.sampler import Floats
 
 
 @jit

@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import arguments as checks
+from twin.water.current import registry as checks
 from twin.water.current import text
+from twin.water.current.axes import Origin, same_place
 from twin.water.current.base import Current
 from twin.water.current.box import Box, load_box
 from twin.water.current.grid_kernels import GRID_CODE, box_interpolation
-from twin.water.current.origin import Origin, same_place
-from twin.water.current.program import Floats
 from twin.water.current.register import register
+from twin.water.current.sampler import Floats
 
 VEHICLE_SPEED = 1.0
 """[m/s] Horizontal speed through the water that no glider exceeds; sizes the box to load."""

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from twin.errors import CurrentError
-from twin.water.current import program as layout
-from twin.water.current.axes import find_axes
+from twin.water.current import sampler as layout
+from twin.water.current.axes import Origin, find_axes
 from twin.water.current.base import Current, CurrentSum
 from twin.water.current.box import Box, load_box
 from twin.water.current.grid import Grid, parse_time
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
+from twin.water.current.sampler import Floats
 from twin.water.current.velocity_file import Velocity, open_data_set
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ import numpy as np
 from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
-from twin.water.current import arguments as checks
+from twin.water.current import registry as checks
 from twin.water.current import text
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.interpolation import table
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
 from twin.water.current.register import register
+from twin.water.current.sampler import Floats
 from twin.water.table_file import column_numbers, read_table_file
 
 COLUMNS = {

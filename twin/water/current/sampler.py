@@ -7,20 +7,39 @@ depth 0 holds. A program that is damaged gives NaN, and nothing outside it is re
 
 The chain of kinds is written from the registry: a kind that is registered later makes this module
 new, and with it every compiled function that samples currents.
+
+Flat layout of a compiled current: what `sampler.py` reads and every kind writes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from twin.compiled import generate, inline, jit
 from twin.compiled.dispatch import Written
 from twin.water.current import registry
 from twin.water.current.interpolation import INVALID
-from twin.water.current.program import RECORD_HEADER
+
+Floats = NDArray[np.float64]
+
+RECORD_HEADER = 2
+"""Numbers in front of each payload: code and payload length."""
+
+
+def record(code: int, *payload: ArrayLike) -> Floats:
+    """One record: its code, the length of its payload, and the payload flattened in order."""
+    body = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in payload])
+    return np.concatenate([np.array([code, body.size], dtype=np.float64), body])
+
+
+def program(records: Sequence[Floats]) -> Floats:
+    """The whole program: the number of records followed by them."""
+    return np.concatenate([np.array([len(records)], dtype=np.float64), *records])
+
 
 INVALID_GRADIENT = (math.nan,) * 15
 """Velocity, local rate and gradient of what is not a program."""

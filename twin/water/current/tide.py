@@ -9,12 +9,12 @@ from typing import Any, ClassVar, Self
 
 from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import arguments as checks
+from twin.water.current import registry as checks
 from twin.water.current import text
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.origin import Origin
-from twin.water.current.program import Floats
 from twin.water.current.register import register
+from twin.water.current.sampler import Floats
 
 PERIOD_HOURS = {
     "M2": 12.4206012,

@@ -6,10 +6,8 @@ dives that are given a `min_altitude_m` turn above it.
 
 from __future__ import annotations
 
-from twin.water.floor.base import Floor
-from twin.water.floor.bathymetry import Bathymetry
-from twin.water.floor.flat import FlatFloor
-from twin.water.floor.grid import GridFloor
+from twin.water.floor.base import FlatFloor, Floor
+from twin.water.floor.bathymetry import Bathymetry, GridFloor
 from twin.water.floor.rough import RoughFloor
 from twin.water.floor.spec import floor_from_dict, parse_floor
 

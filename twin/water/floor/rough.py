@@ -17,10 +17,9 @@ import numpy as np
 
 from twin.errors import FloorError
 from twin.numbers import number
-from twin.water.current.origin import Origin
-from twin.water.floor.base import LARGEST, SPEED, Array, Floor
-from twin.water.floor.flat import DEEPEST_M
-from twin.water.floor.grid import FINEST_M
+from twin.water.current.axes import Origin
+from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Array, Floor
+from twin.water.floor.bathymetry import FINEST_M
 from twin.water.floor.lookup import pack
 
 WAVES = 64

@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from twin.errors import FloorError, unknown_name
-from twin.water.floor.base import Floor
-from twin.water.floor.bathymetry import Bathymetry
-from twin.water.floor.flat import FlatFloor
-from twin.water.floor.grid import GridFloor
+from twin.water.floor.base import FlatFloor, Floor
+from twin.water.floor.bathymetry import Bathymetry, GridFloor
 from twin.water.floor.rough import RoughFloor
 
 KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}

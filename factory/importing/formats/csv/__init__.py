@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.csv.logs import read_tables
+    from factory.importing.formats.csv.reader import read_tables
 
     return read_tables(paths, options, tally)
 

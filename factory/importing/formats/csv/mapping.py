@@ -1,17 +1,24 @@
 """Mapping: a TOML file that says what the columns of a table are.
 
 Every key that a person can write is a field of a class here; `mapping_file` reads them.
+
+Row times: where rows begin and end in a log that is not cut into dives.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import fnmatch
+import itertools
 from collections.abc import Mapping as Dict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from factory.importing.reading.units import SECONDS
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.netcdf import SECONDS
 from twin.records.schema import VARIABLES
 
 Frame = Literal["FRD", "FLU"]
@@ -64,7 +71,7 @@ class Signal:
     column: str
     """Name of the column."""
     unit: str = ""
-    """As in `factory.importing.reading.units`; may be left out where the signal has none."""
+    """As in `factory.importing.reading.netcdf`; may be left out where the signal has none."""
     frame: Frame | None = None
     """Body axes of this column, instead of the file's."""
     sign: float = 1.0
@@ -167,3 +174,36 @@ class Mapping:
                 signal = dataclasses.replace(found[one.signal][0], **one.changes)
                 found[one.signal] = (signal, one.reason)
         return found
+
+
+Array = NDArray[np.float64]
+
+
+def row_times(
+    mapping: Mapping, time: Array, files: Sequence[Array]
+) -> tuple[tuple[float, float], ...] | None:
+    """Start and end [s] of each row of a deployment; None where its rows are dives.
+
+    A hole in the times that is longer than the mapping's gap ends a row, whatever rows are. Rows of
+    minutes divide what is between holes into equal parts of about that length.
+
+    Args:
+      time: [s] of the deployment, increasing.
+      files: [s] times of each of its files.
+    """
+    if mapping.rows == "dives":
+        return None
+    spans: list[tuple[float, float]] = []
+    for part in files if mapping.rows == "file" else [time]:
+        inside = time[(time >= np.nanmin(part)) & (time <= np.nanmax(part))]
+        for run in np.split(inside, np.flatnonzero(np.diff(inside) > mapping.gap_s) + 1):
+            spans += _divided(run, 60.0 * mapping.minutes)
+    return tuple(sorted(spans))
+
+
+def _divided(run: Array, length: float) -> list[tuple[float, float]]:
+    """A run without holes as one row, or as rows of about `length` [s]."""
+    first, last = float(run[0]), float(run[-1])
+    count = max(1, round((last - first) / length)) if length else 1
+    edges = np.linspace(first, last, count + 1)
+    return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]

@@ -21,9 +21,8 @@ from factory.importing.reading.columns import (
     read_table,
     unix_seconds,
 )
-from factory.importing.reading.tally import Tally
-from factory.importing.reading.units import SECONDS, in_unit
-from factory.importing.reading.unread_names import leave_out, note_unread
+from factory.importing.reading.netcdf import SECONDS, in_unit
+from factory.importing.reading.tally import Tally, leave_out, note_unread
 from twin.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
@@ -32,7 +31,7 @@ KIND = "csv table"
 
 
 @dataclasses.dataclass(frozen=True)
-class Piece:
+class LogPiece:
     """The mapped columns of one deployment in one file, in the store's units and axes."""
 
     path: Path
@@ -41,7 +40,7 @@ class Piece:
     columns: Dict[str, Array]
 
 
-def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Piece]]:
+def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, LogPiece]]:
     """What one file holds, by deployment; every column is counted as what becomes of it."""
     table = read_table(path)
     present = [*table.columns, *table.texts]
@@ -54,12 +53,15 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Pie
         if signal.column in present
     }
     if mapping.deployment == "name":
-        return [(mapping.deployment_word, Piece(path, time, columns))]
+        return [(mapping.deployment_word, LogPiece(path, time, columns))]
     if mapping.deployment == "file":
-        return [(path.name.split(".")[0], Piece(path, time, columns))]
+        return [(path.name.split(".")[0], LogPiece(path, time, columns))]
     words = _words(table, mapping.deployment_word, path)
     return [
-        (word, Piece(path, time[words == word], {n: v[words == word] for n, v in columns.items()}))
+        (
+            word,
+            LogPiece(path, time[words == word], {n: v[words == word] for n, v in columns.items()}),
+        )
         for word in dict.fromkeys(words.tolist())
         if word
     ]

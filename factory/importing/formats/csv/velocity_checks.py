@@ -14,7 +14,7 @@ from factory.importing.reading.deployment_log import Channel, DeploymentLog
 from factory.importing.reading.tally import Tally
 from twin.errors import InputError
 from twin.geodesy import offset
-from twin.records.limits import recorded_limits
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.og1.logs import read_og1
+    from factory.importing.formats.og1.reader import read_og1
 
     return read_og1(paths, options, tally)
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.og1.heading import Variation, true_heading
-from factory.importing.formats.og1.names import ALIASES, OURS
+from factory.importing.formats.og1.derived import Variation, true_heading
+from factory.importing.formats.og1.vocabulary import ALIASES, OURS
 from factory.importing.reading.deployment_log import EMPTY, Channel
 from factory.importing.reading.tally import Tally
 from factory.importing.repairs.angles import REACH, to_degrees

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.seaglider.logs import read_seaglider
+    from factory.importing.formats.seaglider.reader import read_seaglider
 
     return read_seaglider(paths, options, tally)
 

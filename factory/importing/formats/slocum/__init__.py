@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory.importing.formats.base import TABLES, Importer, ReadOptions
-from factory.importing.formats.slocum.file_names import BINARY, CACHES
+from factory.importing.formats.slocum.caches import BINARY, CACHES
 
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.slocum.logs import read_slocum
+    from factory.importing.formats.slocum.reader import read_slocum
 
     return read_slocum(paths, options, tally)
 

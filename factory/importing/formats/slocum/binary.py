@@ -3,6 +3,8 @@
 A file's header is read here first: it names the vehicle, the cache file that lists the sensors,
 and how many there are, so that a missing or wrong cache file is told before anything is decoded.
 Compressed files (.dcd, .ecd ...) are unpacked first and are then like the others.
+
+End of a Slocum's binary file: whether its last cycle is whole.
 """
 
 from __future__ import annotations
@@ -18,10 +20,13 @@ from typing import Any
 import numpy as np
 
 from factory.importing.formats.base import ReadOptions
-from factory.importing.formats.slocum.caches import CacheShelf
-from factory.importing.formats.slocum.compressed import is_compressed, unpacked
-from factory.importing.formats.slocum.ending import ends_whole
-from factory.importing.formats.slocum.header import read_header, vehicle_of
+from factory.importing.formats.slocum.caches import (
+    CacheShelf,
+    is_compressed,
+    read_header,
+    unpacked,
+    vehicle_of,
+)
 from factory.importing.formats.slocum.native_sensors import WANTED, slocum_log
 from factory.importing.reading.columns import tidy
 from factory.importing.reading.deployment_log import (
@@ -29,13 +34,49 @@ from factory.importing.reading.deployment_log import (
     NO_FIXES,
     Channel,
     DeploymentLog,
+    each_file,
     joined,
 )
-from factory.importing.reading.each_file import each_file
 from factory.importing.reading.payload import payload_names
-from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import leave_out, note_empty, note_unread
+from factory.importing.reading.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
+
+_CYCLE = b"d"
+"""Tag that begins a cycle; then two bits a sensor (2: a new value), and the new values."""
+_CLOSED = b"X"
+"""Last byte of a file that older software closed; newer software ends with the last cycle."""
+_PREAMBLE = 16
+"""[bytes] before the first cycle: the tags s and a, and three numbers that show the byte order."""
+_NEW = 2
+
+
+def ends_whole(data: bytes, start: int, sizes: Sequence[int], state_bytes: int) -> bool:
+    """Whether the file ends where a cycle ends.
+
+    Args:
+      data: the whole file.
+      start: [bytes] where its binary part begins.
+      sizes: [bytes] of each sensor's value, in the order of the cache file.
+      state_bytes: of each cycle.
+    """
+    if data.endswith(_CLOSED):
+        return True
+    table = np.zeros((state_bytes, 256), np.int64)
+    every = np.zeros(4 * state_bytes, np.int64)
+    every[: len(sizes)] = sizes[: 4 * state_bytes]
+    states = np.arange(256)
+    for k in range(4):
+        new = (states >> (6 - 2 * k)) & 3 == _NEW
+        table += np.outer(every[k::4], new)
+    row = np.arange(state_bytes)
+    at = start + _PREAMBLE
+    while data[at : at + 1] == _CYCLE:
+        if at + 1 + state_bytes > len(data):
+            return False
+        state = np.frombuffer(data, np.uint8, state_bytes, at + 1)
+        at += 1 + state_bytes + int(table[row, state].sum())
+    return at == len(data)
+
 
 _CLOCKS = ("m_present_time", "sci_m_present_time")
 """The times of flight and science."""

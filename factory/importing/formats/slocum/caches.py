@@ -1,15 +1,105 @@
-"""Cache files: the lists of sensors that a Slocum's binary files refer to."""
+"""Cache files: the lists of sensors that a Slocum's binary files refer to.
+
+Header of a Slocum's binary file: the vehicle, the cache file, the number of sensors.
+Compressed files of a Slocum (.dcd, .ecd ..., .ccc): unpacked beside their plain names.
+Endings of a Slocum's own files.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from factory.importing.formats.slocum.compressed import is_compressed, unpacked
-from factory.importing.formats.slocum.file_names import CACHES
 from twin.errors import InputError
+
+_HEADER_BYTES = 4000
+"""The ASCII header of 14 lines fits."""
+_LABEL = "dbd_label"
+_NEEDED = ("full_filename", "sensor_list_crc", "total_num_sensors", "sensors_per_cycle")
+
+
+def read_header(path: Path) -> dict[str, str]:
+    """The ASCII header of a plain file.
+
+    Raises:
+      InputError: not a Slocum file, or cut within its header.
+    """
+    with path.open("rb") as file:
+        start = file.read(_HEADER_BYTES)
+    header: dict[str, str] = {}
+    for line in start.split(b"\n"):
+        key, colon, value = line.decode("latin-1").partition(":")
+        if not colon or not key.strip().isidentifier():
+            if not header:
+                break
+            continue
+        header[key.strip()] = value.strip()
+        if len(header) == int(header.get("num_ascii_tags") or 10**6):
+            break
+    if _LABEL not in header:
+        raise InputError(f"{path.name} is not a Slocum binary file: its header lacks {_LABEL}")
+    lacking = [key for key in _NEEDED if key not in header]
+    if lacking:
+        raise InputError(f"{path.name} is truncated within its header: no {lacking[0]}")
+    return header
+
+
+def vehicle_of(header: Mapping[str, str], path: Path) -> str:
+    """Name of the vehicle: what `full_filename` says before the year."""
+    full = header.get("full_filename", path.stem)
+    return full.rsplit("-", 4)[0] or path.stem
+
+
+_BLOCK = 32 * 1024
+"""[bytes] of a block when unpacked, at most."""
+
+
+def is_compressed(path: Path) -> bool:
+    """Whether the file's ending is that of a compressed one: .dcd, .ccc."""
+    ending = path.suffix.lower()
+    return len(ending) == 4 and ending[2] == "c" and ending[3] in "dc" and ending != ".cac"
+
+
+def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
+    """The plain file in `folder`, and whether the compressed one was cut.
+
+    What comes before a block that is cut or damaged is unpacked.
+
+    Raises:
+      ModuleNotFoundError: lz4, which comes with the extra `slocum`, is not installed.
+      InputError: not even the first block can be unpacked.
+    """
+    lz4: Any = import_module("lz4.block")
+    packed = path.read_bytes()
+    plain, at, cut = bytearray(), 0, False
+    while at < len(packed):
+        size = int.from_bytes(packed[at : at + 2], "big")
+        block = packed[at + 2 : at + 2 + size]
+        try:
+            plain += lz4.decompress(block, _BLOCK)
+        except lz4.LZ4BlockError as error:
+            if not plain:
+                raise InputError(
+                    f"{path.name} is no compressed Slocum file, or is cut in its first block: "
+                    f"{' '.join(str(error).split())}"
+                ) from error
+            cut = True
+            break
+        at += 2 + size
+    ending = f".{path.suffix[1].lower()}bd" if path.suffix[-1] in "dD" else ".cac"
+    target = folder / f"{path.stem}{ending}"
+    target.write_bytes(plain)
+    return target, cut
+
+
+BINARY = frozenset(f".{a}{b}d" for a in "dmsent" for b in "bc")
+"""Logs: flight d, m, s; science e, n, t; plain b, compressed c."""
+CACHES = frozenset({".cac", ".ccc"})
+"""Lists of sensors that the logs refer to, plain and compressed."""
 
 
 class CacheShelf:

@@ -12,21 +12,29 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.slocum.common_times import at_common_times
-from factory.importing.formats.slocum.on_board import ON_BOARD, on_board, on_board_places
-from factory.importing.formats.slocum.pressure_choice import PRESSURES, slocum_pressure
-from factory.importing.formats.slocum.pump_choice import PUMPS, slocum_pump
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, Fixes
+from factory.importing.formats.slocum.choices import PRESSURES, PUMPS, slocum_pressure, slocum_pump
+from factory.importing.formats.slocum.on_board import (
+    ON_BOARD,
+    at_common_times,
+    on_board,
+    on_board_places,
+)
+from factory.importing.reading.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
 from factory.importing.reading.payload import PayloadSignal, payload_channels
 from factory.importing.reading.tally import Tally
-from factory.importing.repairs.angles import jointly_degrees, to_degrees
+from factory.importing.repairs.angles import jointly_degrees, reference_declination, to_degrees
 from factory.importing.repairs.cleaning import (
     clean,
     positions,
     pressure_by_flight,
     to_dbar,
 )
-from factory.importing.repairs.declination import reference_declination
 from factory.importing.repairs.seawater import ctd_channels, siemens
 from twin.errors import InputError
 
@@ -58,7 +66,7 @@ def slocum_log(
     deployment: str,
     native: Native,
     *,
-    fixes: Fixes,
+    fixes: LoggedFixes,
     variation: Channel,
     truth_speed: Channel = EMPTY,
     payload: Sequence[PayloadSignal] = (),
@@ -153,7 +161,7 @@ def native_variation(channel: Channel, tally: Tally) -> Channel:
 
 def gps_fixes(
     time: Array, latitude: Array, longitude: Array, status: Array, *, tally: Tally
-) -> Fixes:
+) -> LoggedFixes:
     """Valid fixes; those with a status that is not 0 and impossible ones are counted."""
     if not time.size:
         return NO_FIXES
@@ -161,7 +169,7 @@ def gps_fixes(
     tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
     latitude, longitude = positions(latitude, longitude, "GPS fixes", tally)
     good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
-    return Fixes(time[good], latitude[good], longitude[good])
+    return LoggedFixes(time[good], latitude[good], longitude[good])
 
 
 _TRAVELS = (
@@ -199,7 +207,7 @@ def _shift_unit(positions_: Sequence[Array], tally: Tally) -> float:
 
 
 def _ctd(
-    native: Native, channels: Mapping[str, Channel], fixes: Fixes, tally: Tally
+    native: Native, channels: Mapping[str, Channel], fixes: LoggedFixes, tally: Tally
 ) -> dict[str, Channel]:
     conductivity = native.get("sci_water_cond", EMPTY)
     temperature = native.get("sci_water_temp", EMPTY)

@@ -1,17 +1,35 @@
-"""What a Slocum reckons on board: its track, the current, the waypoint; and its thruster."""
+"""What a Slocum reckons on board: its track, the current, the waypoint; and its thruster.
+
+Sensors of a Slocum that belong together: at the times of the first, as columns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from factory.importing.formats.slocum.common_times import at_common_times
-from factory.importing.reading.deployment_log import Channel, Fixes
-from factory.importing.reading.tally import Tally
-from factory.importing.reading.unread_names import leave_out
+from factory.importing.reading.deployment_log import EMPTY, Channel, LoggedFixes
+from factory.importing.reading.tally import Tally, leave_out
 from factory.importing.repairs.cleaning import positions
 from twin.geodesy import turn
+
+Array = NDArray[np.float64]
+
+
+def at_common_times(native: Mapping[str, Channel], names: Sequence[str]) -> list[Array]:
+    """Times of the first sensor, and all the sensors at them; NaN where one has no sample."""
+    first = native.get(names[0], EMPTY)
+    columns = [first.time, first.values]
+    for name in names[1:]:
+        values = np.full(len(first), np.nan)
+        other = native.get(name, EMPTY)
+        _, mine, its = np.intersect1d(first.time, other.time, return_indices=True)
+        values[mine] = other.values[its]
+        columns.append(values)
+    return columns
+
 
 Native = Mapping[str, Channel]
 
@@ -77,11 +95,11 @@ def on_board(
     return found, signals
 
 
-def on_board_places(native: Native) -> Fixes:
+def on_board_places(native: Native) -> LoggedFixes:
     """Where the vehicle itself says that it is, in degrees."""
     time, latitude, longitude = at_common_times(native, PLACE)
     if not time.size:
-        return Fixes(time, latitude, longitude)
+        return LoggedFixes(time, latitude, longitude)
     latitude, longitude = positions(latitude, longitude, "m_lat, m_lon", Tally())
     both = np.isfinite(latitude) & np.isfinite(longitude)
-    return Fixes(time[both], latitude[both], longitude[both])
+    return LoggedFixes(time[both], latitude[both], longitude[both])

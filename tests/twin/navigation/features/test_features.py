@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from navigation import PERIOD, synthetic_mission
 
 from twin.errors import InputError, StoreError
-from twin.mission.schedule import Schedule
-from twin.navigation.estimated_channels import sources
+from twin.mission.controller import Schedule
 from twin.navigation.features import (
     DEFAULT_GROUPS,
     FEATURES,
@@ -23,6 +22,7 @@ from twin.navigation.features import (
     trailing_mean,
     trailing_slope,
 )
+from twin.navigation.settings import sources
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.schema import VARIABLES

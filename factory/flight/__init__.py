@@ -1,1 +1,0 @@
-"""Flight: one mission from its parameters to its signals."""

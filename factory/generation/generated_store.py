@@ -1,0 +1,309 @@
+"""Generated store: a store of `factory generate` read back, with everything that made it.
+
+Stored flight: a store of `twin simulate` or `Trajectory.save` read back, for exports.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from factory.generation.attempts import FailedAttempt
+from factory.generation.bookkeeping import SENSOR_PREFIX, UNUSED_CODE
+from factory.generation.completion import (
+    FAILED_ATTEMPT,
+    FAILED_MISSION,
+    FAILED_REASON,
+    FAILED_TIME,
+)
+from factory.sampling.distribution import Distribution, Fixed, Parameter, Value, parse_distribution
+from factory.sampling.draw import Parameters
+from factory.sampling.drawn_plan import GivenCurrent, stored_current
+from factory.sampling.parameters import ADDED, Table, parameter_table
+from factory.sampling.recipe import Recipe, read_recipe
+from twin.bounded import parse_json
+from twin.errors import StoreError
+from twin.records.attributes import (
+    ATTEMPT,
+    CHANGES,
+    DURATION,
+    FAILED_MISSIONS,
+    SCENARIO,
+    SENSOR_SUITE,
+    SENSORS,
+    SETTINGS,
+    VEHICLE_MJCF,
+)
+from twin.records.logged import LogStore
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
+from twin.records.storage.store_arrays import read_array
+from twin.records.storage.store_place import StorePath, read_place
+from twin.sensors import SensorSuite
+
+ROWS = 65_536
+"""Missions of an array that is no signal that are read at a time"""
+
+
+class GeneratedStore(MissionStore):
+    """A store that `factory generate` made.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or not made by `factory generate`.
+    """
+
+    def __init__(self, path: str | StorePath):
+        super().__init__(path)
+        self._read: dict[str, tuple[int, NDArray[Any]]] = {}
+        """the piece of each array that was read last, and its number"""
+        if self.logged:
+            raise StoreError(
+                f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
+                "`factory verify` checks them"
+            )
+        try:
+            self.settings: dict[str, Any] = parse_json(self.attributes[SETTINGS], SETTINGS)
+            failed = self.attributes.get(FAILED_MISSIONS, "[]")
+            self._failed = parse_json(failed, FAILED_MISSIONS)
+            self.distributions: dict[str, Distribution] = {
+                name: parse_distribution(text, name)
+                for name, text in {**ADDED, **self.settings["distributions"]}.items()
+            }
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            if SCENARIO in self.attributes:
+                raise StoreError(
+                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
+                    "render` read it"
+                ) from error
+            raise StoreError(
+                f"store {self.path} was not made by `factory generate`, or its attributes are "
+                f"damaged ({type(error).__name__}: {error})"
+            ) from error
+
+    @property
+    def sensor_preset(self) -> str:
+        """Name of the sensor suite; `ideal` sensors have no errors."""
+        return str(self.attributes[SENSORS])
+
+    @property
+    def seed(self) -> int:
+        """Root of every random draw."""
+        return int(self.settings["seed"])
+
+    @functools.cached_property
+    def hours(self) -> float:
+        """Simulated time of all missions [h]."""
+        return float(self.array(DURATION).sum()) / 3600.0
+
+    @functools.cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @functools.cached_property
+    def suite(self) -> SensorSuite:
+        """The sensors, from their settings in the store."""
+        return SensorSuite.from_settings(self.settings["sensors"])
+
+    @functools.cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when each has its own."""
+        description = self.settings.get("current")
+        if description is None:
+            return None
+        return stored_current(description, float(self.array(DURATION).max()))
+
+    @functools.cached_property
+    def recipe(self) -> Recipe:
+        """What the store was made by, to make any of its missions again.
+
+        Where libraries have other versions than then, last bits may differ.
+
+        Raises:
+          StoreError: it is damaged, or this program would make another store of it.
+        """
+        own = self.settings["distributions"]
+        older = {name: text for name, text in ADDED.items() if name not in own}
+        document = {
+            SETTINGS: {**self.settings, "distributions": {**older, **own}},
+            CHANGES: {**older, **self.json(CHANGES)},
+            VEHICLE_MJCF: self.attributes[VEHICLE_MJCF],
+        }
+        try:
+            return read_recipe(document, any_versions=True)
+        except StoreError as error:
+            raise StoreError(f"store {self.path}: {error}") from error
+
+    def attempt(self, mission: int) -> int:
+        """The attempt that made the stored mission."""
+        return int(self._at(ATTEMPT, mission))
+
+    def _at(self, name: str, mission: int) -> Any:
+        """What an array that is no signal says of a mission."""
+        number, row = divmod(mission, ROWS)
+        return self._rows(name, number)[row]
+
+    def _rows(self, name: str, number: int) -> NDArray[Any]:
+        """Some missions of an array: reading it whole for each mission would take squared time."""
+        kept = self._read.get(name)
+        if kept is None or kept[0] != number:
+            kept = self._read[name] = (number, self._read_rows(name, number))
+        return kept[1]
+
+    def _read_rows(self, name: str, number: int) -> NDArray[Any]:
+        if name not in self.dataset.variables:
+            raise StoreError(f"store {self.path} lacks the array {name!r}")
+        some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})
+        return read_array(some, name, self.path)
+
+    def parameters(self, mission: int) -> Parameters:
+        """What the mission was made of.
+
+        Raises:
+          StoreError: the factory that made the store knew other parameters.
+        """
+        changed = sorted(self.distributions.keys() ^ self.table.keys())
+        if changed:
+            raise StoreError(
+                f"store {self.path} was made by a factory with other parameters "
+                f"({', '.join(changed)}): verify and replay it with glider-twin "
+                f"{self.settings['versions']['glider-twin']} as it was then"
+            )
+        values: dict[str, Value] = {}
+        columns: dict[str, list[Value]] = {}
+        for name, parameter in self.table.items():
+            if name == "mission.duration_h":
+                continue
+            if parameter.per_segment:
+                columns[name] = self._segments(parameter, mission)
+            else:
+                values[name] = self._value(parameter, mission)
+        kinds = columns["mission.kind"]
+        count = sum(isinstance(kind, str) for kind in kinds)
+        return Parameters(
+            duration_s=float(self._at(DURATION, mission)),
+            values=values,
+            segments=tuple(
+                {name: column[i] for name, column in columns.items()} for i in range(count)
+            ),
+        )
+
+    def _value(self, parameter: Parameter, mission: int) -> Value:
+        if parameter.variable not in self:
+            distribution = self.distributions[parameter.name]
+            if isinstance(distribution, Fixed):
+                return distribution.value
+            raise StoreError(f"store {self.path} lacks the array {parameter.variable!r}")
+        return self._word(parameter, self._at(parameter.variable, mission))
+
+    def _segments(self, parameter: Parameter, mission: int) -> list[Value]:
+        if parameter.variable not in self:
+            return [math.nan] * int(self.dataset.sizes["segment"])
+        row = self._at(parameter.variable, mission)
+        return [self._word(parameter, value) for value in row]
+
+    def _word(self, parameter: Parameter, value: Any) -> Value:
+        words = self.flags(parameter.variable)
+        if not words:
+            return float(value)
+        return math.nan if value == UNUSED_CODE else words[int(value)]
+
+    def sensor_constants(self, mission: int) -> dict[str, float]:
+        """The sensors' constants of a mission; those that no mission has are 0."""
+        return {
+            name: float(self._at(SENSOR_PREFIX + name, mission))
+            if SENSOR_PREFIX + name in self
+            else 0.0
+            for name in self.suite.drawn_units()
+        }
+
+    def failures(self) -> list[tuple[int, FailedAttempt]]:
+        """The attempts that failed and were replaced, with their missions."""
+        if FAILED_MISSION not in self.dataset.variables:
+            return [
+                (
+                    item["mission"],
+                    FailedAttempt(
+                        attempt=item["attempt"], reason=item["reason"], time_s=item["time_s"]
+                    ),
+                )
+                for item in self._failed
+            ]
+        columns = (FAILED_MISSION, FAILED_ATTEMPT, FAILED_REASON, FAILED_TIME)
+        return [
+            (
+                int(mission),
+                FailedAttempt(
+                    attempt=int(attempt),
+                    reason=str(reason),
+                    time_s=float(time) if time == time else None,
+                ),
+            )
+            for mission, attempt, reason, time in zip(*map(self.array, columns), strict=True)
+        ]
+
+
+def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:
+    """The store as what it is: flown by the factory, or logged at sea.
+
+    Raises:
+      StoreError: it cannot be read, is neither, or holds no missions.
+    """
+    with MissionStore(path) as store:
+        store.check_filled()
+        return LogStore(path) if store.logged else GeneratedStore(path)
+
+
+class StoredFlight(MissionStore):
+    """A store of missions that were flown one by one, each from its scenario.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or flown without sensors.
+    """
+
+    def __init__(self, path: str | StorePath):
+        super().__init__(path)
+        attributes = self.attributes
+        if SENSOR_SUITE not in attributes:
+            raise StoreError(
+                f"store {self.path} was flown without sensors, an export needs what they measured: "
+                "`twin simulate --sensors field --out STORE` writes a store that has it"
+            )
+        try:
+            self.scenario: dict[str, Any] = parse_json(attributes[SCENARIO], SCENARIO)
+            settings = parse_json(attributes[SENSOR_SUITE], SENSOR_SUITE)["settings"]
+            self.suite = SensorSuite.from_settings(settings)
+        except (KeyError, TypeError, ValueError) as error:
+            raise StoreError(
+                f"store {self.path}: its attributes are damaged ({type(error).__name__}: {error})"
+            ) from error
+
+    @functools.cached_property
+    def splits(self) -> list[str]:
+        """Single flights belong to no split."""
+        return ["none"] * len(self)
+
+    def place(self, mission: int) -> dict[str, float | str]:
+        """Where and when it began; see `twin.records.storage.store_place`."""
+        return read_place(self.dataset.isel({MISSION: mission}))
+
+
+def is_flight(attributes: dict[Any, Any]) -> bool:
+    """Whether a store's attributes are those of single flights, not of the factory's missions."""
+    return SCENARIO in attributes and SETTINGS not in attributes
+
+
+def open_exportable(path: str | StorePath) -> GeneratedStore | LogStore | StoredFlight:
+    """As `open_missions`, and also a single flight of `twin simulate` with sensors.
+
+    Raises:
+      StoreError: it cannot be read, is none of these, holds no missions, or was flown without
+        sensors.
+    """
+    with MissionStore(path) as reader:
+        reader.check_filled()
+        flight = is_flight(reader.attributes)
+    return StoredFlight(path) if flight else open_missions(path)

@@ -1,0 +1,363 @@
+"""Signals of one dive: the channels of its log brought to a uniform time grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
+from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
+from factory.importing.reading.tally import Tally
+from factory.importing.repairs.gps_fixes import nearest
+from factory.importing.repairs.plausibility import DiveRules
+from twin.geodesy import offset
+from twin.records.schema import VARIABLES
+
+Array = NDArray[np.float64]
+
+ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
+"""[degree] On a circle: interpolated the short way round."""
+HELD = frozenset(
+    {"commanded_shift", "commanded_rotation", "commanded_pump", "commanded_pitch",
+     "commanded_heading", "commanded_segment", "measured_dvl_mode"}
+)  # fmt: skip
+"""Set at once and kept: the last value holds."""
+KNOWN_FROM = frozenset({"measured_current_north", "measured_current_east"})
+"""The last value holds; unknown before the first."""
+SPARSE = frozenset(
+    {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
+     "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
+     "measured_dvl_heave"}
+)  # fmt: skip
+"""Only where an original sample lies within half a period: the nearest one."""
+WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
+"""Interpolated near samples of the CTD alone; a payload within short holes alone."""
+WATER_GAP = 120.0
+"""[s] A glider crosses less than 25 m in it."""
+_GAP_FACTOR = 3.0
+"""A gap is longer than so many usual sample spacings."""
+_TRUTH = ("true_surge", "true_sway", "true_heave")
+
+
+def grid(segment: LogSegment, period: float) -> Array:
+    """[s] unix times of a row's samples: from its start, the last nearest to its end."""
+    count = max(2, round(segment.duration / period) + 1)
+    return np.asarray(segment.start + period * np.arange(count), np.float64)
+
+
+def on_grid(
+    log: DeploymentLog,
+    segment: LogSegment,
+    times: Array,
+    *,
+    period: float,
+    rules: DiveRules,
+    tally: Tally,
+    held: frozenset[str] = frozenset(),
+) -> dict[str, Array]:
+    """Signals of one row, each with the shape of `times`.
+
+    Values outside a channel's first and last sample are held; `measured_gap` marks them. `held`
+    names further channels that keep their last value.
+    """
+    signals: dict[str, Array] = {}
+    for name, channel in log.channels.items():
+        if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
+            values = _close(channel, times, _step(log, period))
+            if np.isfinite(values).any():
+                signals[name] = values
+            continue
+        if name in HELD | KNOWN_FROM:
+            if channel.time[0] <= times[-1]:
+                signals[name] = _hold(channel, times)
+                if name in KNOWN_FROM:
+                    signals[name][times < channel.time[0]] = np.nan
+            continue
+        # the samples just outside belong to the row's ends, those of other dives do not
+        margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
+        near = channel.within(times[0] - margin, times[-1] + margin)
+        if not len(near):
+            continue
+        if name in SPARSE:
+            values = _close(near, times, 0.5 * period)
+        elif name in held:
+            values = _hold(near, times)
+        elif name in ANGLES:
+            turned = np.degrees(np.unwrap(np.radians(near.values)))
+            values = np.mod(np.interp(times, near.time, turned), 360.0)
+        else:
+            values = near.at(times)
+            if name in WATER:
+                values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+            elif name in VARIABLES and VARIABLES[name].gaps:
+                values = np.where(_bridged(near, times), values, np.nan)
+        if np.isfinite(values).any():
+            signals[name] = values
+    for name in ("true_north", "true_east"):
+        if name in signals:  # of a simulated log, from its own origin
+            signals[name] = signals[name] - signals[name][0]
+    _fill_density(signals, tally)
+    _put_true_track(log, segment, times, signals)
+    gap = _gaps(log, times, period)
+    tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
+    signals["measured_gap"] = gap.astype(np.float64)
+    stored = log.channel("phase_stored")
+    if len(stored):
+        signals["measured_phase"] = _close(stored, times, _step(log, period))
+    elif "measured_depth" in signals:
+        signals["measured_phase"] = float_at_fixes(
+            phases(times - times[0], signals["measured_depth"], rules.surface_depth),
+            signals["measured_depth"],
+            segment,
+            period,
+        )
+    _put_fixes(log, segment, times, period, signals)
+    _put_waypoint(log, segment, times, signals)
+    _put_times(log, times, period, signals)
+    _put_onboard(log, segment, times, signals)
+    _put_truth(log, times, signals)
+    return signals
+
+
+def _distance(channel: Channel, times: Array) -> Array:
+    """[s] From each time to the channel's nearest sample."""
+    return np.abs(nearest(channel.time, times) - times)
+
+
+def _close(channel: Channel, times: Array, reach: float) -> Array:
+    """The nearest sample where it lies within `reach` [s], else NaN."""
+    at = nearest(channel.time, times)
+    values = channel.values[np.searchsorted(channel.time, at)]
+    return np.where(np.abs(at - times) <= reach, values, np.nan)
+
+
+def _step(log: DeploymentLog, period: float) -> float:
+    """[s] Half of the wider of two grids: that of the log and that of the store."""
+    return 0.5 * max(period, log.period or 0.0)
+
+
+def _hold(channel: Channel, times: Array) -> Array:
+    """The last sample at or before each time; the first one before it."""
+    index = np.searchsorted(channel.time, times, side="right") - 1
+    return channel.values[np.maximum(index, 0)]
+
+
+def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
+    """True where attitude or depth has no original sample near.
+
+    Near is half of what `_GAP_FACTOR` usual spacings are, and usual is what the vehicle does at
+    that time: one that samples every minute at depth has no gap there.
+    """
+    gap = np.zeros(len(times), bool)
+    stored = log.channel("gap_stored")
+    if len(stored):
+        return _close(stored, times, _step(log, period)) > 0.5
+    for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
+        channel = next((c for n in names if len(c := log.channel(n))), None)
+        if channel is not None:
+            margin = _LONGEST_REGULAR * _AROUND
+            near = channel.within(times[0] - margin, times[-1] + margin)
+            if not len(near):
+                gap[:] = True
+                continue
+            usual = np.clip(_usual_spacing(near, times), channel.spacing, _LONGEST_REGULAR)
+            reach = np.maximum(0.5 * _GAP_FACTOR * np.nan_to_num(usual), period)
+            gap |= _distance(near, times) > reach
+    return gap
+
+
+def _bridged(channel: Channel, times: Array) -> NDArray[np.bool_]:
+    """Whether a time lies between samples that are near enough to be joined by a line."""
+    if len(channel) < 2:
+        return _distance(channel, times) <= WATER_GAP
+    at = np.searchsorted(channel.time, times, side="right")
+    outside = (at == 0) | (at == len(channel))
+    left = np.clip(at - 1, 0, len(channel) - 2)
+    hole = channel.time[left + 1] - channel.time[left]
+    longest = np.maximum(WATER_GAP, _GAP_FACTOR * _usual_spacing(channel, times))
+    distance = _distance(channel, times)
+    return np.where(outside, distance <= WATER_GAP, (hole <= longest) | (distance < _AT_SAMPLE))
+
+
+_AT_SAMPLE = 1e-3
+"""[s] So near to a sample the value is the sample's own."""
+_AROUND = 9
+"""Spacings of which the median is the usual one."""
+_LONGEST_REGULAR = 300.0
+"""[s] A vehicle that samples more rarely is not followed through its turns."""
+
+
+def _usual_spacing(channel: Channel, times: Array) -> Array:
+    """[s] Median of the spacings around each time."""
+    if len(channel) < 3:
+        return np.full(len(times), channel.spacing)
+    spacing = np.diff(channel.time)
+    half = _AROUND // 2
+    padded = np.pad(spacing, half, mode="reflect" if len(spacing) > half else "edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
+    at = np.clip(np.searchsorted(channel.time, times, side="right") - 1, 0, len(spacing) - 1)
+    return np.asarray(usual[at])
+
+
+def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
+    """Where the CTD was off, density comes from the row's own profile at the same depth."""
+    density, depth = signals.get("measured_density"), signals.get("measured_depth")
+    if density is None or depth is None:
+        return
+    there = np.isfinite(density)
+    missing = ~there & np.isfinite(depth)
+    if not missing.any() or there.sum() < 10:
+        return
+    order = np.argsort(depth[there])
+    signals["measured_density"] = np.where(
+        missing, np.interp(depth, depth[there][order], density[there][order]), density
+    )
+    tally.add(
+        "interpolated", "measured_density", int(missing.sum()),
+        "grid samples without CTD: from the row's own profile at that depth",
+    )  # fmt: skip
+
+
+def _put_fixes(
+    log: DeploymentLog, segment: LogSegment, times: Array, period: float, signals: dict[str, Array]
+) -> None:
+    """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
+    origin = frame_origin(log, segment)
+    if origin is None:
+        return
+    north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
+    if len(segment.inside):
+        k = np.clip(np.round((segment.inside.time - times[0]) / period), 0, len(times) - 1)
+        place = offset(segment.inside.latitude, segment.inside.longitude, *origin)
+        north[k.astype(np.intp)], east[k.astype(np.intp)] = place
+    for position, k in ((segment.start_fix, 0), (segment.end_fix, len(times) - 1)):
+        if position is not None:
+            north[k], east[k] = offset(np.float64(position[0]), np.float64(position[1]), *origin)
+    signals["measured_gps_north"], signals["measured_gps_east"] = north, east
+
+
+def frame_origin(log: DeploymentLog, segment: LogSegment) -> tuple[float, float] | None:
+    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
+    if len(segment.inside):
+        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    return segment.start_fix or segment.end_fix
+
+
+def _first(fixes: LoggedFixes) -> tuple[float, float]:
+    return float(fixes.latitude[0]), float(fixes.longitude[0])
+
+
+def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
+    """Latitude and longitude of the vehicle's own track at a time; None without one."""
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if not len(latitude) or not len(longitude):
+        return None
+    at = np.array([time])
+    return float(latitude.at(at)[0]), float(longitude.at(at)[0])
+
+
+def _put_true_track(
+    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
+) -> None:
+    """Where a simulated vehicle really was [m] from the row's start, which is a fix."""
+    latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
+    origin = segment.start_fix or segment.end_fix
+    if origin is None or not len(latitude):
+        return
+    values = offset(latitude.at(times), longitude.at(times), *origin)
+    signals["true_north"], signals["true_east"] = values
+
+
+def _put_waypoint(
+    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
+) -> None:
+    """The waypoint [m] from the row's start, held; NaN before the first one."""
+    latitude, longitude = log.channel("waypoint_latitude"), log.channel("waypoint_longitude")
+    origin = segment.start_fix or segment.end_fix
+    if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
+        return
+    values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
+    before = times < latitude.time[0]
+    for axis, one in zip(("north", "east"), values, strict=True):
+        signals[f"commanded_waypoint_{axis}"] = np.where(before, np.nan, one)
+
+
+_ORIGINALS = {
+    "measured_depth_time": ("measured_pressure", "measured_depth"),
+    "measured_attitude_time": ("measured_pitch", "measured_heading"),
+    "measured_ctd_time": ("measured_temperature",),
+}
+"""Raw times beside the grid, and the channels that they are of: the first that the log has."""
+
+
+def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[str, Array]) -> None:
+    """Times [s] from the row's start of the original samples nearest to those of the grid."""
+    for name, sources in _ORIGINALS.items():
+        kept = log.channel(name.replace("_time", "_original"))
+        channel = next((c for n in sources if len(c := log.channel(n))), None)
+        if len(kept):
+            signals[name] = _close(kept, times, _step(log, period)) - times[0]
+        elif channel is not None:
+            signals[name] = nearest(channel.time, times) - times[0]
+
+
+def _put_onboard(
+    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
+) -> None:
+    """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
+    north, east = log.channel("onboard_north"), log.channel("onboard_east")
+    if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
+        latitude, longitude = log.channel("latitude"), log.channel("longitude")
+        origin = segment.start_fix or _onboard_at(log, segment.start)
+        assert origin is not None
+        common = latitude.within(segment.start, segment.end - 1e-3)
+        if len(common) < 2:
+            return
+        values = offset(common.values, longitude.at(common.time), *origin)
+        north, east = Channel(common.time, values[0]), Channel(common.time, values[1])
+    else:
+        north = north.within(segment.start, segment.end - 1e-3)
+        east = east.within(segment.start, segment.end - 1e-3)
+        if len(north) < 2 or len(east) < 2:
+            return
+        north = Channel(north.time, north.values - north.values[0])
+        east = Channel(east.time, east.values - east.values[0])
+    signals["measured_onboard_north"] = north.at(times)
+    signals["measured_onboard_east"] = east.at(times)
+
+
+def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
+    """Velocity through the water [m/s] in body axes, and current, near original truth samples."""
+    parts = [log.channel(f"velocity_{axis}") for axis in ("north", "east", "down")]
+    if all(len(part) for part in parts):
+        needed = ("measured_roll", "measured_pitch", "measured_heading")
+        if all(name in signals for name in needed):
+            reach = 0.5 * parts[0].spacing
+            near = _distance(parts[0], times) <= reach
+            near &= signals["measured_gap"] < 0.5
+            if near.any():
+                ned = np.stack([part.at(times) for part in parts])
+                body = to_body(ned, *(np.radians(signals[name]) for name in needed))
+                for name, values in zip(_TRUTH, body, strict=True):
+                    signals[name] = np.where(near, values, np.nan)
+                signals["true_speed"] = np.where(near, np.linalg.norm(ned, axis=0), np.nan)
+    for axis in ("north", "east"):
+        current = log.channel(f"current_{axis}")
+        if len(current):
+            near = _distance(current, times) <= 0.5 * current.spacing
+            if near.any():
+                signals[f"true_current_{axis}"] = np.where(near, current.at(times), np.nan)
+
+
+def to_body(ned: Array, roll: Array, pitch: Array, heading: Array) -> Array:
+    """Vectors (3, time) from north-east-down to forward-starboard-down axes; angles in rad, ZYX."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    ch, sh = np.cos(heading), np.sin(heading)
+    north, east, down = ned
+    return np.stack(
+        [
+            cp * ch * north + cp * sh * east - sp * down,
+            (sr * sp * ch - cr * sh) * north + (sr * sp * sh + cr * ch) * east + sr * cp * down,
+            (cr * sp * ch + sr * sh) * north + (cr * sp * sh - sr * ch) * east + cr * cp * down,
+        ]
+    )

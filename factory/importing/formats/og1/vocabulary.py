@@ -1,0 +1,176 @@
+"""Names: what OG1.0 files call the signals of a store, and what is made of the others again.
+
+Deployment words: what people said of a deployment, in the attributes of an OG1.0 file.
+Quality: what the flags beside the variables of an OG1.0 file say.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.metadata import INSTRUMENTS
+from factory.exporting.og1.terms import (
+    MEASURED,
+    NOT_LOGGED,
+    ON_A_GRID,
+    PAYLOAD,
+    RAW_TIMES,
+    TRACKS,
+    VARIATION,
+)
+from factory.exporting.og1.variables import ENDING
+from factory.importing.reading.netcdf import as_array, attributes_of, text_of
+from factory.importing.reading.tally import Tally, leave_out
+
+DIMENSION = "N_MEASUREMENTS"
+OURS = {name: stored for name, stored, _ in MEASURED} | {"DVL_MODE": "measured_dvl_mode"}
+"""Names that `factory export` writes, and the store's. Further signals have the store's name in
+capitals, and its attribute `signal_group`."""
+ALIASES = {
+    "measured_pitch": ("PITCH", "GLIDER_PITCH"),
+    "measured_roll": ("ROLL", "GLIDER_ROLL"),
+    "measured_heading": ("HEADING", "GLIDER_HEADING", "HEADING_TRUE"),
+    "measured_pressure": ("PRES", "PRES_ADJUSTED", "NAV_PRESSURE"),
+    "measured_depth": ("DEPTH", "DEPTH_Z", "GLIDER_DEPTH"),
+    "measured_pump": (
+        "PUMPED_VOLUME",
+        "VBD_CC",
+        "BUOYANCY_CC",
+        "OIL_VOLUME",
+        "BALLAST_CC",
+        "eng_vbdCC",
+    ),
+}
+"""Names seen in OG1.0 files for channels of the store, in order of preference."""
+TEMPERATURES = ("TEMP", "TEMP_ADJUSTED", "TEMP_RAW")
+SALINITIES = ("PSAL", "PSAL_ADJUSTED", "PSAL_RAW")
+CONDUCTIVITIES = ("CNDC", "CNDC_RAW")
+DIVES = ("dive_num", "divenum", "DIVE_NUMBER")
+"""Numbers of the dives, as converters from Seaglider files keep them."""
+CORRECTED = "POSITION_SD"
+"""Files of `factory export` have it beside a track that is corrected at the fixes."""
+CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
+"""[m/s] Reported depth-averaged current, at the measurements of its dive."""
+ORIGINAL_TIMES = {stored.removesuffix("_time"): name for stored, name in RAW_TIMES.items()}
+"""Times of the samples that the grid was made of, by what they are of."""
+OWN_TRACK, WAYPOINT, TRUE_TRACK = (
+    tuple(ending.format(axis) for axis in ("LATITUDE", "LONGITUDE")) for _, ending, _ in TRACKS
+)
+DEPLOYED = ("DEPLOYMENT_TIME", "DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE")
+_IDENTITY = (
+    "TRAJECTORY", "trajectory", "PLATFORM_MODEL", "PLATFORM_SERIAL_NUMBER", "WMO_IDENTIFIER"
+)  # fmt: skip
+READ = (
+    *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
+    *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
+    *OWN_TRACK, *WAYPOINT, *TRUE_TRACK, *ORIGINAL_TIMES.values(), VARIATION,
+    *DIVES, *CURRENTS.values(), *_IDENTITY, *(name for name, _ in PAYLOAD.values()),
+)  # fmt: skip
+MADE_AGAIN = {
+    r"(GLIDER_|ANGLE_OF_|VERT_CURR_|DAC_)\w+_MODEL|VERT_CURR_MODEL": "a flight model's: `twin "
+    "flight` and an export make it of the other variables",
+    r"DAC_NORTH|DAC_EAST": "the import makes it of the fixes, depth and attitude",
+    r"PHASE": "phases follow from the depth",
+    r"POSITION_SD|DEAD_RECKONING": "of a track corrected at the fixes",
+    "|".join(DEPLOYED): "fixes say where the rows begin",
+}
+"""Names, as expressions, and why nothing of them is lost."""
+
+
+def leave_out_made_again(present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
+    """Names of which nothing is read because the import has it from others, each with the why."""
+    unread = [name for name in present if name not in set(read)]
+    for expression, why in MADE_AGAIN.items():
+        found = [name for name in unread if re.fullmatch(expression, name)]
+        leave_out(found, why, tally, together="OG1 file")
+
+
+PEOPLE = frozenset(
+    {
+        "title", "summary", "comment", "acknowledgement", "acknowledgment", "institution",
+        "license", "project", "program", "network", "site", "sea_name", "naming_authority", "doi",
+        "principal_investigator", "principal_investigator_email", "rtqc_method", "rtqc_method_doi",
+        "contributing_institutions", "contributing_institutions_role",
+        "contributing_institutions_vocabulary", "contributing_institutions_role_vocabulary",
+        "references", "keywords", "keywords_vocabulary",
+    }
+)  # fmt: skip
+"""Attributes that a person wrote: ACDD's and the format's"""
+_PERSON = re.compile(r"(creator|publisher|contributor)_\w+")
+_OURS = re.compile(r"(SIMULATED )?OceanGliders trajectory file, deployment .*|\d+ dives of .*")
+"""Title and summary that an export writes by itself"""
+_NOTHING = frozenset({"", "n/a", "glider-twin", "No QC applied", NOT_LOGGED})
+_DEVICE = {
+    "long_name": "long_name",
+    "sensor_model": "make_model",
+    "sensor_maker": "make",
+    "sensor_serial_number": "serial_number",
+    "sensor_calibration_date": "calibration_date",
+    "comment": "comment",
+}
+
+
+def deployment_words(file: Any, deployment: str) -> str | None:
+    """The text, as JSON, which is YAML too; None where the file says nothing of the kind."""
+    said = {}
+    for name in file.ncattrs():
+        value = " ".join(str(file.getncattr(name)).replace(ON_A_GRID, "").split())
+        by_people = name in PEOPLE or _PERSON.fullmatch(name)
+        if by_people and value not in _NOTHING and not _OURS.fullmatch(value):
+            said[name] = value
+    for name, variable, usual in (
+        ("wmo_id", "WMO_IDENTIFIER", ""),
+        ("glider_serial", "PLATFORM_SERIAL_NUMBER", deployment),
+    ):
+        value = text_of(file.variables.get(variable)).strip()
+        if value not in {*_NOTHING, usual}:
+            said[name] = value
+    devices = {}
+    for sensor, words in INSTRUMENTS.items():
+        named = next((n for n in file.variables if n.startswith(sensor)), None)
+        if named is None:
+            continue
+        described = attributes_of(file.variables[named])
+        found = {
+            ours: str(described[theirs])
+            for theirs, ours in _DEVICE.items()
+            if theirs in described and str(described[theirs]) not in _NOTHING
+        }
+        if set(found) - {"long_name"}:
+            devices[words[0]] = found
+    if not said and not devices:
+        return None
+    return json.dumps({"metadata": said, "glider_devices": devices}, ensure_ascii=False)
+
+
+Array = NDArray[np.float64]
+
+BAD = (3, 4)
+"""Argo reference table 2: bad, and bad unless somebody corrects it"""
+
+
+def flags_of(variables: Mapping[str, Any], raw: Mapping[str, Array]) -> dict[str, Array]:
+    """Flags of the variables that have some, (samples,) each, by the variable's name."""
+    found = {}
+    for name, values in raw.items():
+        flag = variables.get(f"{name}{ENDING}")
+        if flag is not None and flag.dtype != str and flag.dtype.kind in "fiu":
+            codes = as_array(flag[:])
+            if len(codes) == len(values):
+                found[name] = codes
+    return found
+
+
+def without_bad(name: str, values: Array, flags: Mapping[str, Array], tally: Tally) -> Array:
+    """Values that the file calls bad as NaN, counted."""
+    if name not in flags:
+        return values
+    bad = np.isin(flags[name], BAD) & np.isfinite(values)
+    tally.add("removed", name, int(bad.sum()), "bad by the file's own flags (3, 4)")
+    return np.where(bad, np.nan, values)

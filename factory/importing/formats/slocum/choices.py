@@ -1,0 +1,280 @@
+"""Pressure of a Slocum: the least noisy of its sensors, with gaps filled from the others.
+
+Pump of a Slocum: of the two that its software knows, the one that this vehicle has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.reading.deployment_log import EMPTY, Channel
+from factory.importing.reading.tally import Tally, leave_out
+from factory.importing.repairs.cleaning import clean, to_cm3, to_dbar
+from factory.importing.repairs.gps_fixes import nearest
+from factory.importing.repairs.seawater import pressure_of
+
+Array = NDArray[np.float64]
+
+PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
+"""[bar] Candidates; the one with the least noise is taken."""
+OWN = PRESSURES[1:]
+"""Those that `m_depth` is made of by the vehicle"""
+_COVERED, _COVER_GAP = 0.9, 60.0
+"""A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
+_MOVING = 8.0
+"""[dbar] Noise is measured below the waves."""
+_ZERO = 20.0
+"""[dbar] The largest offset that a sensor is thought to have where it shows least."""
+_FLOATING = 1.0
+"""[dbar] A sensor that shows its least for a tenth of the time is at the surface then; one that is
+switched off near the surface passes its least."""
+_HOLE = 15.0
+"""[s] A sensor that is silent for longer, and for three of its spacings, is off."""
+_SHALLOW = 20.0
+"""[dbar] Holes are at the surface: the sensors are compared in the water near it."""
+_RAMP = 60.0
+"""[s] Over so long one sensor passes into the other, so that no step looks like a depth rate."""
+_RATE, _ENOUGH = 0.05, 10
+"""[dbar/s] Faster is on the way up or down; and so many samples of each make a median."""
+_SAME_ZERO = 2.0
+"""[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
+at 26 degree of pitch, make as much."""
+_DRIFTED, _CLEARLY = 1.0, 5.0
+"""[dbar] A zero that has moved by less stays, and one that moves by no more than so many times what
+single holes differ from their neighbours."""
+_NEIGHBOURS = 5
+"""Holes of which the median is taken."""
+_AGREE = 25.0
+"""[dbar] Sensors of one vehicle that differ by more are not joined: an offset that was never taken
+off is below."""
+
+
+def slocum_pressure(
+    native: Mapping[str, Channel], tally: Tally, *, latitude: float = 0.0
+) -> dict[str, Channel]:
+    """The least noisy pressure [dbar] of those that cover the log, its holes filled.
+
+    A CTD is switched off near the surface, and for whole dives; the vehicle's own sensors are not.
+    Satellite files often have of these the depth alone, which stands for them then. What fills a
+    hole is shifted by the difference of the two sensors in shallow water.
+
+    Args:
+      native: channels in native units.
+      tally: counts what is done.
+      latitude: [degree] of the log, for pressure from depth.
+
+    Raises:
+      InputError: pressure and depth fit no unit.
+    """
+    depth = native.get("m_depth", EMPTY)
+    found: dict[str, Channel] = {}
+    for name in PRESSURES:
+        one = native.get(name, EMPTY)
+        if len(one) < 2:
+            continue
+        beside = depth.at(one.time) if len(depth) else None
+        dbar = to_dbar(one.values, beside, name, tally, native="bar")
+        channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
+        if len(channel) > 2:
+            found[name] = channel
+    if not found:
+        return {}
+    if not any(name in found for name in OWN) and len(depth) > 2:
+        dbar = pressure_of(depth.values, latitude)
+        found["m_depth"] = clean("measured_pressure", depth.time, dbar, tally, subject="m_depth")
+    cover = {name: _cover(channel) for name, channel in found.items()}
+    enough = [n for n in found if cover[n] >= _COVERED * max(cover.values())]
+    enough = [n for n in enough if n in PRESSURES] or enough  # a sensor before what is made of it
+    noise = {n: pressure_noise(found[n]) for n in found}
+    best = min(enough, key=lambda n: noise[n])
+    others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
+    said = f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else ""
+    tally.add(
+        "note", "measured_pressure", len(found[best]),
+        f"from {best}{said}" + (f" (not {others})" if others else ""),
+    )  # fmt: skip
+    pressure = found[best]
+    for name in sorted((n for n in found if n != best), key=lambda n: noise[n]):
+        pressure, added = filled(pressure, found[name], sparse=name == "m_depth")
+        tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
+        if not added:
+            leave_out([name], f"{best} is taken, and has no hole that it fills", tally)
+    return {"measured_pressure": pressure}
+
+
+def _cover(channel: Channel) -> float:
+    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover.
+
+    Under water is by the sensor's own zero: an offset is no water.
+    """
+    gap = np.minimum(np.diff(channel.time), _COVER_GAP)
+    low, high = np.percentile(channel.values, [1.0, 10.0])
+    floats = high - low < _FLOATING and 0.0 < low < _ZERO
+    zero = float(low) if floats else 0.0
+    return float(gap[channel.values[1:] > zero + _MOVING].sum())
+
+
+def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[Channel, int]:
+    """A pressure with another sensor's samples in its holes, and how many these are.
+
+    A hole is longer than `_HOLE` and three spacings, or before the first and after the last sample.
+    In a `sparse` log a sample with holes on both sides says nothing of the difference of the two: a
+    sensor that wakes shows what it had last.
+    """
+    reach = max(_HOLE, 3.0 * pressure.spacing)
+    edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
+    at = np.searchsorted(edges, other.time, side="right") - 1
+    inside = (edges[at + 1] - edges[at] > reach) & (edges[at] < other.time)
+    if not inside.any():
+        return pressure, 0
+    shift = _shift(pressure, other)
+    if shift is None:
+        return pressure, 0
+    added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
+    steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
+    if sparse:
+        gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
+        alone = gaps[at[inside]] > reach, gaps[at[inside] + 2] > reach
+        steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
+    # a zero that has moved since: what is left at both edges, on the way up and down, alike
+    moved = _moved(at[inside], 0.5 * (steps[0] + steps[1]))
+    shifts = shift + moved
+    for edge, step in zip((low, high), steps, strict=True):
+        shifts += np.where(np.isfinite(step), step - moved, 0.0) * np.clip(
+            1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0
+        )
+    time = np.concatenate([pressure.time, added])
+    values = np.concatenate([pressure.values, other.values[inside] - shifts])
+    order = np.argsort(time, kind="stable")
+    return Channel(time[order], values[order]), int(inside.sum())
+
+
+def _moved(hole: NDArray[np.intp], step: Array) -> Array:
+    """[dbar] By how much the difference of the zeros has changed at each added sample.
+
+    The median over neighbouring holes: what one says is noise of a turn.
+
+    Args:
+      hole: number of the hole that a sample is in, not decreasing. step: NaN where not known.
+    """
+    _, first, of = np.unique(hole, return_index=True, return_inverse=True)
+    each = step[first]
+    known = np.flatnonzero(np.isfinite(each))
+    if not known.size:
+        return np.zeros(len(step))
+    values = each[known]
+    reach = [min(_NEIGHBOURS // 2, k, known.size - 1 - k) for k in range(known.size)]
+    smooth = np.array([np.median(values[k - near : k + near + 1]) for k, near in enumerate(reach)])
+    inner = np.abs(values - smooth)[_NEIGHBOURS // 2 : known.size - _NEIGHBOURS // 2]
+    noise = float(np.median(inner)) if inner.size else np.inf
+    found = np.interp(np.arange(len(each)), known, smooth)
+    if np.abs(found).max() <= max(_DRIFTED, _CLEARLY * noise):
+        return np.zeros(len(step))
+    return np.asarray(found[of])
+
+
+def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
+    """[dbar] What is left of the difference at the edges of holes; NaN where nobody knows."""
+    there = np.isfinite(edge)
+    at = np.where(there, edge, pressure.time[0])
+    near = np.abs(nearest(other.time, at) - at) < _HOLE
+    left = other.at(at) - pressure.at(at) - shift
+    return np.where(there & near & (np.abs(left) < _AGREE), left, np.nan)
+
+
+def _shift(pressure: Channel, other: Channel) -> float | None:
+    """[dbar] How much more `other` shows than `pressure`; None where they clash or never meet.
+
+    A sensor that answers late, or sits further aft, shows more on one way and less on the other:
+    the mean of both ways is the difference at rest. A small one is none.
+    """
+    step = np.searchsorted(pressure.time, other.time)
+    left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
+    right = pressure.time[np.clip(step, 0, len(pressure) - 1)]
+    near = (np.abs(other.time - left) < _HOLE) & (np.abs(right - other.time) < _HOLE)
+    beside = pressure.at(other.time)
+    shallow = near & (beside < _SHALLOW)
+    near = shallow if shallow.any() else near
+    difference = other.values - beside
+    rate = np.gradient(other.values, other.time)
+    ways = [near & (rate > _RATE), near & (rate < -_RATE)]
+    if min(int(way.sum()) for way in ways) < _ENOUGH:
+        ways = [near]
+    if not ways[0].any():
+        return None
+    shift = float(np.mean([np.median(difference[way]) for way in ways]))
+    if abs(shift) < _SAME_ZERO:
+        return 0.0
+    return shift if abs(shift) < _AGREE else None
+
+
+def pressure_noise(channel: Channel) -> float:
+    """[dbar] Noise of one sample: its distance from the line between its neighbours."""
+    time, values = channel.time, channel.values
+    if len(time) < 3:
+        return float("inf")
+    part = (time[1:-1] - time[:-2]) / np.maximum(time[2:] - time[:-2], 1e-9)
+    line = values[:-2] + part * (values[2:] - values[:-2])
+    use = (values[1:-1] > _MOVING) & (time[2:] - time[:-2] < 6.0 * channel.spacing)
+    if use.sum() < 10:
+        return float("inf")
+    residual = np.abs((values[1:-1] - line)[use])
+    # the mean of the central nine tenths: a median of quantised data is zero
+    return float(np.mean(residual[residual <= np.percentile(residual, 90.0)]))
+
+
+PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
+"""[cm3] Measured and commanded: shallow gliders have a ballast pump, deep ones an oil bladder;
+both + = lighter."""
+_MOVES = 1e-6
+"""A range below it is none, in any unit from cm3 to m3."""
+_PART = 0.05
+"""A pump that moves by less than this part of the other's range stands still and is noisy."""
+
+
+def slocum_pump(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+    """Measured and commanded volume [cm3] of the pump that moves; of two, the fuller record.
+
+    The software writes a sensor of the pump that a vehicle has not: once at the start, or as 0 in
+    every cycle. Nothing is returned for a log with neither; the report calls it missing.
+    """
+    there = [pair for pair in PUMPS if any(len(native.get(name, ())) for name in pair)]
+    if not there:
+        return {}
+    weights = {pair: _weight(native, pair) for pair in there}
+    most = max(moved for moved, _ in weights.values())
+    best = max(there, key=lambda pair: (weights[pair][0] >= _PART * most, weights[pair][1]))
+    others = [pair for pair in there if pair is not best]
+    channels: dict[str, Channel] = {}
+    for name, target in zip(best, ("measured_pump", "commanded_pump"), strict=True):
+        one = native.get(name)
+        if one is not None and len(one):
+            volume = to_cm3(one.values, name, tally)
+            channels[target] = clean(target, one.time, volume, tally, subject=name)
+    for pair in others:
+        for name in pair:
+            if len(native.get(name, ())):
+                why = f"another pump's: {best[0]} has the samples and moves"
+                leave_out([name], why, tally, samples=len(native[name]))
+    if others:
+        found = ", ".join(
+            f"{pair[0]} {len(native.get(pair[0], ()))} samples, {weights[pair][0]:.4g} cm3"
+            for pair in others
+        )
+        tally.add(
+            "note", "measured_pump", len(native.get(best[0], ())),
+            f"from {best[0]}, moves by {weights[best][0]:.4g} cm3 (not {found})",
+        )  # fmt: skip
+    return channels
+
+
+def _weight(native: Mapping[str, Channel], pair: tuple[str, str]) -> tuple[float, int]:
+    """How far a pump moves, 0 when it stands, and how many samples say so."""
+    one = native.get(pair[0])
+    if one is None or not len(one):
+        return 0.0, len(native.get(pair[1], ()))
+    moved = float(np.ptp(np.percentile(one.values, [1.0, 99.0])))
+    return (moved if moved > _MOVES else 0.0), len(one)

@@ -1,0 +1,33 @@
+"""Reader of Slocum logs: binary files go to one reader, tables to another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from factory.importing.formats.base import ReadOptions
+from factory.importing.formats.slocum.binary import read_slocum_binary
+from factory.importing.formats.slocum.caches import BINARY, CACHES
+from factory.importing.formats.slocum.sensor_tables import read_slocum_tables
+from factory.importing.reading.deployment_log import DeploymentLog
+from factory.importing.reading.tally import Tally
+from twin.errors import InputError
+
+
+def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """Logs of all the files; binary files and tables become deployments of their own.
+
+    Raises:
+      InputError: as the two readers.
+    """
+    binary = [p for p in paths if p.suffix.lower() in BINARY]
+    caches = [p for p in paths if p.suffix.lower() in CACHES]
+    tables = [p for p in paths if p not in binary and p not in caches]
+    if not binary and not tables:
+        raise InputError("only cache files (.cac) are named; add the .dbd and .ebd files")
+    logs: list[DeploymentLog] = []
+    if binary:
+        logs += read_slocum_binary(binary, options, tally, caches=caches)
+    if tables:
+        logs += read_slocum_tables(tables, options, tally)
+    return logs

@@ -1,0 +1,345 @@
+"""Reader of a Slocum's log as parquet or csv tables, which are told apart by their columns.
+
+A flight table has pressure or depth and pitch; a GPS table positions; an event table names and
+values; a truth table the speed by a DVL. Files are joined by the time and place they cover.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.slocum.native_sensors import (
+    WANTED,
+    gps_fixes,
+    native_variation,
+    slocum_log,
+)
+from factory.importing.reading.columns import Table, parse_stamps, read_table, tidy, unix_seconds
+from factory.importing.reading.deployment_log import (
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+    each_file,
+    joined,
+)
+from factory.importing.reading.payload import payload_names
+from factory.importing.reading.tally import Tally, note_empty, note_unread
+from factory.importing.repairs.cleaning import clean
+from twin.errors import InputError
+from twin.geodesy import offset
+
+Array = NDArray[np.float64]
+
+TIMES = ("time", "m_present_time", "sci_m_present_time", "timestamp", "Time")
+LATITUDES, LONGITUDES = ("lat", "latitude", "m_gps_lat"), ("lon", "longitude", "m_gps_lon")
+_ROLE_WORDS = re.compile(
+    r"[_-](flight|gps|segments?|dvl|truth|events?|dr|ctd|science|sci|dbd|ebd|sbd|tbd)\b"
+)
+_READ: dict[str, tuple[str, ...]] = {
+    "flight": WANTED,
+    "science": WANTED,
+    "gps": (*LATITUDES, *LONGITUDES, *WANTED, "status", "mag_var_rad"),
+    "truth": ("U_dvl_ms",),
+    "events": ("name", "value"),
+    "segments": ("t_start", "magvar_rad"),
+}
+"""Columns that each kind of table is read for."""
+_FAR = 50e3
+"""[m] GPS fixes so far from the vehicle's own positions are another vehicle's."""
+
+
+@dataclasses.dataclass
+class DeploymentTables:
+    """Tables of one deployment while they are collected."""
+
+    name: str
+    native: dict[str, list[Channel]] = dataclasses.field(default_factory=dict)
+    fixes: list[LoggedFixes] = dataclasses.field(default_factory=list)
+    variation: list[Channel] = dataclasses.field(default_factory=list)
+    speed: list[Channel] = dataclasses.field(default_factory=list)
+    files: list[str] = dataclasses.field(default_factory=list)
+
+    def put(self, name: str, channel: Channel) -> None:
+        """Add a piece of a native sensor."""
+        if len(channel):
+            self.native.setdefault(name, []).append(channel)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """[s] What the pressure, depth and pitch pieces cover."""
+        pieces = [c for n in ("m_depth", "m_pressure", "m_pitch") for c in self.native.get(n, [])]
+        return min(c.time[0] for c in pieces), max(c.time[-1] for c in pieces)
+
+
+def role(table: Table) -> str | None:
+    """flight, truth, events, gps, segments, science, or None for an unknown table."""
+    names = set(table.columns) | set(table.texts)
+    if "U_dvl_ms" in names:
+        return "truth"
+    if names & {"m_pressure", "m_depth", "m_water_pressure"}:
+        return "flight"
+    if {"name", "value"} <= names:
+        return "events"
+    if {"t_start", "t_end"} <= names:
+        return "segments"
+    if names & set(LATITUDES) and names & set(LONGITUDES):
+        return "gps"
+    return "science" if any(name.startswith("sci_") for name in names) else None
+
+
+def _with_role(path: Path) -> tuple[str, Table]:
+    """A table and what it is.
+
+    Raises:
+      WrongFormat: no Slocum's.
+      InputError: it cannot be read, or is empty.
+    """
+    table = read_table(path)
+    which = role(table)
+    if which is None or (which == "gps" and "NavState" in table.columns):
+        raise WrongFormat(path, [*table.columns, *table.texts])
+    if not len(table):
+        raise InputError(f"{path.name} holds column names and no rows")
+    return which, table
+
+
+def read_slocum_tables(
+    paths: Sequence[Path], options: ReadOptions, tally: Tally
+) -> list[DeploymentLog]:
+    """Logs of all deployments among the tables.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: no flight table, or a table that belongs to none.
+    """
+    tables: dict[str, list[Table]] = {}
+    for _, (which, table) in each_file(paths, _with_role, tally):
+        tables.setdefault(which, []).append(table)
+    extra = payload_names(options.payload)
+    for which, some in tables.items():
+        names = [n for table in some for n in (*table.columns, *table.texts)]
+        kind = f"{which} table"
+        wanted = _READ.get(which, ()) + (extra if which in ("flight", "science") else ())
+        note_unread(kind, names, (*TIMES, *wanted), tally)
+        values = {n for t in some for n, v in t.columns.items() if np.isfinite(v).any()}
+        note_empty(kind, [n for n in wanted if n not in values], tally)
+    if "flight" not in tables:
+        raise InputError(
+            "none of the files is a flight table (m_depth or m_pressure, m_pitch, m_heading); "
+            f"found only: {', '.join(sorted(tables))}"
+        )
+    groups: dict[str, DeploymentTables] = {}
+    for table in tables["flight"]:
+        time, columns = _timed(table, tally)
+        tally.add("read", table.path.name, len(time), "flight rows")
+        key = _ROLE_WORDS.split(table.path.name.split(".")[0])[0]
+        parts = groups.setdefault(key, DeploymentTables(key))
+        _native(parts, time, columns, extra)
+        parts.files.append(table.path.name)
+    for parts in groups.values():
+        if not any(parts.native.get(n) for n in ("m_depth", "m_pressure", "m_pitch")):
+            raise InputError(f"{parts.name}: the flight table holds no depth, pressure or pitch")
+    for which in ("gps", "science", "truth", "events", "segments"):
+        for table in tables.get(which, []):
+            _attach(which, table, list(groups.values()), extra, tally)
+    logs = []
+    for parts in groups.values():
+        native = {name: joined(pieces) for name, pieces in parts.native.items()}
+        variation = joined(parts.variation)
+        if options.variation_deg is not None:
+            variation = Channel(np.array([parts.span[0]]), np.array([options.variation_deg]))
+        logs.append(
+            slocum_log(
+                parts.name,
+                native,
+                fixes=_joined_fixes(parts.fixes),
+                variation=variation,
+                truth_speed=joined(parts.speed),
+                payload=options.payload,
+                files=parts.files,
+                tally=tally,
+            )
+        )
+    return logs
+
+
+def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Array, dict]:
+    subject = table.path.name
+    name = time_name or next((n for n in TIMES if n in table.columns or n in table.texts), None)
+    if name is None:
+        raise InputError(
+            f"{subject} has no column of time ({', '.join(TIMES)}); it has "
+            f"{', '.join(list(table.columns)[:5])}"
+        )
+    time = parse_stamps(table.texts[name]) if name in table.texts else table.columns[name]
+    if not np.isfinite(time).any():
+        raise InputError(f"{subject}: column {name} holds no time")
+    time = unix_seconds(time, subject, tally)
+    columns = {n: v for n, v in table.columns.items() if n != name}
+    return tidy(time, columns, subject, tally)
+
+
+def _native(
+    parts: DeploymentTables, time: Array, columns: dict[str, Array], extra: Sequence[str]
+) -> None:
+    for name in (*WANTED, *extra):
+        if name in columns:
+            there = np.isfinite(columns[name])
+            parts.put(name, Channel(time[there], columns[name][there]))
+
+
+def _attach(
+    which: str,
+    table: Table,
+    groups: list[DeploymentTables],
+    extra: Sequence[str],
+    tally: Tally,
+) -> None:
+    """Give a table to the deployment that it belongs to."""
+    subject = table.path.name
+    if which == "events":
+        _attach_events(table, groups, tally)
+        return
+    if which == "segments":
+        tally.add("left out", subject, len(table), "derived segments; rows are cut from the log")
+        if "magvar_rad" in table.columns:
+            time, columns = _timed(table, tally, "t_start")
+            parts = _owner(subject, time, groups)
+            if not parts.variation:
+                value = clean("variation", time, columns["magvar_rad"], tally)
+                parts.variation.append(native_variation(value, tally))
+        return
+    time, columns = _timed(table, tally)
+    parts = _owner(subject, time, groups)
+    parts.files.append(subject)
+    tally.add("read", subject, len(time), f"{which} rows")
+    if which == "gps":
+        latitude = next(columns[n] for n in LATITUDES if n in columns)
+        longitude = next(columns[n] for n in LONGITUDES if n in columns)
+        unknown = np.full(len(time), np.nan)
+        status = columns.get("status", columns.get("m_gps_status", unknown))
+        fixes = gps_fixes(time, latitude, longitude, status, tally=tally)
+        fixes = _same_place(subject, fixes, parts, tally)
+        parts.fixes.append(fixes)
+        for name in ("mag_var_rad", "m_gps_mag_var"):
+            if name in columns and np.isfinite(columns[name]).any():
+                there = np.isfinite(columns[name])
+                native = Channel(time[there], columns[name][there])
+                parts.variation.append(native_variation(native, tally))
+                break
+    elif which == "truth":
+        values = _metres_per_second(columns["U_dvl_ms"], tally)
+        there = np.isfinite(values)
+        parts.speed.append(Channel(time[there], values[there]))
+        tally.add("read", "U_dvl_ms", int(there.sum()), "finite truth samples")
+    else:
+        _native(parts, time, columns, extra)
+
+
+_CM_PER_M = 100.0
+_FAST = 5.0
+"""[m/s] A median speed of a glider above it is in cm/s."""
+
+
+def _metres_per_second(values: Array, tally: Tally) -> Array:
+    """Speed of a DVL in m/s; cm/s and mm/s by their size are converted, counted."""
+    good = values[np.isfinite(values)]
+    middle = float(np.median(good)) if good.size else 0.0
+    for factor, unit in ((_CM_PER_M, "cm/s"), (_CM_PER_M * 10.0, "mm/s")):
+        if _FAST < middle <= _FAST * factor / 5.0:
+            tally.add("repaired", "U_dvl_ms", good.size, f"was in {unit} where m/s is native")
+            return values / factor
+    return values
+
+
+def _attach_events(table: Table, groups: list[DeploymentTables], tally: Tally) -> None:
+    """An event table holds rare sensors as rows of time, name, value."""
+    subject = table.path.name
+    names = table.texts.get("name")
+    if names is None or "time" not in table.columns:
+        raise InputError(f"{subject}: an event table needs the columns time, name, value")
+    time = unix_seconds(table.columns["time"], subject, tally)
+    parts = _owner(subject, time, groups)
+    parts.files.append(subject)
+    tally.add("read", subject, len(time), "events")
+    for name in dict.fromkeys(str(n) for n in names):
+        if name in WANTED:
+            rows = names == name
+            at, columns = tidy(time[rows], {name: table.columns["value"][rows]}, subject, tally)
+            there = np.isfinite(columns[name])
+            parts.put(name, Channel(at[there], columns[name][there]))
+
+
+def _owner(subject: str, time: Array, groups: list[DeploymentTables]) -> DeploymentTables:
+    """The deployment whose time the table shares; of several, the one with the nearest name."""
+    good = time[np.isfinite(time)]
+    shared = []
+    for parts in groups:
+        start, end = parts.span
+        inside = (good >= start - _SLACK) & (good <= end + _SLACK)
+        if inside.any():
+            alike = len(_common_start(parts.name, subject))
+            shared.append((alike, float(inside.mean()), parts))
+    if not shared:
+        raise InputError(
+            f"{subject} covers another time than every flight table: it belongs to another "
+            "vehicle or period; leave it out or add its flight table"
+        )
+    return max(shared, key=lambda item: item[:2])[2]
+
+
+_SLACK = 3600.0
+"""[s] GPS may begin before and end after the flight rows."""
+
+
+def _common_start(a: str, b: str) -> str:
+    for k, (x, y) in enumerate(zip(a, b, strict=False)):
+        if x != y:
+            return a[:k]
+    return a[: min(len(a), len(b))]
+
+
+def _same_place(
+    subject: str, fixes: LoggedFixes, parts: DeploymentTables, tally: Tally
+) -> LoggedFixes:
+    """Refuse fixes far from where the vehicle itself says it was; swapped ones are repaired."""
+    latitude, longitude = joined(parts.native.get("m_lat", [])), joined(
+        parts.native.get("m_lon", [])
+    )  # fmt: skip
+    if not len(latitude) or not len(longitude) or not len(fixes):
+        return fixes
+    middle = float(np.median(latitude.values)), float(np.median(longitude.values))
+    spread = offset(
+        np.array([latitude.values.min(), latitude.values.max()]),
+        np.array([longitude.values.min(), longitude.values.max()]),
+        *middle,
+    )
+    reach = _FAR + float(np.hypot(np.ptp(spread[0]), np.ptp(spread[1])))
+    away = float(np.median(np.hypot(*offset(fixes.latitude, fixes.longitude, *middle))))
+    if away <= reach:
+        return fixes
+    if float(np.median(np.hypot(*offset(fixes.longitude, fixes.latitude, *middle)))) <= reach:
+        tally.add("repaired", subject, len(fixes), "latitude and longitude were swapped")
+        return LoggedFixes(fixes.time, fixes.longitude, fixes.latitude)
+    raise InputError(
+        f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} says it was; "
+        "they are another vehicle's"
+    )
+
+
+def _joined_fixes(pieces: Sequence[LoggedFixes]) -> LoggedFixes:
+    if not pieces:
+        return NO_FIXES
+    time = np.concatenate([piece.time for piece in pieces])
+    unique, first = np.unique(time, return_index=True)
+    latitude = np.concatenate([piece.latitude for piece in pieces])[first]
+    longitude = np.concatenate([piece.longitude for piece in pieces])[first]
+    return LoggedFixes(unique, latitude, longitude)

@@ -1,0 +1,140 @@
+"""The files that the user named: folders replaced by the logs in them, unusable files refused."""
+
+from __future__ import annotations
+
+import filecmp
+from collections.abc import Sequence
+from pathlib import Path
+
+from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat, likely_kind, sniff
+from factory.importing.reading.columns import column_names
+from factory.importing.reading.deployment_log import each_file
+from factory.importing.reading.netcdf import holds_arrays, variable_names
+from factory.importing.reading.tally import Tally, summarise
+from twin.errors import InputError
+from twin.records.storage.sharded import METADATA
+
+
+def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path]:
+    """The files named, and those of the kind in the folders named (not in folders below).
+
+    A file that is named twice is read once, counted. What cannot be read, and what is another
+    kind's in a folder, is left out and told.
+
+    Raises:
+      InputError: no such file, a folder without any, no file that can be read.
+      WrongFormat: a file of another kind that is named itself, by the names in it; or nothing else.
+    """
+    files: list[Path] = []
+    named: set[Path] = set()
+    for path in paths:
+        if path.is_dir():
+            files += _inside(importer, path, tally)
+        elif path.exists():
+            files.append(path)
+            named.add(path)
+        else:
+            raise InputError(f"no file {path}")
+    unique = list({path.resolve(): path for path in files}.values())
+    tally.add("left out", "files", len(files) - len(unique), "named twice")
+    unique = _without_copies(unique, tally)
+    if not unique:
+        raise InputError(
+            f"no files to import; name {importer.name} logs or a folder that holds them"
+        )
+
+    def check(path: Path) -> None:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path} is empty")
+        if _is_web_page(path):
+            raise InputError(
+                f"{path} is a web page (HTML) and no log: fetch the file that the page offers"
+            )
+        try:
+            _check_contents(importer, path)
+        except WrongFormat:
+            if path in named:
+                wrong.append(path)
+            raise
+
+    wrong: list[Path] = []
+    usable = [path for path, _ in each_file(unique, check, tally)]
+    if wrong:
+        _check_contents(importer, wrong[0])
+    return usable
+
+
+WEB_PAGE = (b"<!doctype html", b"<html")
+"""How web pages begin, as small letters"""
+
+
+def _is_web_page(path: Path) -> bool:
+    """Whether a download was a page, such as that of a login, in place of the file."""
+    with path.open("rb") as file:
+        return file.read(256).lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(WEB_PAGE)
+
+
+def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
+    """The files less those of the name and the bytes of one before them, counted."""
+    seen: dict[tuple[str, int], list[Path]] = {}
+    kept = []
+    for path in paths:
+        size = path.stat().st_size
+        alike = seen.setdefault((path.name, size), [])
+        try:
+            copy = size > 0 and any(filecmp.cmp(path, one, shallow=False) for one in alike)
+        except OSError:
+            copy = False  # who reads it says why it cannot be read
+        if copy:
+            tally.add("left out", "files", 1, f"a copy of another one: {path.name}")
+        else:
+            alike.append(path)
+            kept.append(path)
+    return kept
+
+
+def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:
+    """The logs in a folder; what else is there is counted."""
+    every = sorted(path for path in folder.iterdir() if path.is_file())
+    inside = [path for path in every if importer.accepts(path)]
+    if not inside and (folder / METADATA).exists():
+        raise InputError(f"{folder} is a store already; name the logs that it was made of")
+    if not inside:
+        endings = " ".join(sorted(importer.suffixes))
+        raise InputError(
+            f"folder {folder} holds no {importer.name} logs ({endings}); folders below it are not "
+            f"searched{_looks_like(every)}"
+        )
+    others = [path.name for path in every if path not in inside]
+    tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
+    return inside
+
+
+def _looks_like(files: Sequence[Path]) -> str:
+    """What to try instead, by the first file that looks like a log."""
+    for path in files:
+        try:
+            kind = sniff(path) if path.stat().st_size else None
+        except (InputError, OSError):
+            continue  # a file that cannot be read says nothing
+        if kind is not None:
+            return f"; {path.name} looks like {kind}: use `factory import {kind}`"
+    return ""
+
+
+def _check_contents(importer: Importer, path: Path) -> None:
+    """Refuse a file in a container that the kind has not, or with the names of another kind.
+
+    What is neither a table nor netCDF is the vehicle's own binary file: its reader judges it.
+    """
+    if holds_arrays(path):
+        names, endings = variable_names(path), ARRAYS
+    elif path.suffix.lower() in TABLES:
+        names, endings = column_names(path), TABLES
+    else:
+        return
+    if importer.takes_mapping and endings is TABLES:
+        return  # the mapping says what its columns are
+    foreign = not importer.marks & set(names) and likely_kind(names) is not None
+    if foreign or not importer.suffixes & endings:
+        raise WrongFormat(path, names)

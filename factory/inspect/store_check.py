@@ -1,0 +1,221 @@
+"""Checks: what is asked of every store, simulated or logged, and how a check says what it found.
+
+Kinematics: whether position, velocity, attitude, rates and current of a mission agree.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import StoreError
+from twin.frames import euler_to_matrix
+from twin.records.reader import MissionStore
+from twin.records.schema import TIME
+from twin.records.storage.checksums import damaged_files, has_checksums, read_checksums
+from twin.records.storage.store_place import StorePath
+
+Block = Mapping[str, NDArray[np.float32]]
+MISSIONS_AT_ONCE = 16
+"""Missions that are read and checked together: some 100 MB of hours of all signals"""
+MAX_NAMED = 20
+"""Problems of one check that are named; the others are counted."""
+
+
+@dataclass
+class StoreCheck:
+    """One kind of check."""
+
+    name: str
+    done: int = 0
+    problems: list[str] = field(default_factory=list)
+
+    def expect(self, condition: bool, problem: Callable[[], str]) -> None:
+        """Count a check, and its problem if it failed."""
+        self.done += 1
+        if not condition:
+            self.problems.append(problem())
+
+
+@dataclass(frozen=True)
+class StoreReport:
+    """The outcome of all checks."""
+
+    missions: int
+    bytes_read: int
+    checks: tuple[StoreCheck, ...]
+
+    @property
+    def ok(self) -> bool:
+        """No problem at all."""
+        return not any(check.problems for check in self.checks)
+
+
+def check_files(store: StorePath) -> StoreCheck:
+    """Compare every file of a store with its list of checksums.
+
+    Stores of versions before 0.2 have no list: nothing is checked of them.
+    """
+    check = StoreCheck("files")
+    if has_checksums(store):
+        check.problems += [str(damage) for damage in damaged_files(store)]
+        with contextlib.suppress(StoreError):  # a damaged list is a problem already
+            check.done = len(read_checksums(store))
+    return check
+
+
+def check_missions(
+    stored: MissionStore,
+    names: list[str],
+    checks: Mapping[str, StoreCheck],
+    check: Callable[[int, Block], None],
+    watch: Callable[[int], None] | None,
+) -> int:
+    """Read every mission shard by shard and call `check` with its number and its signals.
+
+    `watch` is called with the number of missions just read; returned are the bytes read.
+    """
+    bytes_read = 0
+    for first in range(0, len(stored), MISSIONS_AT_ONCE):
+        missions = range(first, min(first + MISSIONS_AT_ONCE, len(stored)))
+        block = read_block(stored, names, missions, checks["chunks"])
+        bytes_read += sum(values.nbytes for values in block.values())
+        for row, mission in enumerate(missions):
+            check(mission, {name: values[row] for name, values in block.items()})
+        if watch is not None:
+            watch(len(missions))
+    return bytes_read
+
+
+def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:
+    """All signals of some missions; where that fails, mission by mission to find the damage."""
+    block: dict[str, NDArray[np.float32]] = {}
+    for name in names:
+        check.done += len(missions)
+        try:
+            block[name] = run.dataset[name][missions.start : missions.stop].values
+            continue
+        except Exception:
+            pass  # somewhere in these missions: each is tried on its own below
+        rows = []
+        for mission in missions:
+            try:
+                rows.append(run.row(name, mission))
+            except StoreError as error:
+                check.problems.append(str(error))
+                rows.append(np.full(run.dataset.sizes[TIME], np.nan, np.float32))
+        block[name] = np.stack(rows)
+    return block
+
+
+def check_padding(
+    what: str, name: str, padding: NDArray[np.float32], samples: int, check: StoreCheck
+) -> None:
+    """Nothing but NaN after the `samples` of `what`."""
+    check.expect(
+        bool(np.isnan(padding).all()),
+        lambda: f"{what}: {name} has values after its {samples} samples",
+    )
+
+
+def check_finite_range(
+    what: str,
+    name: str,
+    inside: NDArray[np.float32],
+    complete: bool,
+    limits: tuple[float, float],
+    finite_check: StoreCheck,
+    range_check: StoreCheck,
+) -> None:
+    """A signal of `what` without holes where it must be `complete`, and within its `limits`."""
+    finite = np.isfinite(inside)
+    if complete:
+        finite_check.expect(
+            bool(finite.all()),
+            lambda: (
+                f"{what}: {name} is not finite in {len(inside) - finite.sum()} samples, first "
+                f"at sample {int(np.argmin(finite))}"
+            ),
+        )
+    low, high = limits
+    values = inside[finite]
+    least, most = (float(values.min()), float(values.max())) if values.size else limits
+    range_check.expect(
+        low <= least and most <= high,
+        lambda: f"{what}: {name} runs from {least:g} to {most:g}, possible are {low:g} to {high:g}",
+    )
+
+
+Array = NDArray[np.float64]
+
+STEP_TOLERANCE_M = 0.3
+"""[m] position change of one sample against its velocities; a launch from rest makes 0.08"""
+DRIFT_TOLERANCE_M = 1.0
+"""[m] the same, summed over a mission"""
+VELOCITY_TOLERANCE = 1e-4
+"""[m/s] over ground = through the water + current; rounding makes 2e-6"""
+TURN_TOLERANCE = 0.2
+"""[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
+
+
+def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
+    """What does not fit together among position, velocity, attitude, rates and current.
+
+    Args:
+      truth: true_* signals of shape (time,), degrees as stored.
+      period: [s] between samples.
+    """
+    position = _columns(truth, "true_", "north", "east", "depth")
+    velocity = _columns(truth, "true_velocity_", "north", "east", "down")
+    through = _columns(truth, "true_", "surge", "sway", "heave")
+    current = _columns(truth, "true_current_", "north", "east", "down")
+    rates = _columns(truth, "true_", "roll_rate", "pitch_rate", "yaw_rate")
+    angles = np.radians(_columns(truth, "true_", "roll", "pitch", "heading"))
+    if not all(np.isfinite(a).all() for a in (position, velocity, through, current, rates, angles)):
+        return []  # the check of finite values names them
+    to_ned = euler_to_matrix(*angles.T)
+    moved = np.diff(position, axis=0) - period * (velocity[1:] + velocity[:-1]) / 2
+    turn = np.einsum("tji,tjk->tik", to_ned[:-1], to_ned[1:])
+    # half the antisymmetric part of a rotation is its axis times the sine of its angle
+    angle = 0.5 * np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0],
+         turn[:, 1, 0] - turn[:, 0, 1]], axis=-1
+    )  # fmt: skip
+    sine = np.linalg.norm(angle, axis=-1)
+    turned = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0))
+    angle *= np.divide(turned, sine, out=np.ones_like(sine), where=sine > 0.0)[:, None]
+    figures = (
+        (
+            "velocity over ground is not velocity through the water plus current",
+            np.abs(np.einsum("tij,tj->ti", to_ned, through) + current - velocity),
+            VELOCITY_TOLERANCE,
+            "m/s",
+        ),
+        ("position does not follow velocity", np.abs(moved), STEP_TOLERANCE_M, "m"),
+        (
+            "position drifts from the summed velocity",
+            np.abs(np.cumsum(moved, axis=0)),
+            DRIFT_TOLERANCE_M,
+            "m",
+        ),
+        (
+            "attitude does not follow the rates",
+            np.abs(np.cumsum(angle - period * (rates[1:] + rates[:-1]) / 2, axis=0)),
+            TURN_TOLERANCE,
+            "rad",
+        ),
+    )
+    return [
+        f"{what}: {error.max():.3g} {unit} at sample {int(np.argmax(error.max(axis=-1)))}, "
+        f"at most {tolerance:g}"
+        for what, error, tolerance, unit in figures
+        if error.size and error.max() > tolerance
+    ]
+
+
+def _columns(signals: Mapping[str, Array], prefix: str, *names: str) -> Array:
+    return np.stack([signals[prefix + name] for name in names], axis=-1)

@@ -1,1 +1,0 @@
-"""The recipe: everything that decides the content of a store."""

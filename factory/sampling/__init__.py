@@ -1,0 +1,4 @@
+"""The recipe: everything that decides the content of a store.
+
+Flight: one mission from its parameters to its signals.
+"""

@@ -1,0 +1,368 @@
+"""Distribution: what a parameter of a mission is drawn from, and its text form.
+
+35                                 always 35
+none                               not used (NaN)
+uniform(15, 45)                    also: uniform(15, 45) except (28, 32) (38, 40)
+loguniform(40, 500)
+normal(0, 0.7)                     mean, standard deviation
+choice(saw-tooth: 0.7, spiral: 0.3)   options with or without weights
+
+Parameter: one row of the table of everything that the factory draws.
+Drawn values: what the draws of a mission's parameters gave.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from twin.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+Value = float | str
+Interval = tuple[float, float]
+
+MAX_REDRAWS = 1000
+"""Draws of one value before its exclusions are called impossible."""
+MOST_TEXT = 10_000
+"""Characters of a distribution: a choice among a thousand words"""
+
+
+class Distribution(abc.ABC):
+    """A distribution of one parameter."""
+
+    @abc.abstractmethod
+    def draw(self, rng: np.random.Generator) -> Value:
+        """One value."""
+
+    @abc.abstractmethod
+    def text(self) -> str:
+        """The form that `parse_distribution` reads back."""
+
+    @property
+    def fixed(self) -> bool:
+        """Whether every draw is the same."""
+        return False
+
+    @abc.abstractmethod
+    def allows(self, value: Value) -> bool:
+        """Whether `value` can be drawn."""
+
+
+@dataclass(frozen=True)
+class Fixed(Distribution):
+    """One value, or NaN for "not used"."""
+
+    value: Value
+
+    def draw(self, rng: np.random.Generator) -> Value:
+        """The value."""
+        return self.value
+
+    def text(self) -> str:
+        """A number, a word or none."""
+        if isinstance(self.value, str):
+            return self.value
+        return _number(self.value)
+
+    @property
+    def fixed(self) -> bool:
+        """Always."""
+        return True
+
+    def allows(self, value: Value) -> bool:
+        """Only the value itself."""
+        if isinstance(value, float) and isinstance(self.value, float) and math.isnan(value):
+            return math.isnan(self.value)
+        return value == self.value
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """Uniform in [low, high) without the excluded open intervals."""
+
+    low: float
+    high: float
+    excluded: tuple[Interval, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_range(self)
+        left = self.high - self.low
+        for low, high in self.excluded:
+            if not low < high:
+                raise InputError(f"{self.text()}: except ({low:g}, {high:g}) is empty; swap them")
+            left -= max(0.0, min(high, self.high) - max(low, self.low))
+        if left <= 1e-3 * (self.high - self.low):
+            raise InputError(f"{self.text()}: the exclusions leave nothing to draw")
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value."""
+        return _draw_allowed(self, lambda: float(rng.uniform(self.low, self.high)))
+
+    def text(self) -> str:
+        """uniform(low, high) and its exclusions."""
+        return f"uniform({_number(self.low)}, {_number(self.high)}){_except_text(self.excluded)}"
+
+    def allows(self, value: Value) -> bool:
+        """Inside the range and outside every exclusion."""
+        return _inside(value, self.low, self.high) and not _in_any(value, self.excluded)
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """Uniform in the logarithm, in [low, high), without the excluded open intervals."""
+
+    low: float
+    high: float
+    excluded: tuple[Interval, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_range(self)
+        if self.low <= 0.0:
+            raise InputError(f"{self.text()}: the lower bound must be above 0")
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value."""
+        low, high = math.log(self.low), math.log(self.high)
+        return _draw_allowed(self, lambda: math.exp(rng.uniform(low, high)))
+
+    def text(self) -> str:
+        """loguniform(low, high) and its exclusions."""
+        return f"loguniform({_number(self.low)}, {_number(self.high)}){_except_text(self.excluded)}"
+
+    def allows(self, value: Value) -> bool:
+        """Inside the range, up to rounding of the exponential, and outside every exclusion."""
+        slack = 1e-12 * self.high
+        inside = _inside(value, self.low - slack, self.high + slack)
+        return inside and not _in_any(value, self.excluded)
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """Normal with a mean and a standard deviation."""
+
+    mean: float
+    std: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mean) and math.isfinite(self.std) and self.std > 0.0):
+            raise InputError(f"{self.text()}: give a finite mean and a positive deviation")
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value."""
+        return float(rng.normal(self.mean, self.std))
+
+    def text(self) -> str:
+        """normal(mean, std)."""
+        return f"normal({_number(self.mean)}, {_number(self.std)})"
+
+    def allows(self, value: Value) -> bool:
+        """Every finite number."""
+        return isinstance(value, float) and math.isfinite(value)
+
+
+@dataclass(frozen=True)
+class Choice(Distribution):
+    """One of several options, with weights."""
+
+    options: tuple[Value, ...]
+    weights: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.options or len(set(self.options)) < len(self.options):
+            raise InputError(f"{self.text()}: give options that differ, at least one")
+        if not all(isinstance(option, str) or math.isfinite(option) for option in self.options):
+            raise InputError(f"{self.text()}: numbers among the options must be finite")
+        total = sum(self.weights)
+        if not math.isfinite(total) or min(self.weights) < 0.0 or total <= 0.0:
+            raise InputError(
+                f"{self.text()}: weights must be finite and must not be negative, nor all 0"
+            )
+
+    def draw(self, rng: np.random.Generator) -> Value:
+        """One option."""
+        total = sum(self.weights)
+        return self.options[int(rng.choice(len(self.options), p=[w / total for w in self.weights]))]
+
+    def text(self) -> str:
+        """choice(option: weight, ...)."""
+        items = zip(self.options, self.weights, strict=True)
+        inner = ", ".join(
+            (o if isinstance(o, str) else _number(o)) + ("" if w == 1.0 else f": {_number(w)}")
+            for o, w in items
+        )
+        return f"choice({inner})"
+
+    def allows(self, value: Value) -> bool:
+        """One of the options with a weight above 0."""
+        items = zip(self.options, self.weights, strict=True)
+        return any(value == option and weight > 0.0 for option, weight in items)
+
+
+_FORMS = ("uniform", "loguniform", "normal", "choice")
+_CALL = re.compile(r"^\s*([a-z]+)\s*\(([^()]*)\)\s*(?:except\s*((?:\([^()]*\)\s*(?:,\s*)?)+))?$")
+_PAIR = re.compile(r"\(([^()]*)\)")
+
+
+def parse_distribution(text: str | float | int, name: str = "value") -> Distribution:
+    """The distribution that `text` describes; a plain number is a fixed value.
+
+    Raises:
+      InputError: `name` and what is wrong with the text.
+    """
+    if isinstance(text, bool) or not isinstance(text, str | int | float):
+        raise InputError(f"{name} = {text!r}: give a number or a text such as 'uniform(15, 45)'")
+    if not isinstance(text, str):
+        try:
+            return _fixed_number(name, float(text), str(text))
+        except OverflowError:  # a whole number with hundreds of digits
+            return _fixed_number(name, math.inf, "a number beyond 1e308")
+    if len(text) > MOST_TEXT:
+        raise InputError(f"{name} has {len(text)} characters, at most {MOST_TEXT} are possible")
+    text = text.strip()
+    if text == "none":
+        return Fixed(math.nan)
+    try:
+        number = float(text)
+    except ValueError:
+        number = None
+    if number is not None:
+        return _fixed_number(name, number, text)
+    if re.fullmatch(r"[A-Za-z][\w-]*", text):
+        return Fixed(text)
+    match = _CALL.match(text)
+    if match is None:
+        raise InputError(
+            f"{name} = {text!r} is no distribution: write a number, none, or one of "
+            "uniform(low, high), loguniform(low, high), normal(mean, std), choice(a, b: weight)"
+        )
+    form, inner, exclusions = match.groups()
+    if form not in _FORMS:
+        raise InputError(f"{name}: {unknown_name('distribution', form, _FORMS)}")
+    try:
+        if form == "choice":
+            return _parse_choice(inner)
+        low, high = _two_numbers(inner)
+        excluded = tuple(_two_numbers(pair) for pair in _PAIR.findall(exclusions or ""))
+        if form == "normal":
+            if excluded:
+                raise InputError("normal(...) knows no except")
+            return Normal(low, high)
+        return (Uniform if form == "uniform" else LogUniform)(low, high, excluded)
+    except InputError as error:
+        raise InputError(f"{name} = {text!r}: {error}") from None
+
+
+def _fixed_number(name: str, value: float, text: str) -> Fixed:
+    if not math.isfinite(value):
+        raise InputError(f"{name} = {text}: give a finite number, or none for 'not used'")
+    return Fixed(value)
+
+
+def _two_numbers(text: str) -> Interval:
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        first, second = (float(part) for part in parts)
+    except ValueError:
+        raise InputError(f"({text.strip()}) must hold two numbers") from None
+    return first, second
+
+
+def _parse_choice(inner: str) -> Choice:
+    options: list[Value] = []
+    weights: list[float] = []
+    for item in inner.split(","):
+        option, colon, weight = (part.strip() for part in item.partition(":"))
+        if not option:
+            raise InputError("choice(...) needs options, separated by commas")
+        try:
+            options.append(float(option))
+        except ValueError:
+            options.append(option)
+        try:
+            weights.append(float(weight) if colon else 1.0)
+        except ValueError:
+            raise InputError(f"the weight of {option!r} is {weight!r}, not a number") from None
+    return Choice(tuple(options), tuple(weights))
+
+
+def _check_range(distribution: Uniform | LogUniform) -> None:
+    low, high = distribution.low, distribution.high
+    if not (math.isfinite(high - low) and low < high):
+        raise InputError(f"{distribution.text()}: give low < high, both finite")
+
+
+def _number(value: float) -> str:
+    """Every digit, since the text is what stores record and replays read."""
+    return "none" if math.isnan(value) else repr(float(value)).removesuffix(".0")
+
+
+def _except_text(excluded: tuple[Interval, ...]) -> str:
+    pairs = " ".join(f"({_number(low)}, {_number(high)})" for low, high in excluded)
+    return f" except {pairs}" if pairs else ""
+
+
+def _inside(value: Value, low: float, high: float) -> bool:
+    return isinstance(value, float) and low <= value <= high
+
+
+def _in_any(value: Value, intervals: tuple[Interval, ...]) -> bool:
+    return isinstance(value, float) and any(low < value < high for low, high in intervals)
+
+
+def _draw_allowed(distribution: Uniform | LogUniform, draw) -> float:  # type: ignore[no-untyped-def]
+    for _ in range(MAX_REDRAWS):
+        value: float = draw()
+        if not _in_any(value, distribution.excluded):
+            return value
+    raise InputError(f"{distribution.text()}: the exclusions leave almost nothing to draw")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of the table."""
+
+    name: str
+    """group.name; the store's variable has an underscore for the dot"""
+    unit: str
+    """as CF writes it; "1" is dimensionless"""
+    paper: str
+    """distribution in presets paper and paper-test"""
+    field: str
+    """distribution in preset field"""
+    long_name: str
+    """what it is, a short noun phrase"""
+    why: str = ""
+    """one line: why these values, and conventions"""
+    per_segment: bool = False
+    """drawn for every segment"""
+
+    @property
+    def variable(self) -> str:
+        """Name in the store."""
+        return self.name.replace(".", "_")
+
+
+Drawn = Mapping[str, Value]
+"""Values by name of the table; NaN where one is not used"""
+
+
+def number(drawn: Drawn, name: str) -> float:
+    """A value that must be a number; raises InputError for a word."""
+    value = drawn[name]
+    if isinstance(value, str):
+        raise InputError(f"{name} = {value}: give numbers")
+    return value
+
+
+def limit(drawn: Drawn, name: str) -> float | None:
+    """A value that may be left out: None where it is not drawn, or not used."""
+    value = number(drawn, name) if name in drawn else math.nan
+    return None if math.isnan(value) else value

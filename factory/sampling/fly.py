@@ -1,0 +1,184 @@
+"""Flight: one mission from its parameters to its signals. Replays run the same code.
+
+Bounds: which simulations are missions to keep: possible ones that stay off the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from factory.sampling.draw import Parameters, kind_of
+from factory.sampling.mission_water import (
+    bottom_depth,
+    build_current,
+    build_density,
+    build_floor,
+    origin,
+)
+from factory.sampling.vehicle_errors import (
+    ballast_of,
+    believed_vehicle,
+    encoder_zeros,
+    spread_vehicle,
+)
+from twin.errors import TwinError
+from twin.mission import Mission, Segment
+from twin.physics.scenario import SAMPLE_PERIOD, Scenario
+from twin.physics.simulation import Simulation
+from twin.records.schema import VARIABLES
+from twin.records.schema.limits import simulated_limits
+from twin.vehicle.vehicle import Vehicle
+from twin.water.current.base import Current
+from twin.water.floor.lookup import floor_depths
+
+if TYPE_CHECKING:
+    from twin.records.trajectory import Trajectory
+    from twin.sensors import SensorSuite
+
+
+class Impossible(TwinError):
+    """A simulation that stayed finite and left what is possible at `time_s`."""
+
+    def __init__(self, message: str, *, time_s: float):
+        super().__init__(message)
+        self.time_s = time_s
+
+
+def check_possible(truth: Mapping[str, Array], time: Array) -> None:
+    """Raise Impossible when a simulated signal leaves its limits; NaN is left to others.
+
+    Args:
+      truth: signals of shape (time,), by name.
+      time: [s], shape (time,).
+    """
+    earliest, culprit = len(time), ""
+    for name, values in truth.items():
+        low, high = simulated_limits(name)
+        outside = (values < low) | (values > high)
+        if outside[:earliest].any():
+            earliest, culprit = int(np.argmax(outside)), name
+    if culprit:
+        low, high = simulated_limits(culprit)
+        raise Impossible(
+            f"{culprit} became {truth[culprit][earliest]:.3g} {VARIABLES[culprit].units} at "
+            f"{time[earliest]:.1f} s, possible are {low:g} to {high:g}",
+            time_s=float(time[earliest]),
+        )
+
+
+def check_afloat(truth: Mapping[str, Array], time: Array) -> None:
+    """Raise Impossible when the vehicle touched the sea floor or an obstacle.
+
+    Args:
+      truth, time: as `check_possible`; missions where nothing can be touched have no
+        `true_contact`.
+    """
+    contact = truth.get("true_contact")
+    if contact is not None and contact.any():
+        when = float(time[np.argmax(contact)])
+        raise Impossible(f"ran aground at {when:.1f} s", time_s=when)
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownSignals:
+    """One mission as it was flown."""
+
+    trajectory: Trajectory
+    measured: Mapping[str, Array]
+    drawn: Mapping[str, float]
+    """The sensors' constants of this mission."""
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Truth, measured and commanded, each of shape (time,)."""
+        return {**self.trajectory.signals, **self.measured}
+
+
+def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
+    """The mission that the guidance is given."""
+    start_heading = heading = parameters.number("mission.start_heading_deg")
+    segments: list[Segment] = []
+    for drawn in parameters.segments:
+        segment, heading = kind_of(drawn).segment(drawn, heading, vehicle)
+        segments.append(segment)
+    return Mission(
+        segments=tuple(segments),
+        duration_s=parameters.duration_s,
+        start_depth_m=parameters.number("mission.start_depth_m"),
+        start_heading_deg=start_heading,
+        at_end="hold",
+    )
+
+
+def build_scenario(
+    parameters: Parameters, nominal: Vehicle, current: Current | None = None
+) -> Scenario:
+    """Everything that the physics needs; `current` replaces the drawn one."""
+    believed = believed_vehicle(nominal, parameters)
+    return Scenario(
+        vehicle=spread_vehicle(nominal, parameters),
+        believed=believed,
+        ballast=ballast_of(nominal, parameters),
+        encoder_zeros=encoder_zeros(nominal, parameters),
+        mission=build_mission(parameters, believed),
+        duration=parameters.duration_s,
+        current=build_current(parameters) if current is None else current,
+        density=build_density(parameters),
+        floor=build_floor(parameters, nominal),
+        origin=origin(parameters),
+        sample_period=SAMPLE_PERIOD,
+    )
+
+
+def fly(
+    parameters: Parameters,
+    nominal: Vehicle,
+    suite: SensorSuite,
+    sensor_seed: np.random.SeedSequence,
+    *,
+    current: Current | None = None,
+    drawn: Mapping[str, float] | None = None,
+) -> FlownSignals:
+    """Fly one mission and measure it.
+
+    Args:
+      current: instead of the drawn one.
+      drawn: the sensors' constants, by default those that the seed gives.
+
+    Raises:
+      MissionError: the vehicle cannot fly it.
+      SimulationUnstable: the simulation left the finite numbers.
+      Impossible: it left the physically possible ones, or ran aground.
+    """
+    scenario = build_scenario(parameters, nominal, current)
+    simulation = Simulation(scenario)
+    trajectory = simulation.run()
+    check_possible(trajectory.signals, trajectory.time)
+    check_afloat(trajectory.signals, trajectory.time)
+    if drawn is None:
+        drawn = suite.draw(sensor_seed)
+    water, floor = scenario.current, simulation.tables.floor
+    bottom: ArrayLike | None = bottom_depth(parameters)
+    if floor.size:
+        bottom = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
+    measured = suite.measure(
+        trajectory.signals,
+        dt=SAMPLE_PERIOD,
+        rng_seed=sensor_seed,
+        drawn=drawn,
+        bottom_depth=bottom,
+        floor=floor if floor.size else None,
+        latitude=parameters.number("water.latitude"),
+        longitude=parameters.number("water.longitude"),
+        density=scenario.density,
+        current=None if water is None else water.compile(simulation.duration, scenario.origin),
+    )
+    return FlownSignals(trajectory=trajectory, measured=measured, drawn=drawn)

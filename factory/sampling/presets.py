@@ -1,0 +1,218 @@
+"""Presets: which column of the table of parameters, which sensors, which missions.
+
+Overrides: replaced distributions from a TOML file and from NAME=VALUE words.
+Reference set: missions that everybody can make, with the checksum of every array.
+Paper test: the paper's test trajectory in three currents.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from factory.sampling.distribution import Distribution, Value
+from factory.sampling.draw import Parameters, draw_values
+from factory.sampling.drawn_plan import TEST, Plan
+from factory.sampling.kinds import MISSION_KINDS
+from factory.sampling.parameters import Table
+from twin.bounded import read_toml
+from twin.errors import InputError, MissionError, unknown_name
+from twin.mission import Mission, Spiral, load_mission
+from twin.mission.segments import Profile
+from twin.vehicle.assets import asset_path, assets_folder
+from twin.vehicle.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a preset name stands for."""
+
+    spread: str
+    """column of the table of parameters"""
+    sensors: str
+    """sensor suite of gliders"""
+    survey_sensors: str
+    """that of vehicles with a propeller"""
+    fixed_missions: bool = False
+    """its missions are given, not drawn"""
+
+
+PRESETS: Mapping[str, Preset] = {
+    "paper": Preset("paper", "ideal", "survey"),
+    "field": Preset("field", "field", "survey-field"),
+    "paper-test": Preset("paper", "ideal", "survey", fixed_missions=True),
+}
+"""`paper`: a glider noise-free, in one constant current per mission; a propelled vehicle in still
+water with the instruments of the paper's tables. `field`: the paper's list of further work:
+sensor errors, GPS fixes, a current with vertical structure, and a vehicle that is not as its file
+says. `paper-test`: the paper's test trajectory in three currents."""
+
+
+def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str | float]:
+    """Changes by parameter name; words win over the file.
+
+    The file holds tables named after the groups:
+
+        [mission]
+        pitch_deg = "uniform(15, 35)"
+
+    Raises:
+      InputError: the file cannot be read or is not TOML of this form, or a word has no =.
+    """
+    changes = {} if path is None else _read_file(path)
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise InputError(
+                f"--set {word!r}: write NAME=DISTRIBUTION, such as "
+                "mission.pitch_deg='uniform(15, 35)'"
+            )
+        changes[name.strip()] = value.strip()
+    return changes
+
+
+def _read_file(path: Path) -> dict[str, str | float]:
+    data = read_toml(path, "parameter file")
+    changes: dict[str, str | float] = {}
+    for group, table in data.items():
+        if not isinstance(table, Mapping):
+            raise InputError(f"{path}: {group} must be a table, such as [mission]")
+        for name, value in table.items():
+            if isinstance(value, bool) or not isinstance(value, str | int | float):
+                raise InputError(f"{path}: {group}.{name} = {value!r}: give a number or a text")
+            changes[f"{group}.{name}"] = value
+    return changes
+
+
+FOLDER = "reference"
+"""Folder of the lists in `assets/`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceSet:
+    """A recipe and what it makes: bytes of arrays are a function of the recipe alone."""
+
+    name: str
+    """what the user types"""
+    preset: str
+    """of `factory generate`"""
+    hours: float
+    """simulated hours of all missions together"""
+    seed: int
+    """root of every random draw"""
+    physics: int
+    """version of the physics that the checksums belong to"""
+    arrays: Mapping[str, str]
+    """SHA-256 of each array's type, shape and values, by name, as `array_checksums` gives it"""
+
+    def differences(self, found: Mapping[str, str]) -> dict[str, str]:
+        """What is wrong with each array that is not as listed, by name; empty when all are."""
+        wrong = {}
+        for name in sorted(found.keys() | self.arrays.keys()):
+            if name not in found:
+                wrong[name] = "is missing"
+            elif name not in self.arrays:
+                wrong[name] = "is not listed"
+            elif found[name] != self.arrays[name]:
+                wrong[name] = "has other values"
+        return wrong
+
+
+def reference_names() -> tuple[str, ...]:
+    """The sets that are shipped."""
+    return tuple(sorted(path.stem for path in (assets_folder() / FOLDER).glob("*.json")))
+
+
+def reference_set(name: str) -> ReferenceSet:
+    """The shipped set of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    names = reference_names()
+    if name not in names:
+        raise InputError(unknown_name("reference set", name, names))
+    return ReferenceSet(name=name, **json.loads(asset_path(f"{FOLDER}/{name}.json").read_text()))
+
+
+MISSION_NAME = "spiral-level-spiral"
+CURRENTS: Mapping[str, tuple[float, float]] = {
+    "low": (-0.05, -0.002),
+    "medium": (-0.12, 0.09),
+    "strong": (-0.18, 0.24),
+}
+"""North, east [m/s]: 0.05 as printed (north and east are our reading of u_c, v_c), 0.15, 0.30."""
+
+
+def paper_test_plan() -> Plan:
+    """Three missions, all in split test."""
+    duration = load_mission(MISSION_NAME).duration_s
+    assert duration is not None
+    return Plan(durations_s=(duration,) * len(CURRENTS), splits=(TEST,) * len(CURRENTS))
+
+
+def check_paper_test(vehicle: Vehicle) -> None:
+    """Raise InputError when the vehicle cannot fly the paper's mission."""
+    try:
+        load_mission(MISSION_NAME).compile(vehicle)
+    except MissionError as error:
+        raise InputError(
+            f"preset 'paper-test' flies the mission of a glider, {MISSION_NAME}, and {error}; "
+            "choose preset paper or field"
+        ) from error
+
+
+def paper_test_parameters(
+    index: int,
+    table: Table,
+    distributions: Mapping[str, Distribution],
+    changed: Collection[str],
+    *,
+    seed: int,
+    attempt: int,
+) -> Parameters:
+    """Mission `index` of the three.
+
+    `changed` names the parameters that a user replaced; they win over the test's own.
+    """
+    mission = load_mission(MISSION_NAME)
+    assert mission.duration_s is not None
+    north, east = list(CURRENTS.values())[index]
+    own: dict[str, Value] = {
+        "mission.start_heading_deg": mission.start_heading_deg,
+        "current.speed": math.hypot(north, east),
+        "current.steady_direction_deg": math.degrees(math.atan2(east, north)) % 360.0,
+    }
+    values = draw_values(table, distributions, seed=seed, mission=index, attempt=attempt)
+    values |= {name: value for name, value in own.items() if name not in changed}
+    return Parameters(
+        duration_s=mission.duration_s, values=values, segments=tuple(_segments(mission, table))
+    )
+
+
+def _segments(mission: Mission, table: Table) -> list[Mapping[str, Value]]:
+    rows: list[Mapping[str, Value]] = []
+    heading = mission.start_heading_deg
+    for segment in mission.segments:
+        assert isinstance(segment, Profile)
+        row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
+        assert segment.kind in MISSION_KINDS
+        row["mission.kind"] = segment.kind
+        for field in fields(Profile):
+            name = {"duration_s": "segment_duration_s"}.get(field.name, field.name)
+            value = getattr(segment, field.name)
+            if value is None and field.name.startswith("climb_"):
+                value = getattr(segment, field.name.removeprefix("climb_"))
+            if f"mission.{name}" in row and value is not None:
+                row[f"mission.{name}"] = float(value)
+        if isinstance(segment, Spiral):
+            row["mission.rotation_deg"] = float(segment.rotation_deg)
+        else:
+            target = segment.heading_deg  # type: ignore[attr-defined]
+            row["mission.heading_change_deg"] = float(target - heading)
+            heading = target
+        rows.append(row)
+    return rows

@@ -1,0 +1,303 @@
+"""Recipe: everything that decides the bytes of a store, and its comparison with another one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+
+from factory.sampling.distribution import Distribution, Fixed
+from factory.sampling.draw import Parameters, draw_parameters
+from factory.sampling.drawn_plan import (
+    GivenCurrent,
+    Plan,
+    given_current,
+    plan_missions,
+    stored_current,
+)
+from factory.sampling.kinds.base import propelled
+from factory.sampling.parameters import Table, declared, override, parameter_table
+from factory.sampling.presets import (
+    PRESETS,
+    check_paper_test,
+    paper_test_parameters,
+    paper_test_plan,
+)
+from twin.errors import InputError, StoreError, TwinError, unknown_name
+from twin.physics.mujoco_model import INTEGRATORS, compile_model
+from twin.physics.scenario import SAMPLE_PERIOD
+from twin.physics.true_signals import declare_parts
+from twin.records import attributes
+from twin.records.schema import SCHEMA_VERSION
+from twin.sensors import SUITE_PRESETS, SensorSuite
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.version import PHYSICS_VERSION, __version__
+
+VERSIONS = "versions"
+"""Entry of a recipe's description: versions of what can change a bit of a result"""
+DEFAULT_HOURS = 10.0
+"""[h], as much as the paper's training set"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recipe:
+    """The settings of a store; equal recipes give equal arrays."""
+
+    preset: str = "paper"
+    """one of PRESETS"""
+    hours: float | None = None
+    """[h] of all missions together; None: DEFAULT_HOURS, or what the preset's missions last"""
+    seed: int = 0
+    """root of every random draw"""
+    changes: Mapping[str, str | float]
+    """replaced distributions, by parameter name"""
+    vehicle: Vehicle
+    """as its file says"""
+    sensors: str | SensorSuite | None = None
+    """sensor suite, or its name such as field+turbidity; None: the preset's"""
+    current: str | Mapping[str, Any] | None = None
+    """one current for all missions, as `twin simulate --current` takes it, or its description as
+    stores hold it; None: drawn"""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise InputError(unknown_name("preset", self.preset, PRESETS))
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed} must be at least 0")
+        if PRESETS[self.preset].fixed_missions:
+            if self.hours is not None:
+                raise InputError(
+                    f"preset {self.preset!r} has missions of its own: leave --hours out"
+                )
+            check_paper_test(self.vehicle)
+        declare_parts(self.vehicle)
+        # everything that can be wrong shows here, before a store is touched
+        _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
+
+    @property
+    def sensor_preset(self) -> str:
+        """Name of the sensor suite; that of a suite given as an object is `custom`."""
+        if isinstance(self.sensors, SensorSuite):
+            named = (name for name, suite in SUITE_PRESETS.items() if suite == self.sensors)
+            return next(named, "custom")
+        preset = PRESETS[self.preset]
+        own = preset.survey_sensors if propelled(self.vehicle) else preset.sensors
+        return self.sensors or own
+
+    @cached_property
+    def suite(self) -> SensorSuite:
+        """The sensors."""
+        if isinstance(self.sensors, SensorSuite):
+            return self.sensors
+        return SensorSuite.preset(self.sensor_preset)
+
+    @cached_property
+    def physics(self) -> dict[str, Any]:
+        """Time step [s] and integrator; compiling them shows vehicle errors at once."""
+        option = compile_model(self.vehicle, lean=True).opt
+        names = {int(number): name for name, number in INTEGRATORS.items()}
+        return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
+
+    @cached_property
+    def table(self) -> Table:
+        """Every parameter of missions of the vehicle."""
+        return parameter_table(self.vehicle)
+
+    @cached_property
+    def distributions(self) -> dict[str, Distribution]:
+        """What every parameter is drawn from."""
+        distributions = override(declared(PRESETS[self.preset].spread, self.table), self.changes)
+        if self.current is not None:
+            for name in self._currents():
+                if name in self.changes:
+                    raise InputError(f"--current replaces every drawn current: do not set {name}")
+                distributions[name] = Fixed(math.nan)
+        return distributions
+
+    def _currents(self) -> list[str]:
+        return [name for name in self.table if name.startswith("current.")]
+
+    @cached_property
+    def given_current(self) -> GivenCurrent | None:
+        """The current of all missions; None when it is drawn."""
+        if self.current is None:
+            return None
+        longest = max(self.plan.durations_s)
+        if isinstance(self.current, Mapping):
+            return stored_current(self.current, longest)
+        return given_current(self.current, longest)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Durations and splits of all missions."""
+        if PRESETS[self.preset].fixed_missions:
+            return paper_test_plan()
+        hours = DEFAULT_HOURS if self.hours is None else self.hours
+        return plan_missions(self.distributions["mission.duration_h"], hours=hours, seed=self.seed)
+
+    def parameters(self, mission: int, attempt: int) -> Parameters:
+        """What one attempt at one mission is made of; raises MissionError."""
+        if PRESETS[self.preset].fixed_missions:
+            settled = [*self.changes, *(self._currents() if self.current is not None else ())]
+            return paper_test_parameters(
+                mission, self.table, self.distributions, settled, seed=self.seed, attempt=attempt
+            )
+        return draw_parameters(
+            self.table,
+            self.distributions,
+            seed=self.seed,
+            mission=mission,
+            attempt=attempt,
+            duration_s=self.plan.durations_s[mission],
+            vehicle=self.vehicle,
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that the bytes depend on, as JSON can hold it."""
+        description = {
+            attributes.VERSION: SCHEMA_VERSION,
+            "preset": self.preset,
+            "hours": self.plan.hours,
+            "seed": self.seed,
+            "vehicle": self.vehicle.name,
+            attributes.VEHICLE_SHA256: sha256(self.vehicle.xml),
+            "hydrodynamics": "coefficients",
+            **self.physics,
+            attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
+            "distributions": {name: d.text() for name, d in self.distributions.items()},
+            "sensors": self.suite.settings(),
+            "current": None if self.given_current is None else self.given_current.describe(),
+            VERSIONS: versions(),
+        }
+        # as a store gives it back: tuples become lists
+        plain: dict[str, Any] = json.loads(json.dumps(description))
+        return plain
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of what the bytes depend on."""
+        return sha256(json.dumps(self.describe(), sort_keys=True, separators=(",", ":")))
+
+    def document(self) -> dict[str, Any]:
+        """Everything that `read_recipe` makes the recipe of again, as JSON can hold it."""
+        return {
+            attributes.SETTINGS: self.describe(),
+            attributes.CHANGES: dict(self.changes),
+            attributes.VEHICLE_MJCF: self.vehicle.xml,
+        }
+
+
+def recipe_document(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The `document` that attributes of a store hold, some of it as text.
+
+    Raises:
+      KeyError, ValueError, TypeError: they hold none, or it is damaged.
+    """
+    parts = {name: stored[name] for name in (attributes.SETTINGS, attributes.CHANGES)}
+    unpacked = {n: json.loads(part) if isinstance(part, str) else part for n, part in parts.items()}
+    return {**unpacked, attributes.VEHICLE_MJCF: stored[attributes.VEHICLE_MJCF]}
+
+
+def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
+    """The recipe of a `document`.
+
+    Args:
+      any_versions: do not mind that libraries have other versions here, which may change last bits.
+
+    Raises:
+      StoreError: the document is damaged, or would make another store here.
+      InputError: it needs a sensor, a vehicle part or a file that is not here.
+    """
+    try:
+        settings, text = document[attributes.SETTINGS], document[attributes.VEHICLE_MJCF]
+        preset = settings["preset"]
+        recipe = Recipe(
+            preset=preset,
+            hours=None if PRESETS[preset].fixed_missions else settings["hours"],
+            seed=settings["seed"],
+            changes=document[attributes.CHANGES],
+            vehicle=parse_vehicle(text, Path(f"{settings['vehicle']}.xml")),
+            sensors=SensorSuite.from_settings(settings["sensors"]),
+            current=settings["current"],
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        if isinstance(error, TwinError):
+            raise
+        raise StoreError(
+            f"the recipe cannot be read ({type(error).__name__}: {error}): it is damaged"
+        ) from error
+    here = recipe.describe()
+    if any_versions:
+        settings = {**settings, VERSIONS: here[VERSIONS]}
+    changed = differences(settings, here)
+    if changed:
+        raise StoreError(
+            f"this program would make another store of that recipe: {'; '.join(changed[:5])}"
+        )
+    return recipe
+
+
+def make_recipe(
+    *,
+    preset: str = "paper",
+    hours: float | None = None,
+    seed: int = 0,
+    changes: Mapping[str, str | float] | None = None,
+    vehicle: str = "glider",
+    sensors: str | SensorSuite | None = None,
+    current: str | None = None,
+) -> Recipe:
+    """A recipe from names.
+
+    Raises:
+      InputError: unknown preset, parameter, vehicle or sensor suite; impossible value.
+    """
+    return Recipe(
+        preset=preset,
+        hours=hours,
+        seed=seed,
+        changes=dict(changes or {}),
+        vehicle=load_vehicle(vehicle),
+        sensors=sensors,
+        current=current,
+    )
+
+
+def sha256(text: str) -> str:
+    """Hexadecimal digest of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """What can change a bit of a result."""
+    return {
+        "glider-twin": __version__,
+        "physics": str(PHYSICS_VERSION),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "mujoco": mujoco.__version__,
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+    }
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """`name: old -> new` of every entry in which two descriptions differ."""
+    lines: list[str] = []
+    for name in sorted(old.keys() | new.keys()):
+        a, b = old.get(name), new.get(name)
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
+            lines += differences(a, b, f"{prefix}{name}.")
+        elif a != b:
+            lines.append(f"{prefix}{name}: {a} -> {b}")
+    return lines

@@ -1,0 +1,206 @@
+"""Uncertainty: how far a dead-reckoned position may be off, along the track.
+
+The error of a velocity component is taken as a stationary Gauss-Markov process with standard
+deviation s and correlation time T. Its integral has the variance (Papoulis 1991, section 10)
+
+    P(t) = 2 s^2 T [t - T (1 - exp(-t / T))],
+
+s^2 t^2 while t << T (a bias) and 2 s^2 T t for t >> T (a random walk). A heading error moves the
+position across the distance made good, and a fix resets everything to its own accuracy.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.navigation.dead_reckoning import (
+    LEAST_COSINE,
+    Array,
+    horizontal_error,
+    horizontal_velocity,
+    integrate,
+)
+
+if TYPE_CHECKING:
+    from learn.evaluation.score import MissionScore, ReferenceVelocity
+    from twin.navigation.estimators.baseline import Estimate
+
+SECONDS_PER_HOUR = 3600.0
+BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR
+"""[s] correlation time of errors that last a mission through."""
+SHORT_STEP = 1e-3
+"""Sample period over correlation time below which a series replaces a difference."""
+COMPASS_SD = math.radians(0.8)
+"""[rad] heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ErrorModel:
+    """What a navigator believes about the errors; defaults for a calibrated compass."""
+
+    velocity_sd: float = 0.005
+    """[m/s] standard deviation of each horizontal component of the velocity through the water; an
+    ensemble's spread replaces it sample by sample."""
+    velocity_time: float = BIAS_TIME_S
+    """[s] correlation time of that error: what is wrong about a vehicle lasts a mission."""
+    heading_sd: float = COMPASS_SD
+    """[rad] constant heading error; 0 for an ideal compass."""
+    current_sd: float = 0.0
+    """[m/s] standard deviation of each component of the unknown current; 0 for tracks through the
+    water."""
+    current_time: float = 3.0 * SECONDS_PER_HOUR
+    """[s] its correlation time: a quarter of the semidiurnal tide."""
+    fix_sd: float = 4.0
+    """[m] each component of a GPS fix: 3 to 5 m is usual."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"error model {field.name} is {value!r}: it must be at least 0")
+
+
+def fit_error_model(
+    scores: Sequence[MissionScore], seconds: Sequence[float], *, ideal_compass: bool
+) -> ErrorModel:
+    """An error model whose velocity error is what missions showed that no network was trained on.
+
+    The end error with true attitude is taken as that of a velocity bias: s = rms(error / time) per
+    component, with two components.
+
+    Args:
+      scores: of the networks, on validation missions.
+      seconds: duration of each mission.
+    """
+    drifts = [
+        score.tracks["velocity"].end_m / duration
+        for score, duration in zip(scores, seconds, strict=True)
+        if "velocity" in score.tracks and duration > 0
+    ]
+    heading = 0.0 if ideal_compass else COMPASS_SD
+    if not drifts:
+        return ErrorModel(heading_sd=heading)
+    rms = math.sqrt(math.fsum(d * d for d in drifts) / len(drifts))
+    return ErrorModel(velocity_sd=rms / math.sqrt(2.0), heading_sd=heading)
+
+
+def network_position_sd(
+    reference: ReferenceVelocity, estimate: Estimate, model: ErrorModel
+) -> Array:
+    """Standard deviation [m] of the track through the water, (time,), no fixes.
+
+    An ensemble's spread adds to the model's velocity error, sample by sample.
+    """
+    assert estimate.surge is not None
+    assert estimate.sway is not None
+    velocity = horizontal_velocity(
+        estimate.surge, estimate.sway, reference.depth_rate, reference.measured
+    )
+    spread = np.full(len(velocity), model.velocity_sd**2)
+    if estimate.surge_sd is not None:
+        # With heave solved from the depth rate, surge goes into the track over cos(pitch).
+        forward = estimate.surge_sd / np.maximum(np.cos(reference.measured.pitch), LEAST_COSINE)
+        spread = spread + forward**2 / 2.0
+    if estimate.sway_sd is not None:
+        spread = spread + estimate.sway_sd**2 / 2.0
+    return position_sd(velocity, reference.mission.period, model, velocity_sd=np.sqrt(spread))
+
+
+class Coverage:
+    """Counts missions that end within two predicted deviations; its `add` is a watch."""
+
+    def __init__(self, model: ErrorModel) -> None:
+        self._model = model
+        self._ends: list[tuple[float, float]] = []
+
+    def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
+        """See one mission; the estimate called `network` is judged."""
+        estimate = estimates["network"]
+        track = reference.track(estimate, reference.measured)
+        error = horizontal_error(track[-1:], reference.water_track[-1:])
+        deviation = network_position_sd(reference, estimate, self._model)
+        self._ends.append((float(error[0]), float(deviation[-1])))
+
+    def figures(self) -> dict[str, float | None]:
+        """Mean predicted deviation at mission end [m], and the share within two of them."""
+        if not self._ends:
+            return {"position_sd_m_mean": None, "within_2sd": None}
+        errors, deviations = np.array(self._ends).T
+        return {
+            "position_sd_m_mean": float(deviations.mean()),
+            "within_2sd": float((errors <= 2.0 * deviations).mean()),
+        }
+
+
+def position_sd(
+    velocity: Array,
+    period: float,
+    model: ErrorModel,
+    *,
+    velocity_sd: Array | None = None,
+    fixes: NDArray[np.intp] | None = None,
+) -> Array:
+    """Standard deviation [m] of the horizontal position, root of the sum of both axes, (time,).
+
+    Args:
+      velocity: estimated north, east [m/s], (time, 2).
+      period: [s] between samples.
+      model: what is believed about the errors.
+      velocity_sd: [m/s], (time,), of each component, in place of the model's constant.
+      fixes: samples at which the position is reset to a fix.
+    """
+    samples = len(velocity)
+    spread = np.full(samples, model.velocity_sd) if velocity_sd is None else velocity_sd
+    reset = np.zeros(samples, bool)
+    if fixes is not None:
+        reset[fixes] = True
+    water = _integrated_variance(spread, model.velocity_time, period, reset)
+    drift = np.full(samples, model.current_sd)
+    current = _integrated_variance(drift, model.current_time, period, reset)
+    along = _since_reset(velocity, period, reset)
+    across = (model.heading_sd * np.hypot(*along.T)) ** 2
+    start = np.where(np.cumsum(reset) > 0, 2.0 * model.fix_sd**2, 0.0)
+    return np.sqrt(start + 2.0 * (water + current) + across)
+
+
+def _integrated_variance(
+    spread: Array, time: float, period: float, reset: NDArray[np.bool_]
+) -> Array:
+    """Variance of the integral of a Gauss-Markov process of slowly varying deviation, (time,).
+
+    Exact recursion for a constant deviation: with c = cov(integral, process), a = exp(-h / T),
+    P += 2 c T (1 - a) + 2 s^2 T [h - T (1 - a)] and c = a c + s^2 T (1 - a). At a reset the
+    position is known but the velocity's error is not: both restart from the fix.
+    """
+    if time == 0.0:
+        return np.zeros(len(spread))
+    ratio = period / time
+    decay = math.exp(-ratio)
+    kept = -time * math.expm1(-ratio)
+    # h - T (1 - a), by its series where the difference would be rounding only
+    rest = period - kept if ratio > SHORT_STEP else period * ratio * (0.5 - ratio / 6.0)
+    out = np.zeros(len(spread))
+    variance = covariance = 0.0
+    for k in range(1, len(spread)):
+        if reset[k]:
+            variance = covariance = 0.0
+        else:
+            power = spread[k - 1] ** 2
+            variance += 2.0 * covariance * kept + 2.0 * power * time * rest
+            covariance = decay * covariance + power * kept
+        out[k] = variance
+    return out
+
+
+def _since_reset(velocity: Array, period: float, reset: NDArray[np.bool_]) -> Array:
+    """Distance made good [m] north, east since the last reset, (time, 2)."""
+    track = integrate(velocity, period)
+    last = np.maximum.accumulate(np.where(reset, np.arange(len(reset)), 0))
+    return track - track[last]

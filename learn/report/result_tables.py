@@ -1,0 +1,323 @@
+"""Tables: figures of an evaluation as rows for a terminal or a page.
+
+They read the JSON object of `learn evaluate`, so that a run's tables can be made without its store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from learn.report.contents import KNOWLEDGE_TITLES, title_of
+from twin.cli.text_table import counted
+from twin.navigation.estimators.baseline import BASELINES
+
+Figures = Mapping[str, Any]
+Row = dict[str, object]
+
+PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
+"""[(m/s)^2] of the paper's glider networks (its table II); of which samples is not said."""
+PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
+"""[(m/s)^2] of the paper's networks for Tethys (its first study), against a Doppler log."""
+STILL_PERCENT = 1e-6
+"""[% of the path] by which the truth through the water may miss the one over ground where the water
+stands still."""
+
+
+def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
+    """The network, the floor and each baseline that has any figure."""
+    yield "network", evaluation
+    yield "floor", evaluation["floor"]
+    for name, figures in evaluation["baselines"].items():
+        if any(v is not None for k, v in figures.items() if k.endswith(("_mse", "_mean"))) or any(
+            dives["dives"] for dives in figures["dives"].values()
+        ):
+            yield name, figures
+
+
+def velocity_rows(evaluation: Figures) -> list[Row]:
+    """Mean squared errors of surge and sway of each method."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        if figures["surge_mse"] is None or name == "floor":
+            continue
+        rows.append(
+            {
+                "method": title_of(name),
+                "surge MSE [(m/s)²]": figures["surge_mse"],
+                "after 30 s": figures["surge_mse_after_30s"],
+                "sway MSE [(m/s)²]": figures["sway_mse"],
+                "after 30 s ": figures["sway_mse_after_30s"],
+            }
+        )
+    return rows
+
+
+def printed_row(paper: Mapping[str, float]) -> Row:
+    """What the paper prints, `PAPER` or `PAPER_PROPELLED`, as a row of `velocity_rows`."""
+    return {
+        "method": "the paper's networks, as printed",
+        "surge MSE [(m/s)²]": paper["surge_mse"],
+        "sway MSE [(m/s)²]": paper["sway_mse"],
+    }
+
+
+def paper_sentence(paper_test: Figures) -> str:
+    """The networks on the paper's test, beside what the paper prints of its own."""
+    ours, theirs = (
+        f"surge {found['surge_mse']:.1e}, sway {found['sway_mse']:.1e}"
+        for found in (paper_test, PAPER)
+    )
+    return f"The paper's test: MSE {ours} (m/s)². The paper prints {theirs} of its own networks."
+
+
+def track_rows(evaluation: Figures, track: str) -> list[Row]:
+    """Dead-reckoning errors of each method: `water`, `velocity` or `ground`."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        if figures[f"dr_{track}_percent_mean"] is None:
+            continue
+        rows.append(
+            {
+                "method": title_of(name),
+                "mean [%]": figures[f"dr_{track}_percent_mean"],
+                "median [%]": figures[f"dr_{track}_percent_median"],
+                "p90 [%]": figures[f"dr_{track}_percent_p90"],
+                "largest on the way, mean [%]": figures[f"dr_{track}_max_percent_mean"],
+                "mean [m]": figures[f"dr_{track}_m_mean"],
+                "p90 [m]": figures[f"dr_{track}_m_p90"],
+            }
+        )
+    return rows
+
+
+def doppler_rows(evaluation: Figures) -> list[Row]:
+    """Networks and DVL-aided dead reckoning over ground, each against the truth, and one against
+    the other; empty without a Doppler log."""
+    if "against_dvl" not in evaluation:
+        return []
+    compared = {
+        "networks, from the truth": (evaluation, "dr_ground"),
+        "networks, from DVL-aided": (evaluation["against_dvl"], "dr"),
+        "DVL-aided, from the truth": (evaluation["baselines"]["dvl"], "dr_ground"),
+    }
+    return [
+        {
+            "track": words,
+            "mean [%]": figures[f"{key}_percent_mean"],
+            "median [%]": figures[f"{key}_percent_median"],
+            "p90 [%]": figures[f"{key}_percent_p90"],
+            "mean [m]": figures[f"{key}_m_mean"],
+            "p90 [m]": figures[f"{key}_m_p90"],
+        }
+        for words, (figures, key) in compared.items()
+    ]
+
+
+def without_track(evaluation: Figures, track: str) -> str:
+    """Sentences on the methods that `track_rows` leaves out; empty when there are none."""
+    return " ".join(
+        BASELINES[name].without_water
+        for name, figures in methods_of(evaluation)
+        if name in BASELINES
+        and BASELINES[name].without_water
+        and figures[f"dr_{track}_percent_mean"] is None
+    )
+
+
+def dive_rows(evaluation: Figures) -> list[Row]:
+    """Errors over ground between GPS fixes, by what is known of the current."""
+    rows = []
+    for name, figures in methods_of(evaluation):
+        row: Row = {"method": title_of(name)}
+        for place, (knowledge, found) in enumerate(figures["dives"].items()):
+            kind = "dr_max_percent" if knowledge == "corrected" else "dr_percent"
+            row[f"{KNOWLEDGE_TITLES[knowledge]}, median [%]"] = found[f"{kind}_median"]
+            row["p90 [%]" + " " * place] = found[f"{kind}_p90"]  # blanks: one key per column
+        if any(value is not None for key, value in row.items() if key != "method"):
+            rows.append(row)
+    return rows
+
+
+def summary_rows(evaluation: Figures) -> list[Row]:
+    """One line per method: what `learn evaluate` prints."""
+    return [
+        {
+            "method": title_of(name),
+            "surge MSE [(m/s)²]": None if name == "floor" else figures["surge_mse"],
+            "sway MSE [(m/s)²]": None if name == "floor" else figures["sway_mse"],
+            "through water mean [%]": figures["dr_water_percent_mean"],
+            "p90 [%]": figures["dr_water_percent_p90"],
+            "with true attitude mean [%]": figures["dr_velocity_percent_mean"],
+            "p90 [%] ": figures["dr_velocity_percent_p90"],
+            "over ground mean [%]": figures["dr_ground_percent_mean"],
+            "p90 [%]  ": figures["dr_ground_percent_p90"],
+        }
+        for name, figures in methods_of(evaluation)
+    ]
+
+
+def comparison_rows(evaluations: Mapping[str, Figures]) -> list[Row]:
+    """Runs side by side, then the baselines of the first."""
+    rows: list[Row] = []
+    for name, evaluation in evaluations.items():
+        rows.append({"run or baseline": name} | summary_rows(evaluation)[0])
+    for row in summary_rows(next(iter(evaluations.values())))[1:]:
+        rows.append({"run or baseline": row["method"]} | row)
+    return [{k: v for k, v in row.items() if k != "method"} for row in rows]
+
+
+def ablation_rows(full: Figures, ablation: Mapping[str, Figures]) -> list[Row]:
+    """The networks without some inputs, beside those with all."""
+    return [
+        {
+            "inputs": name,
+            "surge MSE [(m/s)²]": figures["surge_mse"],
+            "sway MSE [(m/s)²]": figures["sway_mse"],
+            "through the water, mean [%]": figures["dr_water_percent_mean"],
+            "true attitude, mean [%]": figures["dr_velocity_percent_mean"],
+        }
+        for name, figures in {"all": full, **ablation}.items()
+    ]
+
+
+JUDGED = {
+    "dr_water_percent_mean": "through the water",
+    "dr_velocity_percent_mean": "through the water with the true attitude",
+}
+"""Figures in which networks and baselines are set against each other, in words."""
+COLUMNS = {
+    "surge_mse": "surge MSE",
+    "sway_mse": "sway MSE",
+    "dr_water_percent_mean": "through the water, mean",
+    "dr_water_percent_p90": "through the water, p90",
+    "dr_velocity_percent_mean": "with true attitude, mean",
+    "dr_velocity_percent_p90": "with true attitude, p90",
+    "dr_ground_percent_mean": "over ground, mean",
+    "dr_ground_percent_p90": "over ground, p90",
+}
+"""The columns of `summary_rows` in which a baseline can be better."""
+LEAST_COMPARED = 10
+"""Missions or dives from which on a sentence says who is better: the median of a few is luck."""
+
+
+def verdicts(evaluation: Figures) -> list[str]:
+    """Sentences: where the networks are better than the baselines, and where they are not."""
+    sentences = []
+    for key, words in JUDGED.items():
+        mine = evaluation[key]
+        theirs = {n: f[key] for n, f in evaluation["baselines"].items() if f[key] is not None}
+        if mine is None or not theirs:
+            continue
+        lost = {name: value for name, value in theirs.items() if value <= mine}
+        beaten = [title_of(name) for name in theirs if name not in lost]
+        text = f"Dead reckoning {words}: the networks have {mine:.3g} % of the distance"
+        if evaluation["missions"] < LEAST_COMPARED:
+            sentences.append(
+                f"{text} over {counted(evaluation['missions'], 'mission')}, too few to compare."
+            )
+            continue
+        if beaten:
+            text += f", better than {_list(beaten)}"
+        if lost:
+            named = _list([f"{title_of(name)} ({value:.3g} %)" for name, value in lost.items()])
+            text += f"{'; they do' if beaten else ' and do'} not beat {named}"
+        sentences.append(text + ".")
+    sentences += _ground_verdicts(evaluation)
+    for knowledge in ("previous", "corrected"):
+        sentence = _dive_verdict(evaluation, knowledge)
+        if sentence:
+            sentences.append(sentence)
+    if columns := _columns_lost(evaluation):
+        sentences.append(f"A baseline has the lower figure in {'; '.join(columns)}.")
+    return sentences
+
+
+def _ground_verdicts(evaluation: Figures) -> list[str]:
+    """What is known over ground without fixes, and what cannot be."""
+    floor = evaluation["floor"]
+    mine, best = (f["dr_ground_percent_mean"] for f in (evaluation, floor))
+    if mine is None or best is None:
+        return []
+    sentences = []
+    if abs(best - floor["dr_water_percent_mean"]) <= STILL_PERCENT:
+        sentences.append(
+            f"The water stood still, so that over ground is through the water: {mine:.3g} % for "
+            f"the networks, {best:.3g} % for the true surge and sway."
+        )
+    else:
+        sentences.append(
+            f"Over ground with nothing known of the current and no fixes the current decides: "
+            f"{mine:.3g} % for the networks, {best:.3g} % for the true surge and sway. A steady "
+            "current leaves no trace in what a vehicle feels of the water, so that no method can "
+            "know it without sight of the bottom or a fix."
+        )
+    if rows := doppler_rows(evaluation):
+        away, own = rows[1], rows[2]
+        sentences.append(
+            f"DVL-aided dead reckoning ends {own['mean [%]']:.3g} % from the truth over ground; "
+            f"the networks end {away['mean [%]']:.3g} % from the DVL-aided track."
+        )
+    return sentences
+
+
+def _columns_lost(evaluation: Figures) -> list[str]:
+    """Columns that no other sentence speaks of in which a baseline is better, with the best one."""
+    said = JUDGED if evaluation["missions"] >= LEAST_COMPARED else {}
+    paths: dict[tuple[str, ...], str] = {
+        (key,): words for key, words in COLUMNS.items() if key not in said
+    }
+    for knowledge, found in evaluation["dives"].items():
+        kind = "dr_max_percent" if knowledge == "corrected" else "dr_percent"
+        for part in ("median", "p90"):
+            compared = knowledge != "none" and found["dives"] >= LEAST_COMPARED
+            if part != "median" or not compared:
+                paths["dives", knowledge, f"{kind}_{part}"] = (
+                    f"{KNOWLEDGE_TITLES[knowledge]}, {part}"
+                )
+    lost = []
+    for path, words in paths.items():
+        mine = _figure(evaluation, path)
+        theirs = {n: _figure(f, path) for n, f in evaluation["baselines"].items()}
+        known = {name: value for name, value in theirs.items() if value is not None}
+        if mine is None or not known:
+            continue
+        best = min(known, key=lambda name: known[name])
+        if known[best] < mine:
+            lost.append(f"{words} ({title_of(best)} {known[best]:.3g}, networks {mine:.3g})")
+    return lost
+
+
+def _figure(figures: Figures, path: Sequence[str]) -> float | None:
+    """A figure by its keys; None where it is not known."""
+    found: Any = figures
+    for key in path:
+        found = None if found is None else found.get(key)
+    return found
+
+
+def _dive_verdict(evaluation: Figures, knowledge: str) -> str:
+    """Networks and baselines between fixes; without a comparison where dives are few."""
+    key = "dr_max_percent_median" if knowledge == "corrected" else "dr_percent_median"
+    mine = evaluation["dives"][knowledge][key]
+    if mine is None:
+        return ""
+    found = {n: f["dives"][knowledge][key] for n, f in evaluation["baselines"].items()}
+    better = {n: v for n, v in found.items() if v is not None and v <= mine}
+    text = (
+        f"Between GPS fixes, {KNOWLEDGE_TITLES[knowledge]}: median {mine:.3g} % over "
+        f"{evaluation['dives'][knowledge]['dives']} dives"
+    )
+    if evaluation["dives"][knowledge]["dives"] < LEAST_COMPARED:
+        return text + ", too few to compare."
+    if not better:
+        return text + ", no baseline is better."
+    return (
+        text + f"; not beaten: {_list([f'{title_of(n)} ({v:.3g} %)' for n, v in better.items()])}."
+    )
+
+
+def _list(words: Sequence[str]) -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return ", ".join(words[:-1]) + " and " + words[-1]

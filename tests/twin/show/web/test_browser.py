@@ -1,0 +1,390 @@
+"""The page in a real browser: it opens without a complaint, and shows what the store holds."""
+
+from __future__ import annotations
+
+import re
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from browser import Browser, needs_browser
+from logs import Flight, write_seaglider
+from pictures import dead_reckoned, short_scenario, short_subject, write_short_store
+
+from factory.importing.import_run import import_logs
+from twin.__main__ import PROGRAM
+from twin.errors import InputError
+from twin.frames import flip_vector
+from twin.logs import logged_trajectory
+from twin.mission.shipped_missions import load_mission_for
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.records.store import read_trajectory, write_store
+from twin.records.trajectory import Trajectory
+from twin.show.render.film import Subject
+from twin.show.render.playback import poses
+from twin.show.render.shot import Shot
+from twin.show.web.live_source import LiveMission
+from twin.show.web.page import assemble, page
+from twin.show.web.server import PageServer
+from twin.show.web.solid import unpack
+from twin.vehicle.vehicle import load_vehicle
+
+CAMERAS = ("orbit", "side", "map", "chase")
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectory]:
+    """A page as the command writes it, and the mission of its store."""
+    folder = tmp_path_factory.mktemp("browser")
+    store = write_short_store(folder / "short.zarr")
+    out = folder / "dive.html"
+    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
+    return out, read_trajectory(store, 0)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser() as one:
+        yield one
+
+
+def scene(browser: Browser) -> np.ndarray:
+    """The middle of the picture, where nothing but the scene is."""
+    browser.drawn()
+    return browser.picture()[130:480, 250:1000]
+
+
+def readouts(browser: Browser) -> dict[str, str]:
+    browser.drawn()
+    return browser.run(
+        "Object.fromEntries([...document.querySelectorAll('dd')].map("
+        "one => [one.dataset.name, one.textContent]))"
+    )
+
+
+def number(text: str) -> float:
+    """The first number of a readout; what is heavy counts as positive."""
+    (found, *_) = re.findall(r"[−+]?\d+\.?\d*", text)
+    value = float(found.replace("−", "-"))
+    return -value if text.startswith("▲") else value
+
+
+def complaints(browser: Browser) -> list[str]:
+    """Errors and warnings of the page; reading a picture back makes drivers chat."""
+    return [text for text in browser.problems if "ReadPixels" not in text]
+
+
+def slide_to(browser: Browser, time: float) -> None:
+    """As a hand that moves the slider."""
+    browser.run(
+        f"(slider => {{ slider.value = {time}; slider.dispatchEvent(new Event('input')); }})"
+        "(document.getElementById('slider'))"
+    )
+
+
+@needs_browser
+def test_it_opens_offline_and_shows_what_the_store_holds(browser, short):
+    out, trajectory = short
+    browser.open(out)
+    for k in (0, 136, len(trajectory.time) - 1):
+        slide_to(browser, float(trajectory.time[k]))
+        shown = readouts(browser)
+        true = {name: float(trajectory[f"true_{name}"][k]) for name in ("depth", "pitch", "roll")}
+        for name, value in true.items():
+            assert abs(number(shown[name]) - value) < 0.056, name
+        assert abs(number(shown["heading"]) - trajectory["true_heading"][k]) < 0.51
+        assert abs(number(shown["surge"]) - trajectory["true_surge"][k]) < 0.0051
+        over_ground = np.hypot(
+            *(trajectory[f"true_velocity_{name}"][k] for name in ("north", "east"))
+        )
+        assert abs(number(shown["over ground"]) - over_ground) < 0.0051
+        current = np.hypot(*(trajectory[f"true_current_{name}"][k] for name in ("north", "east")))
+        assert abs(number(shown["current"]) - current) < 0.0051
+        mass = trajectory["true_net_mass"][k]
+        if shown["net buoyancy"] == "neutral":
+            assert abs(mass) < 0.0051
+        else:
+            assert abs(number(shown["net buoyancy"]) - mass) < 0.0051
+        whole = round(trajectory.time[k])
+        assert shown["time"] == f"0:{whole // 60:02d}:{whole % 60:02d}"
+    assert complaints(browser) == []
+    assert browser.requests == [out.as_uri()]
+
+
+@needs_browser
+def test_each_camera_shows_another_picture(browser, short):
+    browser.open(short[0])
+    slide_to(browser, 150.0)
+    pictures = []
+    for name in CAMERAS:
+        browser.run(f"[...document.querySelectorAll('nav button')].find("
+                    f"one => one.textContent === '{name}').click()")  # fmt: skip
+        pictures.append(scene(browser).astype(float))
+        assert len(np.unique(pictures[-1].reshape(-1, 3), axis=0)) > 500, name
+    for i, one in enumerate(pictures):
+        for other in pictures[i + 1 :]:
+            assert np.abs(one - other).mean() > 5.0
+    # the vehicle's own yellow is seen in each
+    for name, one in zip(CAMERAS, pictures, strict=True):
+        yellow = (one[..., 0] > 150) & (one[..., 1] > 100) & (one[..., 2] < 60)
+        assert yellow.sum() > 150, name
+    assert complaints(browser) == []
+
+
+@needs_browser
+def test_keys_play_jump_and_choose_cameras(browser, short):
+    browser.open(short[0])
+    browser.run("page.seek(100)")
+    browser.press("ArrowRight")
+    assert browser.run("page.time") == pytest.approx(106.0)
+    browser.press("ArrowLeft")
+    browser.press("ArrowLeft")
+    assert browser.run("page.time") == pytest.approx(94.0)
+    browser.press("4")
+    assert browser.run("page.scene.name") == "chase"
+    browser.press("End")
+    assert browser.run("page.time") == pytest.approx(300.0)
+    browser.press("Home")
+    browser.press(" ")
+    browser.until("page.time > 3")
+    browser.press(" ")
+    paused = browser.run("page.time")
+    browser.drawn()
+    assert browser.run("page.time") == paused
+    assert browser.run("page.playing") is False
+
+
+@needs_browser
+def test_the_mouse_turns_and_the_wheel_comes_nearer(browser, short):
+    browser.open(f"{short[0].as_uri()}#t=200&camera=side")
+    before = scene(browser).astype(float)
+    assert browser.run("page.time") == 200.0
+    browser.mouse("mousePressed", 600, 300, button="left", buttons=1)
+    browser.mouse("mouseMoved", 700, 260, button="left", buttons=1)
+    browser.mouse("mouseReleased", 700, 260, button="left")
+    turned = scene(browser).astype(float)
+    assert np.abs(turned - before).mean() > 3.0
+    distance = browser.run("page.scene.camera.distance")
+    browser.mouse("mouseWheel", 600, 300, deltaX=0, deltaY=-300)
+    browser.until(f"page.scene.camera.distance < {0.9 * distance}")
+    browser.run("page.chooseCamera('side')")
+    np.testing.assert_allclose(scene(browser), before, atol=3.0)
+
+
+@needs_browser
+def test_currents_and_tracks_are_drawn(browser, tmp_path):
+    subject = short_subject()
+    with_tracks = Subject(
+        trajectory=subject.trajectory,
+        vehicle=subject.vehicle,
+        tracks=dead_reckoned(subject.trajectory),
+        title="tracks",
+    )
+    out = tmp_path / "tracks.html"
+    out.write_text(page(with_tracks, Shot(camera="map")), encoding="utf-8")
+    browser.open(out)
+    browser.run("page.seek(300)")
+    picture = scene(browser).astype(int)
+    for track in ((0.15, 0.90, 0.50), (1.00, 0.58, 0.78)):
+        near = np.abs(picture - np.rint(255 * np.array(track))).max(axis=-1) < 12
+        assert near.sum() > 100
+    browser.press("c")
+    assert np.abs(scene(browser).astype(int) - picture).max() > 100
+    legend = browser.run("document.getElementById('legend').textContent")
+    assert "network" in legend
+    assert "current, up to" in legend
+
+
+@needs_browser
+def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_path):
+    data, _ = import_logs("seaglider", write_seaglider(tmp_path, Flight(dives=2), "SG1"))
+    store, out = write_store(data, tmp_path / "dives.zarr"), tmp_path / "log.html"
+    assert PROGRAM.main(["render", str(store), "--html", str(out), "--missions", "all"]) == 0
+    log = logged_trajectory(store, [0, 1])
+    browser.open(out)
+    k = int(np.argmax((log["true_depth"] > 20.0) & (log["measured_gap"] == 0.0)))
+    slide_to(browser, float(log.time[k]))
+    shown = readouts(browser)
+    assert abs(number(shown["depth"]) - log["true_depth"][k]) < 0.056
+    assert abs(number(shown["pitch"]) - log["true_pitch"][k]) < 0.056
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", shown["date, UTC"])
+    assert "net buoyancy" not in shown
+    between = int(np.argmax(np.nan_to_num(log["measured_gap"], nan=1.0) > 0.0))
+    slide_to(browser, float(log.time[between]))
+    assert readouts(browser)["depth"] == "–"
+    assert complaints(browser) == []
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["glider", "tethys"])
+def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
+    vehicle = load_vehicle(name)
+    plan = load_mission_for(vehicle, None)
+    trajectory = simulate(Scenario(vehicle=vehicle, mission=plan, duration=400.0))
+    out = tmp_path / "parts.html"
+    out.write_text(page(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8")
+    browser.open(out)
+    found = browser.run("page.scene.vehicle.poses(page.recording.at(350))")
+    pose = poses(trajectory, np.array([350.0]))
+    model = mujoco.MjModel.from_xml_string(vehicle.xml)
+    data = mujoco.MjData(model)
+    data.qpos[:7] = [0.0, 0.0, 0.0, *pose.quaternion[0]]
+    for joint in range(model.njnt):
+        part = model.joint(joint).name
+        if part in pose.joints:
+            value = pose.parts[0, pose.joints.index(part)]
+            data.qpos[model.jnt_qposadr[joint]] = value
+    for part in vehicle.parts:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, part.name)
+        if body >= 0 and part.drawn_axis is not None and part.name in pose.joints:
+            angle = pose.angles[0, pose.joints.index(part.name)]
+            turn, both = np.zeros(4), np.zeros(4)
+            mujoco.mju_axisAngle2Quat(turn, flip_vector(np.array(part.drawn_axis)), angle)
+            mujoco.mju_mulQuat(both, turn, model.body_quat[body])
+            model.body_quat[body] = both
+    mujoco.mj_kinematics(model, data)
+    hull = model.body("hull").id
+    bodies = [hull, *(b for b in range(1, model.nbody) if b != hull)]
+    assert len(found) == len(bodies) > 1
+    for one, body in zip(found, bodies, strict=True):
+        np.testing.assert_allclose(one["place"], data.xpos[body] - data.xpos[hull], atol=5e-4)
+        same = abs(np.dot(one["turn"], data.xquat[body]))
+        assert same > 1.0 - 1e-4, model.body(body).name  # a propeller's rates are rounded
+
+
+@needs_browser
+def test_a_light_page_is_light(browser, short):
+    browser.open(short[0])
+    panels = []
+    for scheme in ("light", "dark"):
+        browser.prefer(prefers_color_scheme=scheme)
+        browser.drawn()
+        panels.append(browser.picture()[600:, :40].mean())
+    browser.prefer()
+    assert panels[0] > 180.0
+    assert panels[1] < 80.0
+
+
+@needs_browser
+def test_without_webgl_the_map_is_flat_and_the_page_says_so(short):
+    with Browser(900, 600, "--disable-3d-apis") as browser:
+        browser.open(short[0])
+        browser.run("page.seek(200)")
+        browser.drawn()
+        assert "no WebGL2" in browser.run("document.getElementById('alert').textContent")
+        assert abs(number(readouts(browser)["depth"]) - short[1]["true_depth"][400]) < 0.06
+        picture = browser.picture()[100:400, 200:700]
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
+
+
+# --- twin view --web ---------------------------------------------------------------------------
+
+
+def live(speed_up: float) -> LiveMission:
+    scenario = short_scenario()
+    return LiveMission(scenario, short_subject(), Shot(), speed_up)
+
+
+@pytest.mark.parametrize("name", ["short", "tethys"])
+def test_a_live_mission_gives_the_samples_of_the_simulation(name):
+    if name == "short":
+        mission, expected = live(1e6), simulate(short_scenario())
+    else:  # it ends before its longest time
+        vehicle = load_vehicle(name)
+        scenario = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None))
+        expected = simulate(scenario)
+        subject = Subject(trajectory=expected, vehicle=vehicle)
+        mission = LiveMission(scenario, subject, Shot(), 1e6)
+    found = {name: [unpack(row)] for name, row in mission.mission["channels"].items()}
+    running = True
+    while running:
+        answer = mission.rows(sum(len(row) for row in found["time"]))
+        running = answer["running"]
+        for name, row in answer.get("channels", {}).items():
+            found[name].append(unpack(row))
+    np.testing.assert_array_equal(np.concatenate(found["time"]), expected.time)
+    for name in ("north", "depth", "pitch", "surge"):
+        away = np.concatenate(found[name]) - expected[f"true_{name}"]
+        assert np.abs(away).max() < 0.0051, name
+
+
+def test_a_live_mission_waits_for_its_first_reader_and_keeps_time():
+    mission = live(2.0)
+    assert mission.rows(2) == {"running": True}
+    with pytest.raises(InputError, match="a live one begins at 0 s"):
+        LiveMission(short_scenario(), short_subject(), Shot(start=10.0), 2.0)
+
+
+def test_the_server_is_for_this_machine_and_knows_its_pages():
+    with PageServer(0) as server:
+        server.show("<p>here")
+        with urllib.request.urlopen(server.address) as answer:
+            assert answer.read() == b"<p>here"
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.address + "rows?from=2")
+        bent = urllib.request.Request(server.address, headers={"Host": "elsewhere.example:80"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(bent)
+        with pytest.raises(InputError, match=rf"--port {server.port}: .*give another one"):
+            PageServer(server.port)
+    with pytest.raises(InputError, match="0 to 65535"):
+        PageServer(70000)
+
+
+def test_without_a_port_the_next_free_one_is_taken(monkeypatch, tmp_path, capsys):
+    store = write_short_store(tmp_path / "short.zarr")
+    with PageServer(0) as first:
+        monkeypatch.setattr("twin.show.web.server.PORT", first.port)
+        with PageServer() as second:
+            assert first.port < second.port < first.port + 100
+        assert PROGRAM.main(["view", str(store), "--web", "--seconds", "0.1"]) == 0
+        said = capsys.readouterr()
+        told = re.search(rf"port {first.port} is taken: this page is served at (\d+)\n", said.err)
+        assert told is not None
+        assert f"open http://127.0.0.1:{told[1]}/ in a browser" in said.out
+        monkeypatch.setattr("twin.show.web.server.PORTS", 1)
+        with pytest.raises(InputError, match="are taken: --port 0 takes any free one"):
+            PageServer()
+
+
+@needs_browser
+def test_a_browser_follows_a_live_mission(browser):
+    mission = live(40.0)
+    with PageServer(0) as server:
+        server.show(assemble(mission.mission, connect="'self'"), mission)
+        browser.problems.clear()
+        browser.open(server.address)
+        browser.until("page.time > 20")
+        assert browser.run("page.recording.last") < 300.0
+        assert browser.run("document.getElementById('moment').textContent") == "live"
+        browser.until("page.recording.last > 60")
+        with Browser(900, 600) as late:  # joins where the mission is now
+            late.open(server.address)
+            late.until("page.recording.times.length > 2")
+            assert late.run("page.time") > 60.0
+            assert complaints(late) == []
+        browser.run("page.setPlaying(false)")
+        browser.until("!page.live.running")
+        assert browser.run("page.recording.last") == 300.0
+        slide_to(browser, 150.0)
+        expected = simulate(short_scenario())
+        k = int(np.searchsorted(expected.time, 150.0))
+        assert abs(number(readouts(browser)["depth"]) - expected["true_depth"][k]) < 0.056
+        assert complaints(browser) == []
+
+
+def test_view_without_a_window_serves_a_stored_mission(tmp_path, capsys):
+    store = write_short_store(tmp_path / "short.zarr")
+    words = ["view", str(store), "--web", "--port", "0", "--seconds", "0.2"]
+    assert PROGRAM.main(words) == 0
+    said = capsys.readouterr()
+    assert re.search(r"open http://127\.0\.0\.1:\d+/ in a browser", said.out)
+    assert "is taken" not in said.err
+    assert "ssh -L" in said.err
+    assert PROGRAM.main(["view", "--port", "0"]) == 2
+    assert "--port is of --web" in capsys.readouterr().err

@@ -1,0 +1,257 @@
+"""Vehicle draws: vehicles as an identification leaves them possible.
+
+`twin identify` writes into its vehicle file how surely each parameter is known, and how their
+errors go together. Of other vehicles only the speed is drawn, as the current filter knows it.
+
+Water draws: possible courses of the current, and of the errors of speed and compass.
+Normal draws: random draws of several numbers that vary together.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import VehicleError
+from twin.identify.calibration import PROVENANCE, load_calibration
+from twin.identify.unknowns import PARAMETERS
+from twin.navigation.current.filter import CurrentFilter
+from twin.navigation.current.modes import passage
+from twin.navigation.current.parameters import CALIBRATION, DIVE, MODES
+from twin.vehicle.vehicle import Vehicle
+
+
+def normal_draws(covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """Draws of mean 0, (count, size); the covariance (size, size) may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(
+        rng.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    )
+
+
+Array = NDArray[np.float64]
+
+SPEED = ("drag", "lift_ratio", "induced_ratio")
+"""Parameters that decide the speed: where logs tell the speed, their filter's scale stands for
+them"""
+LARGEST_SCALE = 0.5
+"""A speed is never drawn further off than by this part"""
+
+
+def identified(vehicle: Vehicle) -> Mapping[str, Any]:
+    """What a vehicle file says about its identification; empty where it says nothing."""
+    for text in ElementTree.fromstring(vehicle.xml).iter("text"):
+        if text.get("name") == PROVENANCE:
+            try:
+                found = json.loads(text.get("data", ""))
+            except json.JSONDecodeError as error:
+                raise VehicleError(
+                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is no JSON: {error}"
+                ) from None
+            return found if isinstance(found, dict) else {}
+    return {}
+
+
+def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:
+    """True heading less the compass's [rad] as an identification found it, and its deviation [rad].
+
+    (0, None) where it did not. Deviations that turn with the heading are left out.
+    """
+    entry = identified(vehicle).get("parameters", {}).get("heading_offset", {})
+    if not (entry.get("determined") and entry.get("deviation")):
+        return 0.0, None
+    return load_calibration(vehicle).heading_offset, math.radians(float(entry["deviation"]))
+
+
+def draw_vehicles(
+    vehicle: Vehicle, count: int, rng: np.random.Generator, *, speed: bool
+) -> tuple[list[Vehicle], tuple[str, ...]]:
+    """Possible vehicles, the first of them as its file says, and the parameters that were drawn.
+
+    Args:
+      speed: whether to draw what decides the speed, too.
+
+    Raises:
+      VehicleError: what the file says of its identification cannot be read.
+    """
+    said = identified(vehicle).get("parameters", {})
+    known = {p.name: p for p in PARAMETERS}
+    names = [
+        name
+        for name, entry in said.items()
+        if name in known and entry.get("determined") and entry.get("deviation")
+    ]
+    drawn = [name for name in names if _flown(name) and (speed or name not in SPEED)]
+    if not drawn:
+        return [vehicle] * count, ()
+    calibration = load_calibration(vehicle)
+    deviation = np.array([float(said[name]["deviation"]) for name in drawn])
+    covariance = _correlation(vehicle, drawn) * np.outer(deviation, deviation)
+    draws = normal_draws(covariance, count, rng)
+    draws[0] = 0.0
+    vehicles = []
+    for row in draws:
+        one = calibration
+        for name, error in zip(drawn, row.tolist(), strict=True):
+            one = known[name].set(one, _moved(known[name].get(one), error, known[name].logarithmic))
+        vehicles.append(one.vehicle)
+    vehicles[0] = vehicle
+    return vehicles, tuple(drawn)
+
+
+def _flown(name: str) -> bool:
+    """Whether a parameter changes how the vehicle flies, and not only how its sensors read."""
+    return not name.startswith(("pitch_", "heading_", "water_density", "thermal_"))
+
+
+def _moved(value: float, error: float, logarithmic: bool) -> float:
+    if logarithmic and value > 0.0:
+        return value * math.exp(error / value)
+    return value + error
+
+
+def _correlation(vehicle: Vehicle, drawn: Sequence[str]) -> Array:
+    """Of the drawn parameters; files of earlier versions do not say it: then none."""
+    said = identified(vehicle).get("correlation")
+    if said is None:
+        return np.eye(len(drawn))
+    try:
+        whole, order = np.asarray(said["matrix"], float), said["parameters"]
+        places = [order.index(name) for name in drawn]
+        return np.asarray(whole[np.ix_(places, places)])
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise VehicleError(
+            f"vehicle file {vehicle.path}: its identification's correlation cannot be read: {error}"
+        ) from None
+
+
+def scaled_speed(vehicle: Vehicle, scale: float) -> Vehicle:
+    """The vehicle so much faster at the same weight: all forces of the water over (1 + scale)^2."""
+    factor = 1.0 / (1.0 + min(max(scale, -LARGEST_SCALE), LARGEST_SCALE)) ** 2
+    factors = {
+        one.name: factor
+        for one in vehicle.law.uncertainties()
+        if one.unit == "1" and one.certain == 1.0
+    }
+    return vehicle.replace(law=vehicle.law.scaled(factors))
+
+
+INTERVAL = 1800.0
+"""[s] between two values of a course: a tenth of the time in which an inertial oscillation turns
+around at 60 degree"""
+FIELD_TIME = 86400.0
+"""[s] after which the error of a forecast field has lost its memory: weather's"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WaterDraws:
+    """Draws by member; the first member is the mean of all that is known."""
+
+    current: Array
+    """North, east [m/s], (member, time, 2), INTERVAL apart"""
+    speed_scale: Array
+    """[1] real speed over the model's, less 1, (member,)"""
+    compass: Array
+    """[rad] that true headings are beyond the compass's, (member,)"""
+
+
+def draw_water(
+    filter_: CurrentFilter, duration: float, count: int, rng: np.random.Generator, dive: float
+) -> WaterDraws:
+    """Draws of what a filter expects.
+
+    Args:
+      filter_: at the start. duration: [s]. count: of members, the mean included.
+      dive: [s] after which what single dives add is another.
+    """
+    mean, covariance = _state(filter_)
+    states = mean + np.concatenate(
+        [np.zeros((1, len(mean))), normal_draws(covariance, count - 1, rng)]
+    )
+    times = np.arange(math.ceil(duration / INTERVAL) + 2)
+    modes = states[:, MODES::2] + 1j * states[:, MODES + 1 :: 2]
+    gone = passage(filter_.modes, INTERVAL)
+    deviation = np.sqrt(filter_.inflation * gone.noise)
+    course = np.empty((count, len(times), 2))
+    added = states[:, DIVE]
+    per_dive = max(1, round(dive / INTERVAL))
+    for k in times:
+        if k and k % per_dive == 0:
+            added = filter_.parameters.dive * _scattered(rng, count, 2)
+        total = modes.sum(axis=1)
+        course[:, k, 0], course[:, k, 1] = total.real + added[:, 0], total.imag + added[:, 1]
+        noise = _scattered(rng, count, 2 * len(deviation))
+        modes = gone.kept * modes + deviation * (noise[:, ::2] + 1j * noise[:, 1::2])
+    scale, compass = states[:, CALIBRATION].T
+    return WaterDraws(current=course, speed_scale=scale, compass=compass)
+
+
+def draw_field_error(
+    drawn: WaterDraws,
+    filter_: CurrentFilter,
+    field: tuple[float, float],
+    deviation: float,
+    rng: np.random.Generator,
+    *,
+    told: bool,
+) -> WaterDraws:
+    """The same draws with the error of a field in place of the current.
+
+    Args:
+      field: north, east [m/s] of the field at the start, mean over the dives' depths.
+      deviation: [m/s] of the field's error, north and east each.
+      told: whether fixes have told the filter a current, and with it the error at the start.
+    """
+    seen, spread = filter_.current
+    prior, gain = deviation**2 * np.eye(2), np.zeros((2, 2))
+    if told:
+        gain = prior @ np.linalg.inv(prior + filter_.inflation * spread)
+    mean = gain @ (seen - np.array(field))
+    count, steps, _ = drawn.current.shape
+    kept = math.exp(-INTERVAL / FIELD_TIME)
+    gained = deviation * math.sqrt(1.0 - kept**2)
+    error = mean + np.concatenate(
+        [np.zeros((1, 2)), normal_draws(prior - gain @ prior, count - 1, rng)]
+    )
+    course = np.empty((count, steps, 2))
+    for k in range(steps):
+        course[:, k] = error
+        error = kept * error + gained * _scattered(rng, count, 2)
+    return dataclasses.replace(drawn, current=course)
+
+
+def draw_deviation(filter_: CurrentFilter) -> float:
+    """[m/s] of the drawn currents at the start, mean of north and east."""
+    _, covariance = _state(filter_)
+    total = np.zeros((2, len(covariance)))
+    for axis in range(2):
+        total[axis, MODES + axis :: 2] = 1.0
+        total[axis, DIVE.start + axis] = 1.0
+    return math.sqrt(0.5 * np.trace(total @ covariance @ total.T))
+
+
+def calibration_deviation(filter_: CurrentFilter) -> tuple[float, float]:
+    """Of the drawn errors of the speed [1] and of the compass [rad]."""
+    _, covariance = _state(filter_)
+    scale, compass = np.sqrt(np.diag(covariance)[CALIBRATION])
+    return float(scale), float(compass)
+
+
+def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
+    """Mean and covariance of the state, as the filter's own forecasts spread it."""
+    state = filter_.state()
+    return state["mean"], filter_.inflation * state["covariance"]
+
+
+def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:
+    """Standard normal draws, (count, size); none for the first member."""
+    draws = rng.standard_normal((count, size))
+    draws[0] = 0.0
+    return draws

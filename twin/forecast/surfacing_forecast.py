@@ -1,0 +1,190 @@
+"""Forecast: the next surfacings of a glider, from members flown in what is known."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import SimulationUnstable, TwinError
+from twin.forecast.known import Known
+from twin.forecast.members import SAMPLE_PERIOD, THINNED, MemberFlight, fly, members_of
+from twin.forecast.request import Request
+from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, surfacings_of
+
+Array = NDArray[np.float64]
+
+DAY = 86400.0
+KILO = 1e3
+KWH = 3.6e6
+"""[J]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Forecast:
+    """What the members that have been flown say; the last one of a forecast is of all."""
+
+    request: Request
+    surfacings: tuple[Surfacing, ...]
+    flown: int
+    """Members so far."""
+    failed: int
+    """Members that left the finite numbers."""
+    track: Array
+    """Longitude, latitude [degree] of the first member, the mean of what is known, (point, 2)."""
+    spread: dict[str, str]
+    """What was drawn, in words."""
+    power_w: float
+    """Mean electrical power."""
+    left_out: str = ""
+    """Why a surfacing within the hours is not told; empty: none is left out."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether all members have been flown."""
+        return self.flown + self.failed == self.request.members
+
+    @property
+    def days_left(self) -> float | None:
+        """[d] that the batteries last at this power; None where their energy is not given."""
+        if self.request.energy_left_kwh is None or self.power_w <= 0.0:
+            return None
+        return self.request.energy_left_kwh * KWH / self.power_w / DAY
+
+    @property
+    def energy_per_day(self) -> str:
+        """In words, in kJ as the surfacings' and in kW h as what is left."""
+        return f"{self.power_w * DAY / KILO:.0f} kJ ({self.power_w * DAY / KWH:.2f} kWh)"
+
+    @property
+    def begins(self) -> datetime.datetime:
+        """UTC."""
+        return datetime.datetime.fromisoformat(str(self.request.place.time))
+
+    def moment(self, seconds: float) -> str:
+        """UTC at `seconds` after the start, ISO 8601 to the second."""
+        return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
+
+    def targets(self) -> Array:
+        """Longitude, latitude [degree] of the mission's targets, (target, 2)."""
+        place = self.request.place
+        placed = self.request.mission.placed(place.latitude_deg, place.longitude_deg)
+        points = [
+            (target["north_m"], target["east_m"])
+            for segment in placed.segments
+            for target in getattr(segment, "targets", ())
+        ]
+        return degrees(np.array(points).reshape(-1, 2), place)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        request, place = self.request, self.request.place
+        return {
+            "vehicle": request.vehicle.name,
+            "mission": request.mission.name,
+            "start": {
+                "latitude": place.latitude_deg,
+                "longitude": place.longitude_deg,
+                "time": str(place.time),
+            },
+            "hours": request.hours,
+            "members": request.members,
+            "flown": self.flown,
+            "failed": self.failed,
+            "spread": self.spread,
+            "notes": list(request.notes()),
+            "left_out": self.left_out,
+            "surfacings": [
+                {
+                    **one.describe(),
+                    "time": self.moment(one.time_s),
+                    "early": self.moment(one.early_s),
+                    "late": self.moment(one.late_s),
+                }
+                for one in self.surfacings
+            ],
+            "power_W": self.power_w,
+            "energy_kJ_per_day": self.power_w * DAY / KILO,
+            "energy_kWh_per_day": self.power_w * DAY / KWH,
+            "days_left": self.days_left,
+        }
+
+    def geojson(self) -> dict[str, Any]:
+        """A FeatureCollection (RFC 7946): surfacings, their ellipses, track, targets."""
+        features = [_feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
+        features += [
+            _feature("Point", target, {"what": "target", "number": k})
+            for k, target in enumerate(self.targets().tolist(), start=1)
+        ]
+        for one in self.surfacings:
+            said = {"number": one.number, "time": self.moment(one.time_s)}
+            for part in (NINETY, HALF):
+                ring = one.ring(part, self.request.place).tolist()
+                said_of_it = {"what": f"ellipse of {100.0 * part:.0f} %", "holds": part, **said}
+                features.append(_feature("Polygon", [ring], said_of_it))
+            point = [one.longitude, one.latitude]
+            features.append(_feature("Point", point, {"what": "surfacing", **said}))
+        return {"type": "FeatureCollection", "features": features}
+
+
+def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": properties,
+    }
+
+
+def forecast(
+    request: Request,
+    known: Known,
+    *,
+    threads: int = 0,
+    refined: Callable[[Forecast], object] = lambda found: None,
+) -> Forecast:
+    """Fly the members and tell the surfacings.
+
+    Args:
+      known: the current filter at the start's time.
+      threads: of the fleets; 0 takes every core.
+      refined: called with the forecast so far, first of the mean alone, then after each fleet.
+
+    Raises:
+      InputError and its kinds: nothing of it can be flown.
+      TwinError: no member stayed within the finite numbers.
+    """
+    members = members_of(request, known)
+    flights: list[MemberFlight] = []
+    failed = 0
+    first: Array | None = None
+    found: Forecast | None = None
+    for chunk in fly(members.scenarios, threads=threads):
+        failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
+        flights += [one for one in chunk if isinstance(one, MemberFlight)]
+        if not flights:
+            continue
+        if first is None:
+            points = 1 + round(request.horizon / (THINNED * SAMPLE_PERIOD))
+            first = degrees(flights[0].track[:points], request.place)
+        told = surfacings_of(flights, request.place, request.horizon)
+        found = Forecast(
+            request=request,
+            surfacings=told,
+            left_out=left_out(flights, len(told), request.horizon),
+            flown=len(flights),
+            failed=failed,
+            track=first,
+            spread=members.spread,
+            power_w=float(np.mean([one.taken / one.duration for one in flights])),
+        )
+        refined(found)
+    if found is None:
+        raise TwinError(
+            f"none of {request.members} members could be flown to its end: fly the mission with "
+            "`twin simulate` to see why"
+        )
+    return found

@@ -1,0 +1,152 @@
+"""Legs: the dives of a deployment from fix to fix, with their way through the water.
+
+What a leg's way through the water is, by what its log holds:
+
+- with `--vehicle`, the velocity of that vehicle's flight model, integrated from fix to fix;
+- else, where pitch and heading are logged, depth rate / tan(|pitch| + 3 degree) along the heading,
+  which the store keeps as its depth-averaged current;
+- else, as in the short logs that come by satellite, displacement over ground less the current that
+  the vehicle itself reported for the dive.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.cli.text_table import counted
+from twin.logs.corrected_track import track_velocity
+from twin.logs.fix import fixes_of
+from twin.navigation.current import Leg
+from twin.records.attributes import DIVE_DURATION
+from twin.records.logged import LogStore
+
+Array = NDArray[np.float64]
+
+MODEL, PITCH, REPORTED = "flight model", "depth rate and pitch", "reported current"
+"""How a way through the water was found"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LoggedLeg:
+    """One dive of a store between two fixes."""
+
+    mission: int
+    """Row in the store."""
+    leg: Leg
+    """[s] unix; its way through the water is known"""
+    method: str
+    """MODEL, PITCH or REPORTED"""
+    begin: tuple[float, float]
+    """Latitude, longitude [degree] of the fix before"""
+    onboard: tuple[float, float] | None
+    """North, east [m] to where the vehicle itself believed to surface; None without its track"""
+
+
+def legs_of(
+    logs: LogStore, deployment: str, flown: Mapping[int, Array] | None = None
+) -> list[LoggedLeg]:
+    """The legs of a deployment, in order of time; dives without two fixes or a way are left out.
+
+    Args:
+      logs: the store.
+      deployment: name of it.
+      flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by
+        mission, where there is one.
+    """
+    durations = logs.number(DIVE_DURATION)
+    moved = np.stack([logs.number(f"displacement_{n}") for n in ("north", "east")], axis=1)
+    currents = {
+        method: np.stack([logs.number(f"{name}_{n}") for n in ("north", "east")], axis=1)
+        for method, name in ((PITCH, "dac"), (REPORTED, "vehicle_dac"))
+    }
+    found: list[LoggedLeg] = []
+    for mission in logs.missions_of(deployment):
+        duration, ground = float(durations[mission]), moved[mission]
+        begin, _ = logs.fixes(mission)
+        start = float(logs.starts[mission])
+        if not (np.isfinite([duration, start, *ground, *begin]).all() and duration > 0.0):
+            continue
+        if found and start < found[-1].leg.end - 1.0:
+            continue
+        way, method = None, ""
+        if flown and mission in flown:
+            velocity = flown[mission]
+            way = 0.5 * logs.period * (velocity[1:] + velocity[:-1]).sum(axis=0)
+            method = MODEL
+        for kind, values in currents.items():
+            if way is None and np.isfinite(values[mission]).all():
+                way, method = ground - duration * values[mission], kind
+        if way is None or not np.isfinite(way).all():
+            continue
+        found.append(
+            LoggedLeg(
+                mission=mission,
+                leg=Leg(
+                    start=start,
+                    duration=duration,
+                    over_ground=(float(ground[0]), float(ground[1])),
+                    through_water=(float(way[0]), float(way[1])),
+                ),
+                method=method,
+                begin=begin,
+                onboard=_onboard(logs, mission),
+            )
+        )
+    return found
+
+
+def why_no_legs(logs: LogStore, deployment: str) -> str:
+    """What the dives of a deployment without legs lack, in words."""
+    rows = logs.missions_of(deployment)
+    fixes = [np.isfinite(logs.fixes(row)).all(axis=1).tolist() for row in rows]
+    begun, ended = (sum(each) for each in zip(*fixes, strict=True))
+    moved = np.isfinite(logs.number("displacement_north")[rows])
+    if moved.any():
+        return (
+            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to "
+            "GPS fix, but no way through the water (pitch and heading, a vehicle's own current, or "
+            "--vehicle with a flight model)"
+        )
+    return (
+        f"no dive has GPS fixes at both ends: of {counted(len(rows), 'dive')} of deployment "
+        f"{deployment!r} {begun} {_begin(begun)} with one and {ended} {_begin(ended, 'end')}"
+    )
+
+
+def _begin(count: int, verb: str = "begin") -> str:
+    return f"{verb}s" if count == 1 else verb
+
+
+def _onboard(logs: LogStore, mission: int) -> tuple[float, float] | None:
+    """By the vehicle's own track, without its jumps to fixes; None without one."""
+    track = np.stack(
+        [logs.signal(f"measured_onboard_{n}", mission) for n in ("north", "east")], axis=1
+    )
+    velocity = track_velocity(track, logs.period, fixes_of(logs, mission))
+    if velocity is None:
+        return None
+    north, east = logs.period * velocity[:-1].sum(axis=0)
+    return float(north), float(east)
+
+
+def flown_velocities(
+    store: Path, vehicle: str | None, missions: list[int] | None = None
+) -> dict[int, Array]:
+    """Velocity through the water by a vehicle's flight model, by mission.
+
+    Raises:
+      TwinError: the vehicle cannot be flown on this store.
+    """
+    from twin.logs import estimate_flight
+
+    flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
+    return {
+        one.dive.mission: one.dive.velocity
+        for one in flight.missions
+        if one.dive.motion is not None
+    }

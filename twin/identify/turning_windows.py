@@ -1,0 +1,185 @@
+"""Windows: the steady parts of a log in which its turns are compared, by phase and speed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify.calibration import Calibration
+from twin.identify.lateral import Glide
+from twin.identify.logged import Log
+from twin.identify.speed import density_of, motion_of, steady_parts
+
+Array = NDArray[np.float64]
+
+LONGEST, SHORTEST = 900.0, 100.0
+"""[s] of one window: longer ones are cut, shorter ones left out."""
+SETTLE = 30.0
+"""[s] at the start of a window that are not compared: the sideslip there is a guess."""
+LEAST_DEPTH = 5.0
+"""[m]"""
+SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
+"""Samples of the vehicle's own, and bounds [s], whose means of yaw rate and roll are compared: when
+a move ended is known to about one of its samples."""
+BENT = 1e-6
+"""[rad] of the heading's second difference from which a sample is the vehicle's own, not one that
+was put between two of them"""
+SPEED_BINS = 3
+"""Glides of a phase, by speed, that turns are linearised about."""
+ENOUGH_IN_BIN = 6
+"""Windows for which a glide of their own is worth while."""
+MOST_ROLL = math.radians(60.0)
+"""[rad] beyond which no glide is linear"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TurningWindow:
+    """A steady part of a log: what was done and how it turned, each (samples,)."""
+
+    log: Log
+    part: slice
+    climbing: bool
+    speed: float
+    """[m/s] through the water, median"""
+    glide: Glide
+    block: int = 0
+    """Number of the dive"""
+
+
+def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWindow]:
+    """Steady parts of the logs, each of one phase."""
+    found: list[TurningWindow] = []
+    for number, log in enumerate(logs):
+        motion = motion_of(log, calibration)
+        net = calibration.net_mass(
+            density_of(log, calibration),
+            np.maximum(log.depth, 0.0),
+            log.pump,
+            log.hull_warming(calibration.thermal_lag),
+        )
+        pitch = calibration.true_pitch(log.pitch)
+        steady = log.use & steady_parts(log) & (log.depth > LEAST_DEPTH)
+        steady &= (np.abs(log.roll) < MOST_ROLL) & (np.sign(pitch) == -np.sign(net))
+        steady &= motion.surge > 0.05
+        phase = np.where(steady, np.sign(pitch), 0.0)
+        edges = np.flatnonzero(np.diff(phase)) + 1
+        for first, last in zip([0, *edges], [*edges, len(phase)], strict=True):
+            if phase[first] == 0.0:
+                continue
+            pieces = max(1, math.ceil((last - first) * log.period / LONGEST))
+            for bounds in np.array_split(np.arange(first, last), pieces):
+                if len(bounds) * log.period < SHORTEST or len(bounds) < log.window + 2:
+                    continue
+                part = slice(int(bounds[0]), int(bounds[-1]) + 1)
+                found.append(
+                    TurningWindow(
+                        log=log,
+                        part=part,
+                        climbing=bool(phase[first] > 0.0),
+                        speed=float(np.median(motion.speed[part])),
+                        glide=Glide(
+                            surge=float(np.median(motion.surge[part])),
+                            heave=float(np.median(motion.heave[part])),
+                            pitch=float(np.median(pitch[part])),
+                            net_mass=float(np.median(net[part])),
+                        ),
+                        block=number,
+                    )
+                )
+    return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Windows that share a glide; arrays are (samples, windows), padded at the end."""
+
+    glide: Glide
+    climbing: bool
+    period: float
+    roll: Array
+    """[rad] as measured"""
+    slope: Array
+    """[rad/s] of the roll"""
+    position: Array | None
+    """[rad] of the turning part, its mean taken off; None: the log has none"""
+    rate: Array
+    """[rad/s] yaw rate, about the body's axis"""
+    used: NDArray[np.bool_]
+    """what is compared: (averages, windows)"""
+    count: int
+    """Samples of a mean"""
+    blocks: NDArray[np.int_]
+    """(windows,) numbers of the dives"""
+
+
+def groups_of(windows: Sequence[TurningWindow], channel: str | None) -> list[Group]:
+    """The windows by phase and speed."""
+    logs = list({w.log.index: w.log for w in windows}.values())
+    average = min(max(SPACINGS * spacing(logs), LEAST_AVERAGE), MOST_AVERAGE)
+    count = max(round(average / logs[0].period), 1)
+    found = []
+    for climbing in (False, True):
+        phase = sorted((w for w in windows if w.climbing == climbing), key=lambda w: w.speed)
+        if not phase:
+            continue
+        bins = max(1, min(SPEED_BINS, len(phase) // ENOUGH_IN_BIN))
+        for chosen in np.array_split(np.arange(len(phase)), bins):
+            found.append(_group([phase[k] for k in chosen], channel, count))
+    return found
+
+
+def _group(windows: Sequence[TurningWindow], channel: str | None, count: int) -> Group:
+    period = windows[0].log.period
+    length = max(w.part.stop - w.part.start for w in windows)
+    skip = round(SETTLE / period)
+    shape = (length, len(windows))
+    roll, slope, position, rate = (np.zeros(shape) for _ in range(4))
+    used = np.zeros(shape, bool)
+    lacking = channel is None or any(getattr(w.log, channel) is None for w in windows)
+    for k, window in enumerate(windows):
+        log, part = window.log, window.part
+        n = part.stop - part.start
+        roll[:n, k] = log.roll[part]
+        # d(roll)/dt = p + tan(pitch) (q sin(roll) + r cos(roll))
+        p, q, r = log.rates[:, part]
+        turning = q * np.sin(log.roll[part]) + r * np.cos(log.roll[part])
+        slope[:n, k] = p + np.tan(window.glide.pitch) * turning
+        rate[:n, k] = r
+        used[skip : n - log.window // 2, k] = True
+        if not lacking and channel is not None:
+            position[:n, k] = getattr(log, channel)[part]
+    names = ("surge", "heave", "pitch", "net_mass")
+    glide = Glide(**{n: float(np.median([getattr(w.glide, n) for w in windows])) for n in names})
+    return Group(
+        glide=glide,
+        climbing=windows[0].climbing,
+        period=period,
+        roll=roll,
+        slope=slope,
+        position=None if lacking else position,
+        rate=rate,
+        used=np.asarray(averaged(used.astype(float), count) == 1.0),
+        count=count,
+        blocks=np.array([w.block for w in windows]),
+    )
+
+
+def spacing(logs: Sequence[Log]) -> float:
+    """[s] between the vehicle's own samples: a store puts others on straight lines between."""
+    bends, samples = 0, 0
+    for log in logs:
+        bent = np.abs(np.diff(log.heading, 2)) > BENT
+        bends, samples = bends + int(bent.sum()), samples + len(bent)
+    # a line between two samples of the vehicle bends at the store's samples beside each
+    share = bends / max(samples, 1)
+    return logs[0].period * max(2.0 / share, 1.0) if share > 0.0 else MOST_AVERAGE
+
+
+def averaged(values: Array, n: int) -> Array:
+    """Means of `n` samples, (averages, windows), of (samples, windows); a rest at the end goes."""
+    whole = len(values) // n * n
+    return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)

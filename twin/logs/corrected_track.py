@@ -1,0 +1,157 @@
+"""Track: the way over ground, dead-reckoned and corrected at the fixes.
+
+Two corrections: `smoother`, a current filter over all fixes of a deployment
+(`twin.logs.smoothed_track`), which `twin flight` and exports use; and `linear`, for comparison
+and for quick looks.
+
+The linear one: between two fixes a dead-reckoned track misses the second by the way that the
+current and the errors of the speed have made. That misclosure is spread linearly in time, which is
+a current constant from fix to fix. How far the truth strays from it in between is taken for a
+random walk, tied to both fixes (a Brownian bridge): its variance is d t (T - t) / T, t after one
+fix and T from fix to fix. The diffusivity d follows from how much the depth-averaged current
+changes from dive to dive (`twin.logs.depth_averaged_current`).
+
+Whatever reads a corrected track asks this module for it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UnknownName
+from twin.logs.fix import Fixes
+from twin.logs.smoothed_track import SmoothedWay, smoothed_tracks, track_parameters
+
+Array = NDArray[np.float64]
+
+LEAST_INTERVAL = 300.0
+"""[s] between two fixes that tell a current: in a minute at the surface their noise is one of
+10 cm/s"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Drift:
+    """What is known of the currents of a deployment."""
+
+    diffusivity: float
+    """[m2/s] variance that the way gains per time, north and east each"""
+    change: float
+    """[m/s] standard deviation of the current's change from a dive to the next, each way"""
+    usual: tuple[float, float] = (0.0, 0.0)
+    """North, east [m/s] that hold for a mission without two fixes."""
+
+
+SMOOTHER, LINEAR = "smoother", "linear"
+CORRECTIONS = (SMOOTHER, LINEAR)
+NOMINAL_LATITUDE = 45.0
+"""[degree] for the inertial period of a log without a position"""
+
+
+def check_correction(name: str) -> None:
+    """Raise UnknownName for a correction that there is not."""
+    if name not in CORRECTIONS:
+        raise UnknownName("correction of tracks", name, CORRECTIONS)
+
+
+def corrected_tracks(
+    records: Sequence[Sequence[SmoothedWay]], period: float, latitudes: Sequence[float]
+) -> list[list[tuple[Array, Array]]]:
+    """Smoothed positions and deviations of the ways of several deployments.
+
+    Args:
+      records: the ways of each deployment, all in the same kind of water: the missions of one
+        store. Each is smoothed on its own, with parameters that all of them tell.
+      period: [s] between samples.
+      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` where one is NaN.
+    """
+    places = [x if np.isfinite(x) else NOMINAL_LATITUDE for x in latitudes]
+    if not records:
+        return []
+    parameters = track_parameters(records, period, float(np.median(places)))
+    return [
+        smoothed_tracks(ways, period, latitude, parameters)
+        for ways, latitude in zip(records, places, strict=True)
+    ]
+
+
+def corrected_track(
+    velocity: Array, period: float, fixes: Fixes, latitude: float = NOMINAL_LATITUDE
+) -> tuple[Array, Array]:
+    """Smoothed position north and east [m], (time, 2), and its deviation [m], each way, (time,).
+
+    Args:
+      velocity: north, east through the water [m/s], (time, 2).
+      period: [s] between samples.
+      fixes: of the same mission. Without any the track begins at the origin.
+      latitude: [degree]
+    """
+    way = SmoothedWay(velocity=velocity, fixes=fixes, start=0.0)
+    return corrected_tracks([[way]], period, [latitude])[0][0]
+
+
+def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> tuple[Array, Array]:
+    """Linearly corrected position north and east [m], (time, 2), and its deviation [m], (time,).
+
+    At a fix the position is the fix. Before the first and after the last one the current of the
+    interval between the nearest fixes holds, or `drift.usual` where there is none of
+    `LEAST_INTERVAL`. Without any fix the track begins at the origin.
+
+    Args:
+      velocity, period, fixes: as `corrected_track`.
+      drift: for the deviation, and for the current where two fixes do not tell.
+    """
+    steps = 0.5 * period * (velocity[1:] + velocity[:-1])
+    water = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    time = period * np.arange(len(velocity))
+    usual = np.asarray(drift.usual, float)
+    if not len(fixes):
+        open_end = np.sqrt(_open(time, drift))
+        return water + time[:, None] * usual, open_end
+    at, places = fixes.sample, fixes.position
+    missed = places - water[at]
+    correction = np.stack([np.interp(time, time[at], missed[:, k]) for k in range(2)], axis=1)
+    variance = np.zeros(len(time))
+    for first, last in itertools.pairwise(at):
+        inside = slice(first, last + 1)
+        passed, left = time[inside] - time[first], time[last] - time[inside]
+        variance[inside] = drift.diffusivity * passed * left / (time[last] - time[first])
+    ends = ((slice(0, at[0]), 0, slice(0, 2)), (slice(at[-1] + 1, None), -1, slice(-2, None)))
+    for outside, fix, pair in ends:
+        away = time[outside] - time[at[fix]]
+        current = usual
+        if len(at) > 1 and (apart := np.diff(time[at[pair]])[0]) >= LEAST_INTERVAL:
+            current = np.diff(missed[pair], axis=0)[0] / apart
+        correction[outside] = missed[fix] + away[:, None] * current
+        variance[outside] = _open(np.abs(away), drift)
+    return water + correction, np.sqrt(fixes.deviation**2 + variance)
+
+
+def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
+    """North, east [m/s] of a vehicle's own track, (time, 2); None where it has none.
+
+    A vehicle sets its track to a fix when it gets one: that jump is no motion.
+
+    Args:
+      track: north, east [m], (time, 2), NaN where it is not known.
+      period: [s] between samples.
+      fixes: of the same mission.
+    """
+    known = np.isfinite(track).all(axis=1)
+    if known.sum() < 2:
+        return None
+    index = np.arange(len(track))
+    bridged = np.stack([np.interp(index, index[known], axis[known]) for axis in track.T], axis=1)
+    steps = np.diff(bridged, axis=0)
+    jumps = fixes.sample[(fixes.sample > 1) & (fixes.sample < len(track))]
+    steps[jumps - 1] = steps[jumps - 2]
+    return np.concatenate([steps, steps[-1:]]) / period
+
+
+def _open(away: NDArray[np.floating], drift: Drift) -> Array:
+    """Variance [m2] at a time [s] from the only fix: another current, and the random walk."""
+    return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)

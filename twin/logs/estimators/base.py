@@ -1,0 +1,102 @@
+"""Base of the estimators: what gives the velocity through the water of a logged dive.
+
+Registry of the estimators: names for the command line, and the kinds.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import ClassVar, Self
+
+from twin.errors import InputError
+from twin.identify.calibration import Calibration
+from twin.identify.logged import Log
+from twin.identify.translation import Translation
+from twin.records.reader import MissionStore
+from twin.seams import Registry, missing_method, self_named
+
+
+class FlightEstimator(abc.ABC):
+    """A way to estimate how a logged vehicle moved through the water.
+
+    Speed, track and currents are made of its velocities. The vertical velocity of the water always
+    is what the flight model of the vehicle leaves of the depth rate: an estimator that solves for
+    heave from the depth rate has nothing to say on it.
+    """
+
+    kind: ClassVar[str]
+    """What the user types: `twin flight --estimator KIND` or `KIND:ARGUMENT`."""
+    summary: ClassVar[str]
+    """What it does, for help texts and documents."""
+
+    modelled: ClassVar[bool] = False
+    """Whether its speed is the flight model's, so that the depth rate tells its error."""
+
+    @classmethod
+    def open(cls, argument: str) -> Self:
+        """Make one; `argument` is what stood behind the colon, empty without.
+
+        Raises:
+          InputError: an argument that it does not take.
+        """
+        if argument:
+            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
+        return cls()
+
+    @abc.abstractmethod
+    def motion(
+        self,
+        store: MissionStore,
+        log: Log,
+        calibration: Calibration,
+        start: tuple[float, float, float],
+    ) -> Translation:
+        """Velocity through the water, body FRD, at each of the log's samples.
+
+        Args:
+          store: for signals that the log has not; `log.index` is its mission.
+          log: the dive, its density corrected.
+          calibration: the vehicle and the errors of its sensors.
+          start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.
+
+        Raises:
+          StoreError: the store lacks a signal that it needs.
+        """
+
+
+def _lacks(kind: type[FlightEstimator]) -> str:
+    """What a kind lacks."""
+    if not getattr(kind, "summary", ""):
+        return "a `summary`"
+    return missing_method(kind)
+
+
+ESTIMATORS: Registry[type[FlightEstimator]] = Registry(
+    "flight estimator",
+    group="glider_twin.flight_estimators",
+    shipped={
+        "flight": "twin.logs.estimators.models:FlightModel",
+        "steady": "twin.logs.estimators.models:SteadyModel",
+    },
+    check=self_named(
+        "flight estimator",
+        FlightEstimator,  # type: ignore[type-abstract]
+        _lacks,
+        InputError,
+    ),
+    name="kind",
+)
+"""Every way to the velocity through the water, by name."""
+
+register = ESTIMATORS.add
+"""Add a kind of one's own; usable as a decorator."""
+
+
+def open_estimator(text: str) -> FlightEstimator:
+    """The estimator that a text such as "flight" or "network:runs/mine" names.
+
+    Raises:
+      InputError: an unknown kind, or an argument that it does not take.
+    """
+    kind, _, argument = text.partition(":")
+    return ESTIMATORS[kind].open(argument)

@@ -1,0 +1,246 @@
+"""Flight: speed, water and way of every mission of a store, by a vehicle's flight model.
+
+found = estimate_flight("real.zarr", vehicle="mine.xml")
+found.summary().w_deviation
+flight_dataset(found)["w_water"]
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.logged import check_channels, load_logs
+from twin.identify.start_values import start_vehicle
+from twin.logs.corrected_track import (
+    SMOOTHER,
+    check_correction,
+    corrected_tracks,
+    linear_track,
+)
+from twin.logs.depth_averaged_current import DiveCurrent, currents, drift_of
+from twin.logs.dive import FlownDive, fly_dive, still
+from twin.logs.estimators import FlightEstimator, open_estimator
+from twin.logs.fix import Fixes, Place, fixes_of, places_of
+from twin.logs.flight_summary import FlightSummary, phase_duration, phase_speed, summarise
+from twin.logs.smoothed_track import PHASE, SmoothedWay
+from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag
+from twin.records.attributes import DEPLOYMENT
+from twin.records.logged import start_times
+from twin.records.reader import MissionStore
+from twin.records.storage.store_place import StorePath
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+CTD = ("measured_temperature", "measured_salinity", "measured_pressure", "measured_depth")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MissionFlight:
+    """One mission with its way over ground."""
+
+    dive: FlownDive
+    place: Place
+    fixes: Fixes
+    position: Array
+    """North, east [m] from the mission's origin, (time, 2)"""
+    deviation: Array
+    """[m] standard deviation of it, each way, (time,)"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Flight:
+    """What a flight model says of the missions of a store."""
+
+    store: MissionStore
+    calibration: Calibration
+    estimator: str
+    track: str
+    """How tracks are corrected at the fixes"""
+    missions: tuple[MissionFlight, ...]
+    currents: tuple[DiveCurrent, ...]
+    """of all dives between fixes, in the order of the missions"""
+    lags: dict[str, ThermalLag]
+    """of the CTD of each deployment that shows one"""
+    flown: tuple[int, ...]
+    """Missions that the model could fly."""
+
+    def summary(self) -> FlightSummary:
+        """The vertical velocity of the water over all missions."""
+        return summarise([one.dive for one in self.missions])
+
+
+def estimate_flight(
+    store: str | StorePath,
+    vehicle: str | Path | Vehicle | Calibration | None = None,
+    *,
+    missions: Sequence[int] | None = None,
+    estimator: str | FlightEstimator = "flight",
+    thermal_lag: bool = True,
+    track: str = SMOOTHER,
+    advance: Callable[[], object] = lambda: None,
+) -> Flight:
+    """Speed through the water, vertical water velocity, currents and corrected tracks of a store.
+
+    Args:
+      store: path of a store of logs, or of simulated missions with sensors.
+      vehicle: what `twin identify` wrote, a shipped vehicle's name, or a calibration; default the
+        shipped one of the log's kind, or a simulated store's own.
+      missions: which, all by default.
+      estimator: of the velocity through the water, or its name.
+      track: correction at the fixes, `smoother` or `linear`.
+      thermal_lag: whether to look for the CTD's thermal lag and to correct it.
+      advance: called once for each mission that is done.
+
+    Raises:
+      StoreError: no such store or mission, a missing channel, or no dive in any of them.
+      VehicleError: no such vehicle, or one whose flight is not modelled.
+      InputError: an unknown estimator or correction, or a log that does not say which glider it
+        is of.
+    """
+    check_correction(track)
+    found = MissionStore(store)
+    check_channels(found, "a flight")
+    if isinstance(vehicle, Calibration):
+        calibration = vehicle
+    else:
+        calibration = load_calibration(start_vehicle(store) if vehicle is None else vehicle)
+    way = open_estimator(estimator) if isinstance(estimator, str) else estimator
+    chosen = list(range(len(found))) if missions is None else list(missions)
+    logs = {log.index: log for log in load_logs(store, chosen, task="a flight")}
+    places = places_of(found, chosen)
+    raw = {mission: _ctd(found, mission, places[mission]) for mission in chosen}
+    deployments = _deployments(found)
+    lags: dict[str, ThermalLag] = {}
+    for name in dict.fromkeys(deployments[mission] for mission in chosen) if thermal_lag else ():
+        own = [raw[mission] for mission in chosen if deployments[mission] == name]
+        lag = common_lag([ctd for ctd in own if ctd is not None])
+        if lag is not None:
+            lags[name] = lag
+    dives: dict[int, FlownDive] = {}
+    for mission in chosen:
+        before = raw[mission]
+        ctd = None if before is None else before.corrected(lags.get(deployments[mission]))
+        dives[mission] = (
+            fly_dive(found, logs[mission], calibration, way, before, ctd)
+            if mission in logs
+            else still(found, mission, ctd)
+        )
+        advance()
+    fixes = {mission: fixes_of(found, mission) for mission in chosen}
+    starts = start_times(found)
+    dacs = {
+        mission: currents(
+            mission, dive.velocity, dive.depth, found.period, fixes[mission], float(starts[mission])
+        )
+        for mission, dive in dives.items()
+        if mission in logs
+    }
+    names = {name: [m for m in chosen if deployments[m] == name] for name in
+             dict.fromkeys(deployments[mission] for mission in chosen)}  # fmt: skip
+    tracks = _tracks(found, list(names.values()), dives, fixes, dacs, places, track, way)
+    flown = [
+        MissionFlight(
+            dive=dives[mission],
+            place=places[mission],
+            fixes=fixes[mission],
+            position=tracks[mission][0],
+            deviation=tracks[mission][1],
+        )
+        for mission in chosen
+    ]
+    return Flight(
+        store=found,
+        calibration=calibration,
+        estimator=way.kind,
+        track=track,
+        missions=tuple(flown),
+        currents=tuple(d for mission in chosen for d in dacs.get(mission, [])),
+        lags=lags,
+        flown=tuple(mission for mission in chosen if mission in logs),
+    )
+
+
+def _tracks(
+    store: MissionStore,
+    deployments: Sequence[Sequence[int]],
+    dives: Mapping[int, FlownDive],
+    fixes: Mapping[int, Fixes],
+    dacs: Mapping[int, Sequence[DiveCurrent]],
+    places: Mapping[int, Place],
+    correction: str,
+    estimator: FlightEstimator,
+) -> dict[int, tuple[Array, Array]]:
+    """Corrected track and its deviation by mission.
+
+    A mission that no model can fly moved with the water as far as anybody knows: it has the linear
+    correction, and the smoother does not learn from it.
+    """
+    tracks: dict[int, tuple[Array, Array]] = {}
+    starts = start_times(store)
+    records, rows, latitudes = [], [], []
+    for own in deployments:
+        flown = [m for m in own if dives[m].motion is not None and correction == SMOOTHER]
+        if len(flown) < len(own):
+            every = [d for m in own for d in dacs.get(m, [])]
+            drift = drift_of(sorted(every, key=lambda one: (one.start, one.mission)))
+            for m in sorted({*own} - {*flown}):
+                tracks[m] = linear_track(dives[m].velocity, store.period, fixes[m], drift)
+        if not flown:
+            continue
+        modelled = [dives[m] for m in flown] if estimator.modelled else []
+        speed = phase_speed(modelled, store.period)
+        records.append(
+            [
+                SmoothedWay(
+                    velocity=speed.scaled(dives[m]),
+                    fixes=fixes[m],
+                    start=float(starts[m]),
+                    phase=phase_duration(dives[m], store.period) or PHASE,
+                )
+                for m in flown
+            ]
+        )
+        rows.append(flown)
+        latitudes.append(float(np.median([places[m].latitude for m in flown])))
+    smoothed = corrected_tracks(records, store.period, latitudes)
+    for flown, answers in zip(rows, smoothed, strict=True):
+        tracks |= dict(zip(flown, answers, strict=True))
+    return tracks
+
+
+def _deployments(store: MissionStore) -> list[str]:
+    """Name of each mission's deployment; simulated missions are flown one by one."""
+    if DEPLOYMENT in store:
+        return [str(name) for name in store.array(DEPLOYMENT)]
+    return [f"mission {mission}" for mission in range(len(store))]
+
+
+def _ctd(store: MissionStore, mission: int, place: Place) -> CtdSeries | None:
+    """The CTD of a mission as stored; None without one."""
+    if any(name not in store for name in CTD):
+        return None
+    count = int(store.samples[mission])
+    temperature, salinity, pressure, depth = (
+        store.row(name, mission)[:count].astype(float) for name in CTD
+    )
+    ctd = CtdSeries(
+        period=store.period,
+        depth=depth,
+        pressure=pressure,
+        temperature=temperature,
+        salinity=salinity,
+        latitude=place.latitude if np.isfinite(place.latitude) else NOMINAL_LATITUDE,
+        longitude=place.longitude if np.isfinite(place.longitude) else 0.0,
+    )
+    return ctd if ctd.known.any() else None
+
+
+NOMINAL_LATITUDE = 45.0
+"""[degree] for the density of a log without a position: its choice moves it by 0.005 kg/m3"""

@@ -1,0 +1,219 @@
+"""Balance: the sum of forces and moments on a vehicle in a steady motion, which must be zero.
+
+Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), in still water of
+the reference density and far below the surface. Steady flight and turns are where they vanish.
+
+Steady straight glide at a wanted pitch and net buoyancy: the inverse of a trim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import MissionError
+from twin.frames import cross
+from twin.mission.polar import polar_of
+from twin.vehicle.parts import BatterySlide
+from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+
+Array = NDArray[np.float64]
+
+DEEP = 1e3
+"""[m] where everything is under water"""
+SETTLED = 1e-9
+"""Forces and moments left over, in parts of the vehicle's weight (times a metre)"""
+_ITERATIONS = 40
+_STEP = 1e-6
+_LARGEST_STEP = 0.1
+"""of any unknown: a longer one may end beyond the stall of a fin"""
+_LEAST_SHARE = 1e-3
+"""of a Newton step that overshoots"""
+
+
+def newton(left: Callable[[Array], Array], x: Array) -> Array | None:
+    """Where `left` vanishes to SETTLED, from `x` on; None: not found.
+
+    Newton's method with central differences; a step that makes it worse is halved.
+    """
+    rest = left(x)
+    for _ in range(_ITERATIONS):
+        size = float(np.abs(rest).max())
+        if size < SETTLED:
+            return x
+        slopes = [(left(x + d) - left(x - d)) / (2.0 * _STEP) for d in _STEP * np.eye(x.size)]
+        try:
+            step = np.linalg.solve(np.column_stack(slopes), -rest)
+        except np.linalg.LinAlgError:
+            return None
+        share = min(1.0, _LARGEST_STEP / float(np.abs(step).max()))
+        rest = left(x + share * step)
+        while not float(np.abs(rest).max()) < size and share > _LEAST_SHARE:
+            share *= 0.5
+            rest = left(x + share * step)
+        x = x + share * step
+    return None
+
+
+def imbalance(
+    vehicle: Vehicle,
+    position: Array,
+    velocity: Array,
+    *,
+    pitch: float,
+    roll: float = 0.0,
+    turn_rate: float = 0.0,
+) -> Array:
+    """Force [N] and moment about the CB [N m] left over, shape (6,), body FRD.
+
+    Args:
+      position: of the parts, shape (parts,), in their units.
+      velocity: through the water, shape (3,) [m/s], body FRD.
+      pitch, roll: [rad]. turn_rate: about the vertical [rad/s], positive to starboard.
+    """
+    down = np.array(
+        [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
+    )
+    omega = turn_rate * down
+    nu = np.concatenate([velocity, omega])
+
+    density, gravity = vehicle.reference_density, vehicle.gravity
+    mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
+    inertia = vehicle.static_inertia @ omega
+    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
+    at = dict(zip(vehicle.part_names, position, strict=True))
+    for moving in vehicle.masses:
+        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
+        mass += moving.mass
+        first = first + moving.mass * place
+        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
+    impulse = mass * velocity + cross(omega, first)
+    spin = inertia + cross(first, velocity)
+    water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
+
+    wrench = vehicle.law.wrench(nu, density)
+    volume = vehicle.neutral_volume
+    for part, place in zip(vehicle.parts, position, strict=True):
+        wrench = wrench + part.wrench(float(place), nu, density, DEEP)
+        own = part.displaced(float(place))
+        volume += own
+        wrench[3:] -= density * own * gravity * cross(np.array(part.position), down)
+    wrench[:3] += (mass - density * volume) * gravity * down - cross(omega, impulse + water[:3])
+    wrench[3:] += gravity * cross(first, down) - cross(omega, spin + water[3:])
+    wrench[3:] -= cross(velocity, impulse + water[:3])
+    return wrench
+
+
+def _point(mass: float, place: Array, omega: Array) -> Array:
+    """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
+    return mass * cross(place, cross(omega, place))
+
+
+_GRID = np.linspace(0.0, 1.0, 401)[1:]
+"""Fractions of the way from zero lift to the limit of the identified angles."""
+_BISECTIONS = 60
+"""Halvings that take any interval of angles below double precision."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyGlide:
+    """A straight glide in still water of the reference density."""
+
+    angle_of_attack: float
+    """[rad]"""
+    speed: float
+    """[m/s] through the water"""
+    vertical_speed: float
+    """[m/s], positive down"""
+    shift: float
+    """[m], battery displacement that holds it; may be outside the vehicle's travel"""
+
+
+def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide:
+    """The glide at `pitch` [rad] and `net_mass` [kg]: nose down and heavy, or nose up and light.
+
+    Of the two glides that may share a pitch it is the one with the smaller angle of attack.
+
+    Raises:
+      MissionError: the pitch is too shallow for the vehicle's lift and drag inside the identified
+        angles of attack, or the signs disagree.
+    """
+    if pitch * net_mass >= 0.0:
+        raise MissionError(
+            f"pitch {math.degrees(pitch):g} deg with net mass {net_mass:g} kg is no glide: a heavy "
+            "glider dives nose down, a light one climbs nose up"
+        )
+    sense = math.copysign(1.0, net_mass)
+    polar = polar_of(vehicle)
+    zero_lift = polar.zero_lift
+    angles = zero_lift + (sense * polar.valid_angle - zero_lift) * _GRID
+
+    def pitch_at(alpha: float) -> float:
+        drag, lift, _ = polar.at(alpha)
+        return alpha - math.atan(drag / lift)
+
+    pitches = np.abs(angles - np.arctan(polar.drag_over_lift(angles)))
+    shallowest = int(np.argmin(pitches))
+    if abs(pitch) < pitches[shallowest]:
+        raise MissionError(
+            f"{abs(math.degrees(pitch)):g} deg is too shallow for vehicle {vehicle.name!r}: "
+            f"it glides from {math.degrees(pitches[shallowest]):.1f} deg on"
+        )
+    near, far = zero_lift, float(angles[shallowest])  # steeper and shallower than wanted
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (near + far)
+        if middle != zero_lift and abs(pitch_at(middle)) < abs(pitch):
+            far = middle
+        else:
+            near = middle
+    alpha = far
+    glide_angle = pitch - alpha
+    drag, _, moment = polar.at(alpha)
+    speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
+    return SteadyGlide(
+        angle_of_attack=alpha,
+        speed=speed,
+        vertical_speed=-speed * math.sin(glide_angle),
+        shift=_balancing_shift(vehicle, pitch, net_mass, alpha, speed, moment),
+    )
+
+
+def _balancing_shift(
+    vehicle: Vehicle,
+    pitch: float,
+    net_mass: float,
+    alpha: float,
+    speed: float,
+    coefficient: float,
+) -> float:
+    """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
+
+    Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m], less
+    that of the water that the pump displaces at its place; water: (K_M0 + K_M alpha) V^2 and the
+    Munk moment (Z_A - X_A) u w of the added mass.
+    """
+    slide = vehicle.steered("pitch")
+    if not isinstance(slide, BatterySlide):
+        return 0.0
+    munk = 0.0
+    if vehicle.added_mass_coupling:
+        munk = vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
+    moment = (coefficient + munk * math.sin(alpha) * math.cos(alpha)) * speed**2
+    static = vehicle.static_mass
+    neutral = static * vehicle.static_cg[0] + sum(m.mass * m.neutral_x for m in vehicle.masses)
+    z = static * vehicle.static_cg[2] + sum(m.mass * m.eccentricity for m in vehicle.masses)
+    pump = vehicle.steered("buoyancy")
+    if pump is not None:
+        neutral += net_mass * pump.position[0]
+        z += net_mass * pump.position[2]
+    x = (moment / vehicle.gravity - z * math.sin(pitch)) / math.cos(pitch)
+    return float((x - neutral) / vehicle.moved_by(slide.name).mass)

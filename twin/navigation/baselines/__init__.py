@@ -1,1 +1,0 @@
-"""Baselines: what navigators do today, with one interface and the nominal vehicle only."""

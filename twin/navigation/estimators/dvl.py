@@ -1,0 +1,224 @@
+"""DVL-aided dead reckoning: what a Doppler velocity log adds.
+
+With bottom lock the log gives the velocity over ground: no current is left to guess. With water
+lock it gives the velocity through the water below the vehicle, and the current is carried on from
+the last bottom lock, where it was the difference of the log and the velocity through the water.
+That is the flight model's for a glider; for a vehicle whose flight is not modelled it is what the
+log measured in water lock within a few seconds. Outliers are removed with a Hampel filter, short
+losses of lock are interpolated. Long ones are filled by the flight model, and without one by the
+last velocity that was measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from twin.navigation.dead_reckoning import (
+    Array,
+    AttitudeSeries,
+    Signals,
+    depth_rate,
+    finite_channel,
+    horizontal_velocity,
+    integrate,
+    rotate_to_ned,
+)
+from twin.navigation.dvl_cleaning import (
+    BOTTOM,
+    HAMPEL_SAMPLES,
+    HAMPEL_SIGMAS,
+    LEAST_SPREAD,
+    MAD_TO_SIGMA,
+    WATER,
+)
+from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
+from twin.navigation.estimators.baseline import (
+    Baseline,
+    Estimate,
+    Mask,
+    bridge,
+    hold,
+    no_glider,
+)
+from twin.navigation.estimators.steady_flight import SteadyFlight
+from twin.navigation.estimators.steps import BaselineSteps
+from twin.vehicle.vehicle import Vehicle
+
+SHORT_LOSS_S = 10.0
+"""[s] shorter losses of lock are interpolated."""
+CURRENT_TIME_S = 600.0
+"""[s] over which the current found in bottom lock is averaged."""
+LEAST_WATER_SHARE = 0.5
+"""of the samples in water lock: below it the log says nothing on the velocity through the water"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Dvl(Baseline):
+    """Doppler velocity log, filled by steady flight where a glider carries it."""
+
+    title = "DVL-aided"
+    summary = (
+        "Doppler log: over ground in bottom lock, through the water in water lock, gaps filled by "
+        "`steady_flight` or, where the vehicle is no glider, by the last velocity; the current "
+        "found in bottom lock carried on"
+    )
+    colour = "black"
+    without_water = (
+        "The DVL-aided method is missing in the tables through the water: in less than half of "
+        "the samples its log was in water lock, and in bottom lock it measures the velocity over "
+        "ground, so that it says nothing on the one through the water. It is among the tracks "
+        "over ground."
+    )
+    channels: ClassVar[tuple[str, ...]] = (
+        *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
+        *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
+    )
+
+    @classmethod
+    def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
+        """Of a glider what its flight model reads, too."""
+        flight = () if no_glider(vehicle) else SteadyFlight.channels
+        return tuple(dict.fromkeys((*cls.channels, *flight)))
+
+    def estimate(self, signals: Signals, period: float) -> Estimate:
+        """See `twin.navigation.estimators.baseline.Baseline`; without any lock nothing is estimated."""
+        return self._estimate(signals, period, LEAST_WATER_SHARE)
+
+    def begin(self, period: float) -> VelocityEstimator:
+        """See `twin.navigation.estimators.baseline.Baseline`: on board every water lock counts, and the
+        flight model or the last velocity says the rest."""
+        return DvlSteps(self, period)
+
+    def _estimate(self, signals: Signals, period: float, least_water: float) -> Estimate:
+        mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
+        log = np.stack(
+            [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
+            axis=1,
+        )
+        locked = np.isfinite(log).all(axis=1) & (mode > 0)
+        if not locked.any():
+            return Estimate()
+        attitude = AttitudeSeries.of(signals)
+        rate = depth_rate(finite_channel(signals, "measured_depth"), period)
+        bottom, water = locked & (mode == BOTTOM), locked & (mode == WATER)
+        on_ground = np.stack([_filled(log[:, i], bottom, None, period) for i in range(3)], axis=1)
+        over = rotate_to_ned(on_ground, attitude)[:, :2]
+        usable = np.asarray(np.isfinite(over).all(axis=1))
+        flown, known = self._through_water(signals, log, water, period)
+        surge, sway = (_filled(log[:, i], water, flown[:, i], period) for i in (0, 1))
+        through = horizontal_velocity(surge, sway, rate, attitude)
+        model = horizontal_velocity(flown[:, 0], flown[:, 1], rate, attitude)
+        current = _carried(over - model, usable & known, period)
+        guess = through + current
+        if no_glider(self.vehicle):
+            held = np.stack([hold(on_ground[:, i], usable) for i in range(3)], axis=1)
+            after_bottom = hold(bottom.astype(float), locked) > 0.0
+            guess = np.where(after_bottom[:, None], rotate_to_ned(held, attitude)[:, :2], guess)
+        track = integrate(np.where(usable[:, None], over, guess), period)
+        measured = water.mean() >= least_water
+        return Estimate(
+            surge=surge if measured else None,
+            sway=sway if measured else None,
+            ground_track=track,
+        )
+
+    def _through_water(
+        self, signals: Signals, log: Array, water: Mask, period: float
+    ) -> tuple[Array, Mask]:
+        """Surge and sway [m/s] without the log's help, (time, 2), and where they can be trusted.
+
+        The flight model's for a glider. Without one the last in water lock, trusted where water
+        lock is near.
+        """
+        if not no_glider(self.vehicle):
+            flight = SteadyFlight(vehicle=self.vehicle).estimate(signals, period)
+            assert flight.surge is not None
+            assert flight.sway is not None
+            return np.stack([flight.surge, flight.sway], axis=1), np.ones(len(log), bool)
+        water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
+        held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
+        age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
+        return held, np.asarray(age * period <= SHORT_LOSS_S)
+
+
+class DvlSteps(BaselineSteps):
+    """The Doppler log under way.
+
+    Of a vehicle whose flight is not modelled the last velocity that the log measured holds: through
+    the water in water lock, over ground in bottom lock, where a navigator then finds no current.
+    """
+
+    baseline: Dvl
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`; without any lock a glider's flight model's."""
+        self.recent.add(sample)
+        if self.recent.count < 2:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        signals = self.recent.signals()
+        if no_glider(self.baseline.vehicle):
+            return _last_measured(signals)
+        found = self.baseline._estimate(signals, self.period, 0.0)
+        if found.surge is not None and found.sway is not None:
+            return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
+        flight = SteadyFlight(vehicle=self.baseline.vehicle).estimate(signals, self.period)
+        assert flight.surge is not None
+        assert flight.sway is not None
+        return BodyVelocity(surge=float(flight.surge[-1]), sway=float(flight.sway[-1]))
+
+
+def _last_measured(signals: Signals) -> BodyVelocity:
+    """The log's last velocity that is no outlier; at rest before the first."""
+    names = [f"measured_dvl_{n}" for n in ("surge", "sway", "heave")]
+    log = np.stack([np.asarray(signals[name], float) for name in names], axis=1)
+    good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
+    for i in range(3):
+        good &= ~spikes(np.nan_to_num(log[:, i]), good)
+    if not good.any():
+        return BodyVelocity(surge=0.0, sway=0.0)
+    surge, sway, heave = log[np.flatnonzero(good)[-1]]
+    return BodyVelocity(surge=float(surge), sway=float(sway), heave=float(heave))
+
+
+def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:
+    """Outliers and short losses interpolated between valid samples, the rest from `fallback`,
+    NaN without one."""
+    valid = valid & ~spikes(values, valid)
+    index = np.arange(len(values))
+    rest = np.full(len(values), np.nan) if fallback is None else fallback
+    if not valid.any():
+        return rest
+    places = index[valid]
+    after = np.searchsorted(places, index).clip(0, len(places) - 1)
+    before = (np.searchsorted(places, index, side="right") - 1).clip(0)
+    near = (places[after] - places[before]) * period <= SHORT_LOSS_S
+    inside = (index >= places[0]) & (index <= places[-1])
+    return np.where(near & inside, bridge(values, valid), np.where(valid, values, rest))
+
+
+def spikes(values: Array, valid: Mask) -> Mask:
+    """As `twin.navigation.dvl_cleaning.outliers`, with deviations from each sample's own median.
+
+    A track is bridged over what is taken out of a turn, and is none the worse."""
+    smooth = bridge(values, valid)
+    middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
+    off = np.abs(smooth - middle)
+    spread = MAD_TO_SIGMA * median_filter(off, HAMPEL_SAMPLES, mode="nearest")
+    return valid & (off > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD))
+
+
+def _carried(current: Array, known: Mask, period: float) -> Array:
+    """Exponential average of the known samples, held in between, zero before; (time, 2)."""
+    weight = 1.0 - np.exp(-period / CURRENT_TIME_S)
+    out = np.zeros_like(current)
+    mean, total = np.zeros(2), 0.0
+    for k in np.flatnonzero(known):
+        total += weight * (1.0 - total)
+        mean = mean + (current[k] - mean) * (weight / total)
+        out[k] = mean
+    return np.stack([hold(out[:, i], known) for i in range(2)], axis=1)

@@ -1,0 +1,90 @@
+"""Pitch plus angle of attack: speed from the depth rate along an assumed path, as gliders fly.
+
+A glider's path is steeper than its pitch by the angle of attack a, so that its speed through the
+water is |z'| / sin(|pitch| + a) and its horizontal speed |z'| / tan(|pitch| + a), along the
+measured heading. Slocum gliders navigate so, Spray with a = 3 deg (OceanGliders, depth-averaged
+current procedure). Sway is taken as zero.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from twin.navigation.dead_reckoning import Signals, depth_rate, finite_channel
+from twin.navigation.estimators.baseline import (
+    Baseline,
+    Estimate,
+    afloat,
+    hold,
+    no_glider,
+    smooth,
+)
+from twin.vehicle.vehicle import Vehicle
+
+REFERENCE_PITCH = math.radians(26.0)
+"""[rad] magnitude of the pitch that the constant is taken at, the usual one of gliders (Slocum)."""
+WINDOW_S = 20.0
+"""[s] average of depth rate and pitch; the vehicle's own software uses it too."""
+LEAST_PITCH = math.radians(10.0)
+"""[rad] below this the quotient is not used and the last speed is held (inflections)."""
+MAX_SPEED = 1.0
+"""[m/s] no buoyancy glider is faster through the water for long."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PitchPlusAlpha(Baseline):
+    """Speed from depth rate, pitch and one constant angle of attack."""
+
+    title = "w / tan(pitch + alpha)"
+    summary = (
+        "speed from depth rate over sin(pitch + a), along the heading, with one constant a: that "
+        "of the nominal vehicle at 26 deg of pitch"
+    )
+    colour = "orange"
+    drawn = True
+    channels: ClassVar[tuple[str, ...]] = ("measured_depth", "measured_pitch")
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
+
+    @functools.cached_property
+    def angle_of_attack(self) -> float:
+        """The constant [rad]: the nominal vehicle's in a steady glide at `REFERENCE_PITCH`."""
+        return steady_angle_of_attack(self.vehicle, REFERENCE_PITCH)
+
+    def estimate(self, signals: Signals, period: float) -> Estimate:
+        """See `twin.navigation.estimators.baseline.Baseline`."""
+        depth = finite_channel(signals, "measured_depth")
+        pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
+        rate = smooth(depth_rate(depth, period), WINDOW_S, period)
+        slope = smooth(pitch, WINDOW_S, period)
+        gliding = (np.abs(slope) >= LEAST_PITCH) & (rate * slope < 0)
+        alpha = self.angle_of_attack
+        speed = np.abs(rate) / np.sin(np.maximum(np.abs(slope), LEAST_PITCH) + alpha)
+        speed = hold(np.minimum(speed, MAX_SPEED), gliding)
+        speed = np.where(afloat(depth, period), 0.0, speed)
+        return Estimate(surge=speed * math.cos(alpha), sway=np.zeros_like(speed))
+
+
+def steady_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
+    """Angle of attack [rad] of a wings-level glide at |pitch| [rad], from the coefficients.
+
+    Mean of dive and climb, whose lift at zero angle differs in sign. Drag over lift is the tangent
+    of the path's angle (Graver 2005, section 4.1): (K_D0 + K_D a^2) = (K_L0 + K_alpha a) tan.
+    """
+    angles = []
+    for sign in (1.0, -1.0):
+        k_l0 = sign * vehicle.flow_frame.lift[0]
+        alpha = 0.0
+        for _ in range(100):
+            drag = vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2
+            alpha = (drag / math.tan(pitch + alpha) - k_l0) / vehicle.flow_frame.lift[1]
+        angles.append(alpha)
+    return sum(angles) / 2

@@ -1,0 +1,276 @@
+"""Logs: a store of dives that vehicles have logged, with real time and place.
+
+A row of such a store is one dive, from GPS fix to GPS fix where there are any.
+
+Logged trajectory: a log, with estimates where a simulation has its truth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError
+from twin.geodesy import position, wrap_longitude
+from twin.records.attributes import (
+    DEPLOYMENT,
+    DIVE_DURATION,
+    FILES,
+    IMPORT_REPORT,
+    PLATFORM,
+    START_TIME,
+    says_simulated,
+)
+from twin.records.reader import MissionStore
+from twin.records.schema import VARIABLES
+from twin.records.storage.store_place import (
+    LATITUDE,
+    LONGITUDE,
+    METHOD,
+    METHODS,
+    START_LATITUDE,
+    START_LONGITUDE,
+    StorePath,
+)
+from twin.records.trajectory import Trajectory, actuator_names
+from twin.water.current.axes import HIGHEST_LATITUDE
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 1e9
+FOLLOWS_WITHIN = 3600.0
+"""[s] between the end of a dive and the start of the next for their currents to be alike."""
+OVERLAP = 1.0
+"""[s] by which a dive may seem to start before the other's end: rounding of times."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogRow:
+    """One dive of a log."""
+
+    deployment: str
+    start: float
+    """[s] unix time of its first sample; NaN where the store does not say"""
+    duration: float
+    """[s] between its ends; NaN where the store does not say"""
+    displacement: tuple[float, float] | None
+    """North, east [m] over ground between its fixes; None without both."""
+
+    def follows(self, before: LogRow) -> bool:
+        """Whether it belongs to the same deployment and starts shortly after the other ends."""
+        gap = self.start - (before.start + before.duration)
+        return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
+
+
+def log_rows(store: MissionStore) -> list[LogRow]:
+    """What a store says of each mission beside its signals, as of a dive."""
+    count = len(store)
+    deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
+    starts, durations = start_times(store), numbers(store, DIVE_DURATION)
+    moved = np.stack([numbers(store, f"displacement_{n}") for n in ("north", "east")], axis=1)
+    return [
+        LogRow(
+            deployment=str(deployments[k]),
+            start=float(starts[k]),
+            duration=float(durations[k]),
+            displacement=(
+                (float(moved[k, 0]), float(moved[k, 1])) if np.isfinite(moved[k]).all() else None
+            ),
+        )
+        for k in range(count)
+    ]
+
+
+def numbers(store: MissionStore, name: str) -> Array:
+    """A number of each mission, (mission,); NaN where the store has no such array."""
+    if name not in store:
+        return np.full(len(store), np.nan)
+    return np.asarray(store.array(name), float)
+
+
+def start_times(store: MissionStore) -> Array:
+    """Unix time [s] of each mission's first sample, (mission,); NaN where it is not known."""
+    if START_TIME not in store:
+        return np.full(len(store), np.nan)
+    values = store.array(START_TIME)
+    if np.issubdtype(values.dtype, np.datetime64):
+        values = values.astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
+    return np.asarray(values, float)
+
+
+class LogStore(MissionStore):
+    """A store of logs; its missions are dives.
+
+    Raises:
+      StoreError: missing, damaged, of a newer schema, or no store of logs.
+    """
+
+    def __init__(self, path: str | StorePath):
+        super().__init__(path)
+        if not self.logged:
+            raise StoreError(
+                f"store {path} holds simulated missions; this needs logs of real vehicles, as "
+                "`factory import` stores them"
+            )
+        for name in (DEPLOYMENT, START_TIME):
+            if name not in self.dataset.variables:
+                raise StoreError(f"store {path} of logs has no array {name}; import the logs again")
+        self.report: dict[str, Any] = self.json(IMPORT_REPORT)
+
+    @property
+    def source(self) -> str:
+        """Kind of the logs: slocum, seaglider, seaexplorer ..."""
+        return str(self.report["kind"])
+
+    @property
+    def platform(self) -> str:
+        """Names of the vehicles."""
+        return str(self.attributes.get(PLATFORM, "unknown"))
+
+    @property
+    def files(self) -> str:
+        """Names of the files that were imported, with spaces between; empty where unknown."""
+        return str(self.attributes.get(FILES, ""))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the logs themselves say that they are of a simulation."""
+        return says_simulated(self.attributes)
+
+    @functools.cached_property
+    def log_rows(self) -> list[LogRow]:
+        """What the store says of each dive beside its signals."""
+        return log_rows(self)
+
+    @functools.cached_property
+    def deployments(self) -> list[str]:
+        """Name of each dive's deployment."""
+        return [str(name) for name in self.array(DEPLOYMENT)]
+
+    @functools.cached_property
+    def starts(self) -> Array:
+        """Unix time [s] of each dive's first sample."""
+        return start_times(self)
+
+    def number(self, name: str) -> Array:
+        """A number of each dive; NaN where the store has no such array."""
+        return numbers(self, name)
+
+    @functools.cached_property
+    def hours(self) -> float:
+        """Logged time of all dives [h]."""
+        return float(self.samples.sum()) * self.period / 3600.0
+
+    def missions_of(self, deployment: str) -> list[int]:
+        """Dives of a deployment, in order of time."""
+        chosen = [k for k, name in enumerate(self.deployments) if name == deployment]
+        return sorted(chosen, key=lambda k: self.starts[k])
+
+    def time(self, mission: int) -> Array:
+        """Unix time [s] of each sample of a dive."""
+        return np.asarray(self.starts[mission] + self.period * np.arange(self.samples[mission]))
+
+    def signal(self, name: str, mission: int) -> Array:
+        """A signal of a dive without padding; NaN where the store has no such signal."""
+        count = int(self.samples[mission])
+        if name not in self:
+            return np.full(count, np.nan)
+        return self.row(name, mission)[:count].astype(float)
+
+    def fixes(self, mission: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Latitude and longitude [degree] at the start and at the end of a dive; NaN without."""
+        names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
+        a, b, c, d = (float(self.number(name)[mission]) for name in names)
+        return (a, b), (c, d)
+
+    def positions(self, mission: int) -> tuple[Array, Array, str]:
+        """Latitude and longitude [degree] of a dive's samples, and how they were found.
+
+        Those that the store holds; in stores of earlier versions, which hold none, the vehicle's
+        own track where it logged one, else a straight line in time between the two fixes. NaN where
+        neither is known.
+        """
+        if LATITUDE in self:
+            count = int(self.samples[mission])
+            latitude, longitude = (
+                self.row(name, mission)[:count].astype(float) for name in (LATITUDE, LONGITUDE)
+            )
+            word = self.flags(METHOD)[int(self.array(METHOD)[mission])]
+            return latitude, longitude, METHODS[word]
+        return self._positions_without(mission)
+
+    def _positions_without(self, mission: int) -> tuple[Array, Array, str]:
+        """The same of a store that holds none."""
+        start, end = self.fixes(mission)
+        count = int(self.samples[mission])
+        if not np.isfinite(start).all():
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
+        north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
+        if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
+            return *position(north, east, *start), "on-board track"
+        if not np.isfinite(end).all():
+            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
+        share = np.linspace(0.0, 1.0, count)
+        turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
+        latitude = start[0] + share * (end[0] - start[0])
+        return latitude, start[1] + share * turn, METHODS["straight_line"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class LoggedTrajectory(Trajectory):
+    """One mission of a log, or several in a row, on one clock and in one frame."""
+
+    sources: dict[str, str]
+    """What each true_* signal is, such as {"true_north": "corrected track"}."""
+    starts: tuple[int, ...] = (0,)
+    """First sample of each mission"""
+    vehicle: str | None = None
+    """Whose flight model it is; None where none was flown"""
+    unflown: str = ""
+    """Why none was"""
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """The moving parts whose positions the log has; a command need not be logged."""
+        return tuple(part for part in actuator_names(VARIABLES) if f"true_{part}" in self)
+
+    def geographic_position(self) -> tuple[Array, Array]:
+        """Latitude and longitude [degree, WGS84] of the track, each of shape (time,).
+
+        Raises:
+          InputError: the log does not say where on Earth it began.
+        """
+        if START_LATITUDE not in self.provenance:
+            raise InputError("this log does not say where on Earth it began")
+        place = (self.provenance[START_LATITUDE], self.provenance[START_LONGITUDE])
+        latitude, longitude = position(self["true_north"], self["true_east"], *place)
+        return latitude, wrap_longitude(longitude)
+
+    def distance_through_water(self) -> Array:
+        """Path length through the water [m] up to each sample, shape (time,); without the samples
+        whose speed is unknown."""
+        speed = np.nan_to_num(np.linalg.norm(self.v_rel, axis=-1), nan=0.0)
+        steps = np.diff(self.time) * (speed[1:] + speed[:-1]) / 2
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def source_of(trajectory: Trajectory, name: str, default: str) -> str:
+    """What a true_* signal of a trajectory is: `default` where it is the truth of a simulation.
+
+    Args:
+      name: of the signal, such as "true_north".
+      default: the word for a simulation, such as "truth".
+    """
+    if isinstance(trajectory, LoggedTrajectory):
+        return trajectory.sources.get(name, default)
+    return default
+
+
+AVERAGED = "depth-averaged current"
+"""The source of a current that is one number for each dive"""
+MEASURED = "measured"
+"""The source of a signal that the log's own sensor measured"""

@@ -1,0 +1,235 @@
+"""Checksums: a list of every file of a folder with its size and SHA-256, so that damage is found.
+
+A plain folder has the list as `checksums.json`. In a zarr store it is the attributes of a group of
+that name, `checksums/zarr.json`: zarr warns of every entry of a group, hidden ones too, that is no
+part of a hierarchy. Both say the same:
+
+    {"files": {"time/zarr.json": {"bytes": 512, "sha256": "..."}}, "digest": "..."}
+
+`digest` is the SHA-256 of the canonical text of `files`. The list is compared with the only text
+that its content can have, so that a changed byte is found anywhere in it too.
+
+Content: hashes of stores, by which runs and calibrations know what they were made from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from twin.errors import StoreError
+from twin.records.attributes import N_SAMPLES, SPLIT
+from twin.records.schema import TIME
+from twin.records.storage.disk import write_whole
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.store_place import StorePath
+from twin.records.storage.stored_files import Files, FileSum, LocalFiles, file_sum
+
+LIST = "checksums.json"
+"""The list of a plain folder."""
+ZARR_METADATA = "zarr.json"
+ZARR_LIST = f"checksums/{ZARR_METADATA}"
+"""The list of a zarr store."""
+
+MOST_LIST = 2**30
+"""[byte] of a list; a store of a million missions has one of some megabytes"""
+
+What = Literal["changed", "missing", "unknown", "unreadable"]
+
+
+@dataclass(frozen=True)
+class Damage:
+    """One file that is not what the list says."""
+
+    path: str
+    """relative to the folder, with slashes"""
+    what: What
+    """`unknown` are files that the list does not name"""
+    detail: str = ""
+
+    def __str__(self) -> str:
+        """In words, for people."""
+        return f"{self.path} is {self.what}{f': {self.detail}' if self.detail else ''}"
+
+
+def has_checksums(folder: str | StorePath) -> bool:
+    """Whether a folder has a list; nothing of it is read."""
+    return _list_of(files_at(folder)) is not None
+
+
+def is_listed(folder: str | StorePath) -> bool:
+    """Whether a folder has a list that names every file in it: nothing there is a user's own."""
+    try:
+        sums = read_checksums(folder)
+    except StoreError:
+        return False
+    return all(name in sums for name in _names(files_at(folder)))
+
+
+def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = None) -> Path:
+    """Write the list of all files that a folder holds now; returns its path.
+
+    Args:
+      known: sums of files that were taken when these were written; the others are read.
+
+    Raises:
+      OSError: a file cannot be read, or the list not be written.
+    """
+    root, known = Path(folder), known or {}
+    target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
+    names = _names(LocalFiles(root))
+    sums = {name: known[name] if name in known else file_sum(root / name) for name in names}
+    target.parent.mkdir(exist_ok=True)
+    write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
+    return target
+
+
+def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
+    """The list of a folder, by paths relative to it.
+
+    Raises:
+      StoreError: there is none, or it is damaged itself.
+    """
+    files = files_at(folder)
+    key = _list_of(files)
+    if key is None:
+        raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
+    place = f"{files.name}/{key}"
+    try:
+        data = files.read_small(key, MOST_LIST)
+        document: Any = json.loads(data)
+        table = document["attributes"] if key == ZARR_LIST else document
+        sums = {
+            str(name): FileSum(int(entry["bytes"]), str(entry["sha256"]))
+            for name, entry in table["files"].items()
+        }
+        whole = data == list_text(sums, zarr=key == ZARR_LIST)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        why = " ".join(str(error).split())
+        raise StoreError(
+            f"the list of checksums {place} is damaged ({type(error).__name__}: {why})"
+        ) from error
+    if not whole:
+        raise StoreError(
+            f"the list of checksums {place} is damaged: it does not have its own digest"
+        )
+    return sums
+
+
+def damaged_files(folder: str | StorePath, only: Iterable[str] | None = None) -> Iterator[Damage]:
+    """Every file of a folder that is not what its list says; one file is read at a time.
+
+    Args:
+      only: files, or folders with all that is in them, relative to the folder; None: everything,
+        which also finds files that the list does not name.
+
+    Raises:
+      StoreError: the folder has no list.
+    """
+    files = files_at(folder)
+    key = _list_of(files)
+    if key is None:
+        raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
+    try:
+        sums = read_checksums(folder)
+    except StoreError as error:
+        yield Damage(key, "changed", str(error))
+        return
+    chosen = None if only is None else tuple(only)
+    for name, expected in sums.items():
+        if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen):
+            damage = _compare(files, name, expected)
+            if damage is not None:
+                yield damage
+    if chosen is None:
+        yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
+
+
+def _compare(files: Files, name: str, expected: FileSum) -> Damage | None:
+    try:
+        size = files.size(name)
+        if size is None:
+            return Damage(name, "missing")
+        if size != expected.bytes:  # what was cut need not be read
+            return Damage(name, "changed", f"{size} bytes instead of {expected.bytes}")
+        found = files.sum(name)
+    except OSError as error:
+        return Damage(name, "unreadable", error.strerror or str(error))
+    if found != expected:
+        return Damage(name, "changed", "its SHA-256 is another one")
+    return None
+
+
+def _list_of(files: Files) -> str | None:
+    """Which list a folder has."""
+    return next((key for key in (ZARR_LIST, LIST) if files.exists(key)), None)
+
+
+def _names(files: Files) -> Iterator[str]:
+    """All files but the list itself."""
+    return (key for key in files.all_keys() if key not in (LIST, ZARR_LIST))
+
+
+def list_text(sums: Mapping[str, FileSum], *, zarr: bool) -> bytes:
+    """The only text that a list of these sums can have."""
+    files = {name: {"bytes": one.bytes, "sha256": one.sha256} for name, one in sums.items()}
+    digest = hashlib.sha256(_json(files)).hexdigest()
+    table = {"digest": digest, "files": files}
+    return _json({"attributes": table, "node_type": "group", "zarr_format": 3} if zarr else table)
+
+
+def _json(value: Mapping[str, Any]) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
+
+
+def array_checksums(store: Path) -> dict[str, str]:
+    """SHA-256 over type, shape and values of each array of a zarr store, by name.
+
+    Values count, not files: another version of the compression leaves the checksums as they are.
+    """
+    import numpy as np
+    import xarray as xr
+
+    with xr.open_zarr(store, decode_times=False) as data:
+        return {
+            str(name): hashlib.sha256(
+                f"{array.dtype.str}{array.shape}".encode()
+                + np.ascontiguousarray(array.values).tobytes()
+            ).hexdigest()
+            for name, array in sorted(data.variables.items(), key=lambda item: str(item[0]))
+        }
+
+
+def store_hash(store: str | StorePath) -> str:
+    """SHA-256 over the names and bytes of all files of a store that are not hidden."""
+    files, digest = files_at(store), hashlib.sha256()
+    for key in _shown(files):
+        digest.update(key.encode())
+        digest.update(files.read(key))
+    return digest.hexdigest()
+
+
+def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
+    """SHA-256 over names and bytes of the files of these arrays: what a training learned from.
+
+    The store's own attributes are left out: they say when it was made, and the same recipe makes
+    the same arrays again.
+    """
+    root, digest = files_at(store), hashlib.sha256()
+    for name in sorted({TIME, N_SAMPLES, SPLIT, *names}):
+        files = root.below(name)
+        for key in _shown(files):
+            digest.update(f"{name}/{key}".encode())
+            digest.update(files.read(key))
+    return digest.hexdigest()
+
+
+def _shown(files: Files) -> list[str]:
+    """Keys in the order of paths, without the hidden ones: what a killed writer left is no
+    content."""
+    keys = (key for key in files.all_keys() if not key.rpartition("/")[2].startswith("."))
+    return sorted(keys, key=lambda key: key.split("/"))

@@ -1,0 +1,254 @@
+"""Disk: bytes that survive a power cut, and renames that happen in one step.
+
+A file is on the disk when it was synced, and it has its name there when its folder was synced. So
+whoever renames syncs the content first and the folder afterwards: a power loss then leaves the old
+name or the new content, never a name with half of it.
+
+Buffers: which missions of a store are in memory together, in an order that mixes the store.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import math
+import os
+import shutil
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+WRITING = ".writing-"
+"""In the name of what is not whole yet: `.NAME.writing-TOKEN`, beside NAME."""
+
+RENAME_EXCHANGE = 2
+"""Flag of renameat2(2): both names change hands at once."""
+AT_FDCWD = -100
+"""renameat2(2): paths are relative to the working folder."""
+SYNCS_AT_ONCE = 16
+NO_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.ENOSYS})
+"""What file systems that cannot sync a folder say."""
+NO_EXCHANGE = frozenset({errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EPERM})
+"""What kernels and file systems that cannot exchange names say: NFS, FUSE, Linux before 3.15."""
+
+
+def sync_file(path: Path) -> None:
+    """Return when the file's content is on the disk; raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def sync_folder(path: Path) -> None:
+    """Return when the names in a folder are on the disk; raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def sync_tree(folder: Path) -> None:
+    """Return when a folder is on the disk with everything in it; raises OSError."""
+    sync_all([*files_below(folder)], [Path(place) for place, _, _ in os.walk(folder)])
+
+
+def sync_all(files: Sequence[Path], folders: Collection[Path]) -> None:
+    """Return when these files have their content and these folders their names on the disk; raises
+    OSError.
+
+    Many at once, which a disk takes together: 150 files 0.04 s instead of 1.3 s.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(SYNCS_AT_ONCE) as threads:
+        for _ in threads.map(sync_file, files):
+            pass
+        for _ in threads.map(sync_folder, folders):
+            pass
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Every entry of a folder and of its folders that is not a folder, in the order of their names;
+    raises OSError where a folder cannot be read."""
+    with os.scandir(folder) as entries:
+        found = sorted(entries, key=lambda entry: entry.name)
+    for entry in found:
+        if entry.is_dir(follow_symlinks=False):
+            yield from files_below(Path(entry.path))
+        else:
+            yield Path(entry.path)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a small file so that it is there with all of `data`, or as it was; raises OSError.
+
+    What a kill leaves beside it is `.NAME.writing-TOKEN`: nobody reads it, and the next writer of
+    the same name removes it, or `sweep`.
+    """
+    for left in temporaries(path):
+        with dead(left) as gone:
+            if gone:
+                remove(left)
+    while not _written(temporary_name(path), path, data):
+        pass
+    sync_folder(path.parent)
+
+
+def _written(temporary: Path, path: Path, data: bytes) -> bool:
+    """Write a file and give it its name; False where another writer of the same name took it for
+    left over, which it can before the lock is held."""
+    try:
+        with temporary.open("wb") as file:
+            if not (lock(file.fileno()) and temporary.exists()):
+                return False
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+            temporary.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+    return True
+
+
+def temporary_name(path: Path) -> Path:
+    """An unused name beside `path`, for a file or folder that will be renamed to it."""
+    return path.with_name(f".{path.name}{WRITING}{os.urandom(4).hex()}")
+
+
+def is_temporary(one: Path, path: Path) -> bool:
+    """Whether `one` has a name that a writer of `path` gives to what it has beside it."""
+    return one.parent == path.parent and one.name.startswith(f".{path.name}{WRITING}")
+
+
+def temporaries(path: Path) -> list[Path]:
+    """What writers of `path` have, or left, beside it."""
+    with contextlib.suppress(FileNotFoundError), os.scandir(path.parent) as entries:
+        return [Path(e.path) for e in entries if is_temporary(Path(e.path), path)]
+    return []
+
+
+def lock(descriptor: int) -> bool:
+    """Hold an open file or folder while this process lives; False when another one holds it.
+
+    Where the file system has no locks this does nothing: then nothing is ever proven `dead`.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+@contextlib.contextmanager
+def dead(path: Path) -> Iterator[bool]:
+    """Whether the process that wrote a temporary file or folder is gone; nobody else finds so
+    until the context ends."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    except OSError:
+        yield False
+        return
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            gone = True
+        except OSError:
+            gone = False
+        yield gone
+    finally:
+        os.close(descriptor)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder with all that is in it, as far as the disk lets it."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+        return
+    with contextlib.suppress(OSError):
+        path.unlink()
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes that are gone left half-written in a folder and its folders."""
+    for place, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            if name.startswith(".") and WRITING in name:
+                with dead(Path(place, name)) as gone:
+                    if gone:
+                        remove(Path(place, name))
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Let two entries of one file system change names, at once; False where that cannot be done.
+
+    Raises:
+      OSError: one of them is not there, or the disk refuses.
+    """
+    import ctypes
+
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:  # a C library without it
+        return False
+    names = os.fsencode(one), os.fsencode(other)
+    if rename(AT_FDCWD, names[0], AT_FDCWD, names[1], RENAME_EXCHANGE) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in NO_EXCHANGE:
+        return False
+    raise OSError(code, os.strerror(code), str(other))
+
+
+Places = NDArray[np.int64]
+"""Numbers of missions among those that are wanted."""
+
+BLOCKS = 16
+"""Blocks of neighbouring missions, drawn at random, that make a buffer: neighbours are read in one
+go, and many blocks mix the store well."""
+
+
+def buffers(
+    lengths: NDArray[np.int64], size: int, rng: np.random.Generator | None = None
+) -> list[Places]:
+    """Missions that are in memory together, buffer by buffer; each mission is in one of them.
+
+    Args:
+      lengths: samples of each mission.
+      size: samples of a buffer, about; a longer mission is a buffer of its own.
+      rng: draws which neighbours come together and the order of the buffers; None keeps the
+        store's order.
+
+    Returns:
+      For each buffer its missions, in rising order.
+    """
+    total = int(lengths.sum())
+    count = max(1, math.ceil(total / size))
+    if count == 1:
+        return [np.arange(len(lengths))]
+    blocks = _even_parts(lengths, np.arange(len(lengths)), count * BLOCKS)
+    if rng is not None:
+        blocks = [blocks[k] for k in rng.permutation(len(blocks))]
+    samples = np.array([lengths[block].sum() for block in blocks])
+    return [
+        np.sort(np.concatenate([blocks[k] for k in part]))
+        for part in _even_parts(samples, np.arange(len(blocks)), count)
+    ]
+
+
+def _even_parts(lengths: NDArray[np.int64], items: Places, count: int) -> list[Places]:
+    """Items in at most `count` runs of about the same total length."""
+    middles = np.cumsum(lengths) - lengths / 2.0
+    part = np.floor(middles * (count / lengths.sum())).astype(np.int64)
+    return np.split(items, np.flatnonzero(np.diff(part)) + 1)

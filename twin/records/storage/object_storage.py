@@ -1,0 +1,335 @@
+"""Object storage: obstore's view of an address, who asks, and what its errors mean.
+
+Who may read and write, and where the storage is, say the environment variables that the storage's
+own tools read: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL and so on.
+Profiles of ~/.aws are read by boto3, as Amazon's own tools read them.
+
+Object files: those of an object storage, such as s3://bucket/missions.zarr, through obstore.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import errno
+import functools
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+from twin.extras import require
+from twin.records.storage.store_place import StorePath, Url, store_path
+from twin.records.storage.stored_files import Files, FileSum, LocalFiles
+
+RETRIES, RETRY_S = 8, 60
+"""Times that a request is repeated when the storage does not answer or says that it is busy, and
+[s] after which it is not repeated"""
+FIRST_RETRIES, FIRST_S = 2, 8
+"""The same of a process's first request: an address that leads nowhere is told soon. One try takes
+up to 5 s to connect and up to 30 s until there is an answer"""
+KEY, PROFILE = "AWS_ACCESS_KEY_ID", "AWS_PROFILE"
+CREDENTIALS_FILE = "AWS_SHARED_CREDENTIALS_FILE"
+UNSIGNED = "AWS_SKIP_SIGNATURE"
+WHO = {
+    "s3": f"set {KEY} and AWS_SECRET_ACCESS_KEY, or {PROFILE}; {UNSIGNED}=true for public buckets",
+    "gs": "set GOOGLE_APPLICATION_CREDENTIALS to the path of a service account's key",
+    "az": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
+}
+"""How a user says who asks, by scheme"""
+METADATA_SERVICES = ("169.254.169.254", "metadata.google.internal")
+"""Where machines of a cloud get credentials when the environment has none"""
+ALLOW_HTTP = {"s3": "AWS_ALLOW_HTTP", "gs": "GOOGLE_ALLOW_HTTP", "az": "AZURE_ALLOW_HTTP"}
+NO_BUCKET = ("NoSuchBucket", "ContainerNotFound", "The specified bucket does not exist")
+FORBIDDEN = ("401 Unauthorized", "403 Forbidden")
+REFUSED = "the storage refuses what these credentials ask for"
+UNREACHED = ("error sending request", "operation timed out", "connection closed")
+
+
+def open_objects(url: Url) -> Any:
+    """obstore's view of the objects whose keys begin with an address.
+
+    Raises:
+      InputError: the address or its configuration cannot be used, or boto3 is missing.
+      OSError: no such storage or bucket answers.
+    """
+    _meet(_root(url))
+    return _open(url, {"max_retries": RETRIES, "retry_timeout": _seconds(RETRY_S)})
+
+
+def explained(error: Exception, place: str) -> OSError:
+    """What obstore raised of an address as an OSError that says what to do.
+
+    A FileNotFoundError only where the bucket is there and the object is not.
+    """
+    whole = str(error)
+    reason = " ".join((whole.splitlines() or [type(error).__name__])[0].split())
+    code = re.search(r"<Code>(\w+)</Code>", whole)
+    said = _NOISE.sub("", reason.partition(": <")[0]) + (f", {code[1]}" if code else "")
+    scheme, _, rest = place.partition("://")
+    if any(host in reason for host in METADATA_SERVICES):
+        return PermissionError(errno.EACCES, f"no credentials: {WHO[scheme]}", place)
+    if any(words in whole for words in NO_BUCKET):
+        bucket = rest.partition("/")[0]
+        return NotADirectoryError(errno.ENOTDIR, f"the storage has no bucket {bucket!r}", place)
+    if isinstance(error, FileNotFoundError):
+        return FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), place)
+    if isinstance(error, PermissionError) or any(words in reason for words in FORBIDDEN):
+        return PermissionError(errno.EACCES, f"{REFUSED} ({said}): {WHO[scheme]}", place)
+    if "http://" in reason and "builder error" in reason:
+        hint = f"a storage without TLS needs {ALLOW_HTTP[scheme]}=true"
+        return PermissionError(errno.EACCES, f"{hint} ({said})", place)
+    if any(words in reason for words in UNREACHED):
+        return OSError(errno.EIO, f"the storage cannot be reached ({said})", place)
+    return OSError(errno.EIO, said, place)
+
+
+_NOISE = re.compile(
+    r"^Generic \w+ error: |Error performing (?:list request: Error performing )?(?=[A-Z]+ )"
+    r"| in [\d.]+[nµm]?s\b|, max_retries: \d+, retry_timeout: \d+s"
+)
+"""What obstore says that helps nobody here"""
+
+
+@functools.cache
+def _meet(root: Url) -> None:
+    """Ask a bucket once in each process, so that later requests may be patient; OSError."""
+    import obstore
+    from obstore.exceptions import BaseError
+
+    retry = {"max_retries": FIRST_RETRIES, "retry_timeout": _seconds(FIRST_S)}
+    first = _open(root, retry)
+    try:
+        next(iter(obstore.list(first, chunk_size=1)), None)
+    except (BaseError, OSError) as error:
+        told = explained(error, str(root))
+        if not str(told.strerror).startswith(REFUSED):  # who may not list may perhaps read
+            raise told from error
+
+
+def _open(url: Url, retry: Any) -> Any:
+    from obstore.exceptions import BaseError
+    from obstore.store import from_url
+
+    options: dict[str, Any] = {}
+    credentials = _profile() if _scheme(url) == "s3" else None
+    if credentials is not None:
+        options = {"credential_provider": credentials[0], "config": credentials[1]}
+    try:
+        return from_url(str(url), retry_config=retry, **options)
+    except (BaseError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{url} cannot be used: {reason}: {WHO[_scheme(url)]}") from error
+
+
+def _profile() -> tuple[Any, dict[str, str]] | None:
+    """What gives the credentials of a profile in ~/.aws, and what else the profile says; None when
+    the environment has a key itself, or there are no profiles.
+
+    Raises:
+      InputError: boto3 is not installed, or there is no such profile.
+    """
+    environment = os.environ
+    if KEY in environment or UNSIGNED in environment:
+        return None
+    name, path = environment.get(PROFILE), environment.get(CREDENTIALS_FILE, "~/.aws/credentials")
+    if name is None and not Path(path).expanduser().is_file():
+        return None
+    return _read_profile(name, path)
+
+
+@functools.cache
+def _read_profile(name: str | None, path: str) -> tuple[Any, dict[str, str]]:
+    what = f"{PROFILE}={name}" if name else f"the profile in {path}"
+    require("boto3", extra="aws", purpose=what)
+    import boto3
+    from botocore.configprovider import ConfiguredEndpointProvider
+    from botocore.exceptions import BotoCoreError
+    from obstore.auth.boto3 import Boto3CredentialProvider
+
+    try:
+        session = boto3.Session()
+        provider = Boto3CredentialProvider(session)
+        known = session._session
+        endpoint = ConfiguredEndpointProvider(
+            known.full_config, known.get_scoped_config(), "s3"
+        ).provide()
+    except (BotoCoreError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{what} gives no credentials ({reason}): {WHO['s3']}") from error
+    return provider, {"endpoint": endpoint} if endpoint else {}
+
+
+def _root(url: Url) -> Url:
+    """The bucket of an address."""
+    return Url(*url.parts[:2])
+
+
+def _scheme(url: Url) -> str:
+    return url.parts[0].rstrip(":")
+
+
+def _seconds(number: float) -> datetime.timedelta:
+    return datetime.timedelta(seconds=number)
+
+
+LISTED = 1000
+"""Keys that a storage tells at a time"""
+
+
+class ObjectFiles(Files):
+    """Objects whose keys begin alike. A process that was forked after the first use cannot use it:
+    obstore has threads."""
+
+    def __init__(self, url: Url):
+        require("obstore", extra="cloud", purpose=f"the address {url}")
+        self.url = url
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ObjectFiles, (self.url,)
+
+    @functools.cached_property
+    def _objects(self) -> Any:
+        """obstore's view of the place."""
+        return open_objects(self.url)
+
+    @property
+    def name(self) -> str:
+        """Its address."""
+        return str(self.url)
+
+    def below(self, key: str) -> ObjectFiles:
+        """The objects whose keys go on with `key`."""
+        return ObjectFiles(self.url / key)
+
+    def read(self, key: str) -> bytes:
+        """All of an object."""
+        import obstore
+
+        with self._told(key):
+            return bytes(obstore.get(self._objects, key).bytes())
+
+    def fetch(self, key: str, folder: Path) -> Path:
+        """A copy, of a name that no other key has."""
+        folder.mkdir(parents=True, exist_ok=True)
+        place = folder / hashlib.sha256(key.encode()).hexdigest()
+        with place.open("wb") as file:
+            for piece in self._pieces(key):
+                file.write(piece)
+        return place
+
+    def give_back(self, path: Path) -> None:
+        """Remove a copy, and its folder when that is empty."""
+        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            path.parent.rmdir()
+
+    def write(self, key: str, data: bytes) -> None:
+        """Put an object, which is there whole from then on."""
+        import obstore
+
+        with self._told(key):
+            obstore.put(self._objects, key, data)
+
+    def write_safe(self, key: str, data: bytes) -> None:
+        """As `write`: what a storage has taken, it keeps."""
+        self.write(key, data)
+
+    def take(self, key: str, path: Path) -> None:
+        """Put the content of a file, in parts where it is large."""
+        import obstore
+
+        with self._told(key):
+            obstore.put(self._objects, key, path)
+        path.unlink()
+
+    def settle(self) -> None:
+        """What a storage has taken, it keeps."""
+
+    def size(self, key: str) -> int | None:
+        """Size of an object."""
+        import obstore
+
+        try:
+            with self._told(key):
+                return int(obstore.head(self._objects, key)["size"])
+        except FileNotFoundError:
+            return None
+
+    def sum(self, key: str) -> FileSum:
+        """Size and hash of an object."""
+        digest, size = hashlib.sha256(), 0
+        for piece in self._pieces(key):
+            digest.update(piece)
+            size += len(piece)
+        return FileSum(size, digest.hexdigest())
+
+    def sizes(self) -> Iterator[tuple[str, int]]:
+        """All objects."""
+        import obstore
+
+        with self._told(""):
+            for some in obstore.list(self._objects, chunk_size=LISTED):
+                for one in some:
+                    yield str(one["path"]), int(one["size"])
+
+    def folders(self) -> list[str]:
+        """First parts of longer keys."""
+        import obstore
+
+        with self._told(""):
+            found = obstore.list_with_delimiter(self._objects)["common_prefixes"]
+        return sorted(str(name).rstrip("/") for name in found)
+
+    def zarr_store(self) -> Any:
+        """zarr's own view of an object storage."""
+        from zarr.storage import ObjectStore
+
+        return ObjectStore(self._objects, read_only=True)
+
+    def remove(self, key: str) -> None:
+        """Delete an object."""
+        import obstore
+
+        with contextlib.suppress(FileNotFoundError), self._told(key):
+            obstore.delete(self._objects, key)
+
+    def remove_all(self) -> None:
+        """Delete every object."""
+        for key in list(self.all_keys()):
+            with contextlib.suppress(OSError):
+                self.remove(key)
+
+    def _pieces(self, key: str) -> Iterator[bytes]:
+        """The content of an object, piece by piece."""
+        import obstore
+
+        with self._told(key):
+            for piece in obstore.get(self._objects, key):
+                yield bytes(piece)
+
+    @contextlib.contextmanager
+    def _told(self, key: str) -> Iterator[None]:
+        """Make an OSError that names the object of what obstore raises."""
+        from obstore.exceptions import BaseError
+
+        place = f"{self.url}/{key}" if key else str(self.url)
+        try:
+            yield
+        except (BaseError, OSError) as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise  # of this machine's disk, or explained already
+            raise explained(error, place) from error
+
+
+def files_at(place: str | StorePath) -> Files:
+    """The files of a folder of this machine, or below an address.
+
+    Raises:
+      InputError: an address that cannot be used, or obstore is not installed.
+    """
+    path = store_path(place)
+    return ObjectFiles(path) if isinstance(path, Url) else LocalFiles(path)

@@ -1,0 +1,297 @@
+"""Place: where and when missions were, as coordinates of stores and provenance of trajectories.
+
+A store has the coordinates `datetime`, `latitude` and `longitude` of every sample and
+`start_time`, `start_latitude` and `start_longitude` of every mission, all in UTC and degrees WGS84.
+The starts are the origins of the missions' frames. Stores of earlier versions lack some or all.
+
+Store path: where a store lies, a path of this machine or the address of an object storage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePath, PurePosixPath
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, unknown_name
+from twin.geodesy import from_tangent_plane, wrap_longitude
+from twin.records.schema import MISSION
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+Array = NDArray[np.float64]
+
+START_LATITUDE, START_LONGITUDE, START_TIME = "start_latitude", "start_longitude", "start_time"
+"""Names in a trajectory's provenance, and of arrays (mission) in stores; of the frame's origin"""
+PLACE = (START_LATITUDE, START_LONGITUDE, START_TIME)
+DATETIME, LATITUDE, LONGITUDE = "datetime", "latitude", "longitude"
+"""Names of arrays (mission, time) in stores"""
+COORDINATES = (DATETIME, LATITUDE, LONGITUDE)
+NOMINAL = "start_nominal"
+"""Which of place and date nobody has said, so that the defaults stand: in a provenance the words,
+in a store an array (mission) of flags; left out where all is said"""
+NOMINAL_WORDS = ("none", "place", "date", "place and date")
+"""By flag"""
+NOMINAL_ATTRIBUTES: Mapping[str, Any] = {
+    "long_name": "default of the start that stands",
+    "comment": "what nobody said of the start of the mission is a default",
+    "flag_values": np.arange(len(NOMINAL_WORDS), dtype=np.int8),
+    "flag_meanings": " ".join(word.replace(" ", "_") for word in NOMINAL_WORDS),
+}
+
+_EPOCH = np.datetime64("1970-01-01T00:00:00", "ms")
+NO_TIME = np.int64(np.iinfo(np.int64).min)
+"""Stands for a moment that is not known; what numpy and pandas take for NaT"""
+MILLISECOND = 1e-3
+_DEGREE_STEPS = 2.0**24
+"""Per degree: stored degrees are multiples of 6e-8, 7 mm; binary steps compress"""
+
+METHOD = "position_method"
+"""Array (mission) of stores of logs: how the positions of a row were found"""
+METHODS: Mapping[str, str] = {
+    "unknown": "no GPS fix",
+    "straight_line": "straight line between the GPS fixes",
+    "onboard_track": "the vehicle's own dead reckoning, corrected at the GPS fixes",
+    "depth_rate_and_pitch": "dead-reckoned by depth rate, pitch and heading, corrected at the "
+    "GPS fixes",
+}
+"""What the flags of it mean, in their order"""
+METHOD_ATTRIBUTES: Mapping[str, Any] = {
+    "long_name": "method of the positions",
+    "comment": "; ".join(f"{word}: {meaning}" for word, meaning in METHODS.items()),
+    "flag_values": np.arange(len(METHODS), dtype=np.int8),
+    "flag_meanings": " ".join(METHODS),
+}
+LOGGED = {
+    "comment": f"found as {METHOD} says; the misclosure at the GPS fixes is spread linearly in time"
+}
+"""Added to latitude and longitude of logs"""
+
+ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
+    DATETIME: {
+        "standard_name": "time",
+        "long_name": "date and time, UTC",
+        "units": "milliseconds since 1970-01-01",
+        "calendar": "standard",
+        "axis": "T",
+        "_FillValue": int(NO_TIME),
+    },
+    LATITUDE: {
+        "standard_name": "latitude",
+        "long_name": "latitude",
+        "units": "degree_north",
+        "axis": "Y",
+    },
+    LONGITUDE: {
+        "standard_name": "longitude",
+        "long_name": "longitude",
+        "units": "degree_east",
+        "axis": "X",
+    },
+    START_TIME: {
+        "standard_name": "time",
+        "long_name": "start time of the mission, UTC",
+        "units": "seconds since 1970-01-01",
+        "calendar": "standard",
+    },
+    START_LATITUDE: {
+        "standard_name": "latitude",
+        "long_name": "latitude of the start of the mission",
+        "units": "degree_north",
+    },
+    START_LONGITUDE: {
+        "standard_name": "longitude",
+        "long_name": "longitude of the start of the mission",
+        "units": "degree_east",
+    },
+}
+"""CF attributes of each coordinate, as stores hold them"""
+FLOWN = {"comment": "of the true track"}
+"""Added to latitude and longitude of simulated missions"""
+COORDINATE_DTYPES = {
+    DATETIME: np.dtype("<i8"),
+    LATITUDE: np.dtype("<f8"),
+    LONGITUDE: np.dtype("<f8"),
+}
+"""In stores"""
+
+
+def rounded_degrees(values: Array) -> Array:
+    """Degrees as stores keep them."""
+    return np.asarray(np.rint(values * _DEGREE_STEPS) / _DEGREE_STEPS)
+
+
+def unix_milliseconds(start: float, time: Array) -> NDArray[np.int64]:
+    """Moments of samples as stores keep them; NO_TIME where the start is not known.
+
+    Args:
+      start: unix time [s] at `time` 0.
+      time: [s], any shape.
+    """
+    if not np.isfinite(start):
+        return np.full(np.shape(time), NO_TIME)
+    return np.rint((start + time) / MILLISECOND).astype(np.int64)
+
+
+def unix_seconds(moment: str | np.datetime64 | None) -> float:
+    """Unix time [s] of a moment in UTC, ISO 8601; NaN for None."""
+    found: Any = moment
+    since = np.datetime64("NaT" if moment is None else found, "us") - _EPOCH
+    return float(since / np.timedelta64(1, "s"))
+
+
+def flown_coordinates(
+    time: Array, north: Array, east: Array, place: Mapping[str, Any]
+) -> dict[str, NDArray[Any]]:
+    """The coordinates of the samples of a simulated mission, (time,), as stores keep them.
+
+    Args:
+      time: [s] since the start, (time,).
+      north, east: [m] from the origin, (time,).
+      place: the provenance of the mission; what it does not say is NaN or NO_TIME.
+    """
+    origin = (place.get(START_LATITUDE, np.nan), place.get(START_LONGITUDE, np.nan))
+    latitude, longitude = from_tangent_plane(north, east, *origin)
+    return {
+        DATETIME: unix_milliseconds(unix_seconds(place.get(START_TIME)), time),
+        LATITUDE: rounded_degrees(latitude),
+        LONGITUDE: rounded_degrees(wrap_longitude(longitude)),
+    }
+
+
+def padded(name: str, rows: Sequence[NDArray[Any]], longest: int) -> NDArray[Any]:
+    """The rows of a coordinate, each of its mission's samples, as (mission, time)."""
+    kind = COORDINATE_DTYPES[name]
+    whole = np.full((len(rows), longest), NO_TIME if kind.kind == "i" else np.nan, kind)
+    for k, row in enumerate(rows):
+        whole[k, : len(row)] = row
+    return whole
+
+
+def sample_variables(
+    arrays: Mapping[str, NDArray[Any]], said: Mapping[str, Any], dimensions: tuple[str, ...]
+) -> dict[str, Any]:
+    """The coordinates of samples as xarray takes them, moments as datetime64.
+
+    Args:
+      arrays: as stores keep them, by name.
+      said: attributes that latitude and longitude have beside the usual ones.
+      dimensions: of the arrays.
+    """
+    import xarray as xr
+
+    variables: dict[str, Any] = {}
+    for name, values in arrays.items():
+        attributes = dict(ATTRIBUTES[name])
+        if name != DATETIME:
+            variables[name] = xr.Variable(dimensions, values, attributes | dict(said))
+            continue
+        encoding = {key: attributes.pop(key) for key in ("units", "calendar", "_FillValue")}
+        moments = values.astype("datetime64[ms]")
+        variables[name] = xr.Variable(
+            dimensions, moments, attributes, encoding | {"dtype": "int64"}
+        )
+    return variables
+
+
+def place_arrays(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Arrays (mission) of the places and times that the trajectories know; none where none does.
+
+    Args:
+      provenances: of the trajectories, in their order.
+    """
+    arrays: dict[str, Any] = {}
+    for name in PLACE:
+        if any(name in one for one in provenances):
+            values = np.array(
+                [
+                    unix_seconds(one.get(name)) if name == START_TIME else one.get(name, np.nan)
+                    for one in provenances
+                ],
+                float,
+            )
+            arrays[name] = (MISSION, values, dict(ATTRIBUTES[name]))
+    return arrays
+
+
+def nominal_array(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The array (mission) that says which places and dates are defaults; none where none is."""
+    if not any(NOMINAL in one for one in provenances):
+        return {}
+    flags = [NOMINAL_WORDS.index(one.get(NOMINAL, NOMINAL_WORDS[0])) for one in provenances]
+    return {NOMINAL: (MISSION, np.array(flags, np.int8), dict(NOMINAL_ATTRIBUTES))}
+
+
+def method_array(methods: Sequence[str]) -> Any:
+    """The array (mission) of the words of METHODS."""
+    flags = np.array([[*METHODS].index(word) for word in methods], np.int8)
+    return MISSION, flags, dict(METHOD_ATTRIBUTES)
+
+
+def read_place(one: xr.Dataset) -> dict[str, float | str]:
+    """What a store says about one mission, as provenance; its times decoded or not."""
+    place: dict[str, float | str] = {}
+    for name in (START_LATITUDE, START_LONGITUDE):
+        if name in one and np.isfinite(value := float(one[name].values)):
+            place[name] = value
+    if START_TIME in one:
+        start = np.asarray(one[START_TIME].values)
+        if not np.issubdtype(start.dtype, np.datetime64):
+            start = np.asarray(float(start) * 1e6).astype("datetime64[us]")
+        if not np.isnat(start):
+            place[START_TIME] = start.astype("datetime64[us]").item().isoformat()
+    if NOMINAL in one and (flag := int(one[NOMINAL].values)):
+        place[NOMINAL] = NOMINAL_WORDS[flag]
+    return place
+
+
+SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
+"""What may stand before :// in an address, and whose it is"""
+MARK = "://"
+
+
+class Url(PurePosixPath):
+    """An address such as s3://bucket/folder/missions.zarr, with the names and parents of paths.
+
+    It is no path of this machine: what opens files refuses it.
+    """
+
+    def __str__(self) -> str:
+        """With both slashes, which paths make one of."""
+        return super().__str__().replace(":/", MARK, 1)
+
+    def __fspath__(self) -> NoReturn:
+        raise TypeError(f"{self} is not a path of this machine")
+
+
+StorePath: TypeAlias = Path | Url
+
+
+def store_path(place: str | PurePath) -> StorePath:
+    """The path or address that a text means. A `Path` made of an address is taken for it.
+
+    Raises:
+      InputError: an address of a kind that nobody can read, or one that names no store.
+    """
+    if isinstance(place, Path | Url) and place.parts[:1] not in [(f"{s}:",) for s in SCHEMES]:
+        return place
+    text = str(place) if MARK in str(place) else str(place).replace(":/", MARK, 1)
+    scheme, mark, rest = text.partition(MARK)
+    if not mark:
+        return Path(place)
+    if scheme not in SCHEMES:
+        raise InputError(
+            f"{place}: {unknown_name('kind of address', scheme, SCHEMES)}; without {MARK} it is "
+            "a path of this machine"
+        )
+    if len(Url(text).parts) < 3 or ".." in rest.split("/"):
+        raise InputError(
+            f"{place} names no store: give the bucket and a name in it, such as "
+            f"{scheme}{MARK}BUCKET/missions.zarr"
+        )
+    return Url(text)

@@ -1,0 +1,98 @@
+"""Plugins: files of a user's own kinds, named by the environment.
+
+Each process runs them once, before it first looks a name up.
+
+Places: where a kind is written, as `module:Name`, and what stands there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+
+PLUGINS = "GLIDER_TWIN_PLUGINS"
+"""Environment variable with the Python files of a user's own kinds."""
+PLUGIN_MODULE = "glider_twin_plugin_"
+"""Start of the names under which those files are known as modules."""
+
+_plugins_ran: set[str] = set()
+
+
+def run_plugins() -> None:
+    """Run the files that the environment names, each once.
+
+    Raises:
+      InputError: a file is not there or fails; the message names it.
+    """
+    for text in os.environ.get(PLUGINS, "").split(os.pathsep):
+        if not text or text in _plugins_ran:
+            continue
+        _plugins_ran.add(text)  # before it runs: it looks names up itself
+        try:
+            _run_plugin(Path(text))
+        except BaseException:
+            _plugins_ran.discard(text)
+            raise
+
+
+def _run_plugin(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{PLUGINS} names {path}, which is not a file; correct the variable")
+    name = f"{PLUGIN_MODULE}{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{PLUGINS} names {path}, which is not a Python file (.py)")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    try:
+        spec.loader.exec_module(module)
+    except InputError as error:
+        raise InputError(f"{path} ({PLUGINS}): {error}") from error
+    except Exception as error:
+        raise InputError(f"{path} ({PLUGINS}) fails: {type(error).__name__}: {error}") from error
+
+
+PROGRAMS = ("__main__", "__mp_main__")
+"""Names of the file that Python was started with, here and in its worker processes."""
+
+
+def imported(place: str) -> Any:
+    """What stands at `module:attribute`."""
+    module, _, attribute = place.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def place_of(kind: Any) -> str:
+    """`module:Name` of a class or function; of an object, its class's."""
+    found = kind if hasattr(kind, "__qualname__") else type(kind)
+    return f"{found.__module__}:{found.__qualname__}"
+
+
+def same_place(one: Any, other: Any) -> bool:
+    """Whether two classes or functions are one that was defined twice."""
+    both = hasattr(one, "__qualname__") and hasattr(other, "__qualname__")
+    return both and place_of(one) == place_of(other)
+
+
+def from_plugin(kind: Any) -> bool:
+    """Whether a file that GLIDER_TWIN_PLUGINS names has written it."""
+    return place_of(kind).startswith(PLUGIN_MODULE)
+
+
+def importable(kind: Any) -> bool:
+    """Whether a process that is started by this one finds a kind by its module and name."""
+    module, _, name = place_of(kind).partition(":")
+    if "<locals>" in name:
+        return False
+    if module == "__main__":
+        return hasattr(sys.modules[module], "__file__")
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False

@@ -1,0 +1,324 @@
+"""Registry: the kinds of one seam by name, each imported and checked when it is asked for.
+
+Checks: what a seam asks of a kind before it takes it.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from twin.errors import InputError, TwinError, UnknownName
+from twin.seams.plugins import (
+    PLUGIN_MODULE,
+    PLUGINS,
+    PROGRAMS,
+    from_plugin,
+    importable,
+    imported,
+    place_of,
+    run_plugins,
+    same_place,
+)
+
+Kind = TypeVar("Kind")
+
+
+class Registry(Mapping[str, Kind]):
+    """Kinds by name, in the order in which they became known; a kind is checked when it is loaded.
+
+    A name that is not there raises `UnknownName`, which is an `InputError` and a `KeyError`.
+    """
+
+    def __init__(
+        self,
+        noun: str,
+        *,
+        group: str,
+        shipped: Mapping[str, str] | None = None,
+        check: Callable[[str, Any], Kind] | str,
+        check_shipped: bool = True,
+        name: str = "name",
+    ):
+        """Make the registry of one seam.
+
+        Args:
+          noun: what a kind is called in errors.
+          group: of the entry points that add kinds.
+          shipped: `package.module:attribute` by name.
+          check: returns the kind, or raises InputError that says what it lacks. A text
+            `package.module:function` is imported when the first kind is checked.
+          check_shipped: whether shipped kinds are checked when they are loaded; without it only
+            the tests check them.
+          name: attribute of a kind that holds its name, for `add`.
+        """
+        self.noun, self.group = noun, group
+        self._places = dict(shipped or {})
+        self._check = check
+        self._check_shipped = check_shipped
+        self._name = name
+        self.version = 0
+        """Counts the kinds that came or went; what was built from fewer is out of date."""
+        self._registered: dict[str, Kind] = {}
+        self._loaded: dict[str, Kind] = {}
+
+    def add(self, kind: Any) -> Any:
+        """`register` a kind under the name that it bears itself, and return it: a decorator."""
+        name = getattr(kind, self._name, "")
+        if not isinstance(name, str) or not name:
+            raise InputError(
+                f"{kind!r} cannot be registered as a {self.noun}: it has no {self._name}"
+            )
+        self.register(name, kind)
+        return kind
+
+    def register(self, name: str, kind: Any = None) -> Any:
+        """Add a kind of your own for this process; `@REGISTRY.register(name)` decorates it.
+
+        The same one may be registered again; a class or function that was defined again at the
+        same place, as when a notebook's cell is run twice, replaces the first. A kind of your own
+        comes before an installed distribution's of that name, which is usually the same one.
+
+        Raises:
+          InputError: the name is taken by another kind, or the kind is only half there.
+        """
+        if kind is None:
+            return functools.partial(self.register, name)
+        before = self._registered.get(name)
+        if before is kind or (name in self._places and self[name] is kind):
+            return kind
+        if name in self._places or (before is not None and not same_place(before, kind)):
+            raise InputError(f"{self.noun} {name!r} exists already: choose another name")
+        self._registered[name] = kind  # the check may look it up by its name
+        try:
+            self._registered[name] = self.check(name, kind)
+        except BaseException:
+            del self._registered[name]
+            if before is not None:
+                self._registered[name] = before
+            raise
+        self.version += 1
+        return kind
+
+    def unregister(self, name: str) -> None:
+        """Forget a kind that `register` added; raises UnknownName when there is none."""
+        if name not in self._registered:
+            raise UnknownName(f"registered {self.noun}", name, self._registered)
+        del self._registered[name]
+        self.version += 1
+
+    def check(self, name: str, kind: Any) -> Kind:
+        """The kind when it is complete; raises InputError that says what it lacks otherwise."""
+        if isinstance(self._check, str):
+            self._check = imported(self._check)
+        check: Any = self._check
+        return check(name, kind)
+
+    def code(self, name: str) -> int:
+        """Number by which compiled code knows a kind, the same in every process."""
+        self[name]
+        return zlib.crc32(name.encode())
+
+    def loaded(self) -> tuple[Kind, ...]:
+        """The kinds that have been used or registered so far."""
+        return (*self._loaded.values(), *self._registered.values())
+
+    def registered(self) -> dict[str, Kind]:
+        """Kinds that another process has to be told of: those that neither a file named by
+        `GLIDER_TWIN_PLUGINS` nor an entry point registers there as well."""
+        return {name: kind for name, kind in self._registered.items() if not from_plugin(kind)}
+
+    def adopt(self, kinds: Mapping[str, Any]) -> None:
+        """In another process: register what `registered` gave in the first one."""
+        run_plugins()
+        for name, kind in kinds.items():
+            if name not in self._registered:
+                self.register(name, kind)
+
+    def check_importable(self, name: str) -> None:
+        """Make sure that another process can import a kind.
+
+        Raises:
+          InputError: it is not found by its module's name, as one in a notebook.
+        """
+        kind = self.registered().get(name)
+        if kind is not None and not importable(kind):
+            raise InputError(
+                f"{self.noun} {name!r} ({place_of(kind)}) cannot be imported by another process: "
+                f"put it at the top of a file and name the file in {PLUGINS}, or use 1 worker"
+            )
+
+    def place(self, name: str) -> str:
+        """`module:Name` of a kind that is not shipped, empty for a shipped one."""
+        return "" if name in self._places else place_of(self[name])
+
+    def unknown(self, name: str, place: str = "") -> UnknownName:
+        """The error for a name without a kind.
+
+        Args:
+          place: where a file says that the kind was, as `place` gave it.
+        """
+        module = place.partition(":")[0]
+        if module.startswith(PLUGIN_MODULE):
+            ways = f"name the file {module.removeprefix(PLUGIN_MODULE)}.py in {PLUGINS}"
+        elif module and module not in PROGRAMS:
+            ways = f"import {module}, which registers it"
+        else:
+            ways = f"name its file in {PLUGINS}, or install it with the entry point {self.group}"
+        return UnknownName(self.noun, name, self, hint=f"; for one of your own, {ways}")
+
+    def shipped(self) -> tuple[str, ...]:
+        """Names of the kinds that come with the package."""
+        return tuple(self._places)
+
+    def names(self) -> tuple[str, ...]:
+        """Every name, without importing what installed distributions bring."""
+        return tuple(self)
+
+    def __getitem__(self, name: str) -> Kind:
+        run_plugins()
+        if name in self._registered:
+            return self._registered[name]
+        if name not in self._loaded:
+            if name in self._places:
+                kind = imported(self._places[name])
+            elif name in self._offered:
+                kind = self._from_entry_point(self._offered[name])
+                if name in self._registered:  # its module has registered it
+                    return self._registered[name]
+            else:
+                raise self.unknown(name)
+            self._loaded[name] = kind  # the check may look it up by its name
+            if self._check_shipped or name not in self._places:
+                try:
+                    self._loaded[name] = self.check(name, kind)
+                except BaseException:
+                    del self._loaded[name]
+                    raise
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        run_plugins()
+        return iter(dict.fromkeys((*self._places, *self._registered, *self._offered)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __contains__(self, name: object) -> bool:
+        run_plugins()
+        return name in self._places or name in self._registered or name in self._offered
+
+    @functools.cached_property
+    def _offered(self) -> dict[str, importlib.metadata.EntryPoint]:
+        """Entry points of installed distributions; a shipped name stays the shipped kind's."""
+        found: dict[str, importlib.metadata.EntryPoint] = {}
+        for point in importlib.metadata.entry_points(group=self.group):
+            if point.name in self._places:
+                raise InputError(
+                    f"{_origin(point)} offers a {self.noun} named {point.name!r}, which the "
+                    "package has already: rename its entry point"
+                )
+            found.setdefault(point.name, point)
+        return found
+
+    def _from_entry_point(self, point: importlib.metadata.EntryPoint) -> Any:
+        try:
+            return point.load()
+        except TwinError:
+            raise
+        except Exception as error:  # any import can fail in any way
+            raise InputError(
+                f"{_origin(point)} offers {self.noun} {point.name!r} as {point.value}, which "
+                f"cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+
+
+def _origin(point: importlib.metadata.EntryPoint) -> str:
+    return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
+
+
+def instance_of(noun: str, base: type[Kind]) -> Callable[[str, Any], Kind]:
+    """The check of a seam whose kinds are objects that bear their name in `name`.
+
+    Args:
+      noun: what a kind is called in errors.
+      base: the class that it must be an object of.
+    """
+
+    def check(name: str, kind: Any) -> Kind:
+        if not isinstance(kind, base):
+            raise InputError(
+                f"{kind!r} cannot be registered as a{'n' if noun[0] in 'aeiou' else ''} {noun}: "
+                f"it must be a {base.__module__}.{base.__name__}"
+            )
+        own = getattr(kind, "name", None)
+        if own != name:
+            raise InputError(f"{noun} {name!r} leads to {kind!r}, which has another name")
+        return kind
+
+    return check
+
+
+def self_named(
+    noun: str, base: type[Kind], lacks: Callable[[Any], str], error: type[TwinError]
+) -> Callable[[str, Any], type[Kind]]:
+    """The check of a seam whose kinds are classes that bear their name in `kind`.
+
+    Args:
+      noun: what a kind is called in errors.
+      base: the class that it must derive from.
+      lacks: what a class that is only half there lacks; empty when nothing.
+      error: class of the errors.
+    """
+
+    def check(name: str, kind: Any) -> type[Kind]:
+        if not (isinstance(kind, type) and issubclass(kind, base)):
+            raise error(
+                f"{kind!r} cannot be registered as a {noun}: derive it from "
+                f"{base.__module__}.{base.__name__}"
+            )
+        own = getattr(kind, "kind", "")
+        if own != name:
+            raise error(f"{noun} {name!r}: the class {kind.__name__} calls itself {own!r}")
+        missing = lacks(kind)
+        if missing:
+            raise error(f"the {noun} {name!r} is only half there: it lacks {missing}")
+        return kind
+
+    return check
+
+
+def missing_method(kind: type) -> str:
+    """The first method that a class leaves abstract, as `lacks` says it; "" where none is."""
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    return f"the method `{missing[0]}`" if missing else ""
+
+
+def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
+    """What a seam whose kinds are classes asks of each.
+
+    Args:
+      base: the class that it must derive from, with nothing left abstract.
+      words: attributes that must hold a text that is not empty.
+
+    Raises:
+      InputError: it is only half there, or its name is not an identifier.
+    """
+    if not name.isidentifier():
+        raise InputError(f"a {noun} needs a name of letters, digits and underscores, not {name!r}")
+    if not (isinstance(kind, type) and issubclass(kind, base)):
+        raise InputError(
+            f"{noun} {name!r} must be a class derived from {base.__module__}.{base.__name__}"
+        )
+    if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+        raise InputError(f"{noun} {name!r} ({place_of(kind)}) lacks {', '.join(missing)}()")
+    for word in words:
+        text = getattr(kind, word, None)
+        if not (isinstance(text, str) and text.strip()):
+            raise InputError(
+                f"{noun} {name!r} ({place_of(kind)}) lacks {word}, a text of one line for tables "
+                "and messages"
+            )

@@ -1,0 +1,292 @@
+"""Logged dive: what a vehicle at sea measured in one dive, for stores without simulated truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.records.schema import variable
+from twin.records.trajectory import Trajectory
+from twin.show import style
+from twin.show.dates import label_time
+from twin.show.figures.base import FigureKind
+from twin.show.figures.signals import (
+    STACK_HEIGHT,
+    centred_line,
+    circular_mean,
+    draw_lines,
+    thinned_time,
+    unit_text,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """One panel: a signal, its command where there is one, and how it is shown."""
+
+    signal: str
+    title: str
+    unit: str
+    factor: float = 1.0
+    circular: bool = False
+    least: float = 0.0
+    """Span that the axis has at least, so that noise stays small; in the shown unit."""
+
+
+PANELS = (
+    Panel(signal="measured_pitch", title="pitch", unit="[°]", least=4.0),
+    Panel(signal="measured_pump", title="pumped volume", unit="[cm³]", least=10.0),
+    Panel(signal="measured_roll", title="roll, starboard down", unit="[°]", least=4.0),
+    Panel(signal="measured_shift", title="battery shift", unit="[mm]", factor=1e3,
+          least=1.0),
+    Panel(signal="measured_heading", title="heading from true north", unit="[°]", circular=True,
+          least=10.0),
+    Panel(signal="measured_rotation", title="battery rotation", unit="[°]", least=4.0),
+    Panel(signal="measured_fin", title="rudder", unit="[°]", least=4.0),
+    Panel(signal="measured_temperature", title="temperature", unit="[°C]", least=0.5),
+    Panel(signal="measured_salinity", title="salinity (PSS-78)", unit="[1]", least=0.2),
+    Panel(signal="measured_density", title="density", unit="[kg/m³]", least=0.5),
+    Panel(signal="true_speed", title="speed through the water (DVL or ADCP)", unit="[m/s]",
+          least=0.1),
+)  # fmt: skip
+"""In order of importance; those without a value are left out."""
+PHASE_COLOURS = {
+    0.0: ("surface", style.GUIDE),
+    1.0: ("descent", style.PALETTE["blue"]),
+    2.0: ("climb", style.PALETTE["vermillion"]),
+    3.0: ("inflection or level", style.PALETTE["black"]),
+}
+"""Flag of `measured_phase`: name and colour."""
+GAP_COLOUR = "#F3E3B5"
+"""Behind every panel where the log has no sample and values are straight lines"""
+DEPTH_HEIGHT = 1.7
+"""[in] of the panel that spans the page"""
+RATE_WINDOW = 20.0
+"""[s] over which the vertical speed is taken: pressure steps vanish, inflections stay"""
+UNDER_WATER = 2.0
+"""[m] Shallower a vehicle rolls and pitches in the waves, which no axis should show in full."""
+SHOWN = 0.3, 99.7
+"""Percentiles under water that the axes cover"""
+MARGIN = 0.08
+"""Of the range, beyond it"""
+LOG, TWIN = "log", "twin"
+"""What lines are called where both are drawn"""
+
+
+def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figure:
+    """Depth by phase over the page; below it vertical speed and all that the log has, in pairs.
+
+    Where the log has gaps every panel is shaded. Axes cover what happens under water.
+
+    Args:
+      trajectory: the log.
+      beside: a flight of the twin to draw over it, its signals under the log's names (measured_*)
+        and its time on the log's clock.
+    """
+    shown = [
+        p
+        for p in (*PANELS, *_other_parts(trajectory))
+        if has_values(trajectory, p.signal) or (beside is not None and has_values(beside, p.signal))
+    ]
+    rows = -(-(len(shown) + 1) // 2)
+    with style.styled():
+        height = 0.45 + DEPTH_HEIGHT + STACK_HEIGHT * rows
+        figure = style.new_figure(style.PAGE_WIDTH, height)
+        ratios = [DEPTH_HEIGHT, *[STACK_HEIGHT] * rows]
+        grid = figure.add_gridspec(rows + 1, 2, height_ratios=ratios)
+        top = figure.add_subplot(grid[0, :])
+        _depth(top, trajectory, beside)
+        places = [figure.add_subplot(grid[1 + k // 2, k % 2], sharex=top)
+                  for k in range(len(shown) + 1)]  # fmt: skip
+        _vertical_speed(places[0], trajectory, beside)
+        for place, panel in zip(places[1:], shown, strict=True):
+            _draw(place, trajectory, panel, beside)
+        seconds, unit = thinned_time(trajectory)[1:]
+        for place in (top, *places):
+            _shade_gaps(place, trajectory)
+        for place in places[:-2]:
+            place.tick_params(labelbottom=False)
+        for place in (top, *places[-2:]):  # the wide panel has a time axis of its own length
+            label_time(place, trajectory, seconds, unit)
+        figure.align_ylabels()
+    return figure
+
+
+def _other_parts(trajectory: Trajectory) -> list[Panel]:
+    """A panel for each part of the vehicle, measured and commanded, that PANELS does not know."""
+    known = {panel.signal for panel in PANELS} | {"measured_depth"}
+    names = [name for name in trajectory if name.startswith("measured_") and name not in known]
+    return [
+        Panel(
+            signal=name,
+            title=variable(name).long_name.partition(",")[0],
+            unit=unit_text(variable(name).units),
+        )
+        for name in names
+        if name.replace("measured_", "commanded_", 1) in trajectory
+    ]
+
+
+def has_values(trajectory: Trajectory, name: str) -> bool:
+    """Whether the dive has any value of a signal."""
+    values = trajectory.signals.get(name)
+    return values is not None and bool(np.isfinite(values).any())
+
+
+def robust_limits(values: Array, depth: Array, least: float) -> tuple[float, float] | None:
+    """Range of an axis that shows what happens under water; None without a value.
+
+    Args:
+      values: (time,), in the shown unit.
+      depth: [m], (time,).
+      least: span that the range has at least.
+    """
+    finite = np.isfinite(values)
+    under = finite & (depth > UNDER_WATER)
+    chosen = values[under] if under.any() else values[finite]
+    if not chosen.size:
+        return None
+    low, high = (float(v) for v in np.percentile(chosen, SHOWN))
+    span = max(high - low, least)
+    middle = 0.5 * (low + high)
+    reach = (0.5 + MARGIN) * span
+    return middle - reach, middle + reach
+
+
+def gap_spans(gap: Array) -> list[tuple[int, int]]:
+    """First and last sample of each run of samples with a gap."""
+    flag = np.concatenate([[False], gap > 0.0, [False]])
+    edges = np.flatnonzero(np.diff(flag.astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _draw(
+    axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory | None = None
+) -> None:
+    entries = []
+    if has_values(trajectory, panel.signal):
+        entries.append((panel.signal, LOG if beside is not None else "measured", style.TRUTH))
+    command = panel.signal.replace("measured_", "commanded_", 1)
+    if command != panel.signal and not panel.circular and has_values(trajectory, command):
+        entries.append((command, "command", style.COMMAND))
+    if entries:
+        draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
+    if beside is not None and has_values(beside, panel.signal):
+        values = panel.factor * beside[panel.signal]
+        if panel.circular and entries:
+            values = centred_line(values, circular_mean(trajectory[panel.signal]))
+        _draw_beside(axes, trajectory, beside, values)
+    if not panel.circular:
+        _limit(axes, panel, trajectory, beside)
+    else:
+        style.pad_limits(axes, least=panel.least)
+    labelled = len(axes.get_lines()) > 1
+    if labelled and not any(a.get_legend() for a in axes.figure.axes[1:]):
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, borderaxespad=0.1)
+    axes.set_title(panel.title)
+    axes.set_ylabel(panel.unit)
+
+
+def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array) -> None:
+    """A line of the twin's over the log's, on the log's scale of time."""
+    seconds, _ = style.time_unit(log.time)
+    time, shown = style.thin(beside.time, values)
+    axes.plot(time / seconds, shown, color=style.ESTIMATE, lw=1.0, label=TWIN, zorder=2.5)
+
+
+def _limit(axes: Axes, panel: Panel, trajectory: Trajectory, beside: Trajectory | None) -> None:
+    """The range that shows what happens under water in the log and in the twin's flight."""
+    found = [
+        limits
+        for one in (trajectory, beside)
+        if one is not None
+        and has_values(one, panel.signal)
+        and (
+            limits := robust_limits(
+                panel.factor * one[panel.signal], one["measured_depth"], panel.least
+            )
+        )
+        is not None
+    ]
+    if found:
+        axes.set_ylim(min(low for low, _ in found), max(high for _, high in found))
+
+
+def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
+    """Rate of the measured depth, positive down, over a moving window."""
+    time, seconds, _ = thinned_time(trajectory)
+    (shown,) = style.thin(100.0 * _depth_rate(trajectory))
+    axes.plot(time / seconds, shown, color=style.TRUTH, label=LOG)
+    if beside is not None:
+        _draw_beside(axes, trajectory, beside, 100.0 * _depth_rate(beside))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1)
+    axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
+    axes.set_title("vertical speed, down")
+    axes.set_ylabel("[cm/s]")
+    style.pad_limits(axes, least=2.0)
+
+
+def _depth_rate(trajectory: Trajectory) -> Array:
+    """[m/s] over RATE_WINDOW, (time,); NaN at the ends."""
+    depth = trajectory["measured_depth"]
+    period = float(np.median(np.diff(trajectory.time))) if len(depth) > 1 else 1.0
+    half = max(1, round(0.5 * RATE_WINDOW / period))
+    rate = np.full(len(depth), np.nan)
+    if len(depth) > 2 * half:
+        rate[half:-half] = (depth[2 * half :] - depth[: -2 * half]) / (2 * half * period)
+    return rate
+
+
+def _shade_gaps(axes: Axes, trajectory: Trajectory) -> None:
+    gap = trajectory.signals.get("measured_gap")
+    if gap is None:
+        return
+    seconds, _ = style.time_unit(trajectory.time)
+    half = 0.5 * float(np.median(np.diff(trajectory.time))) if len(gap) > 1 else 0.0
+    for first, last in gap_spans(gap):
+        axes.axvspan(
+            (trajectory.time[first] - half) / seconds, (trajectory.time[last] + half) / seconds,
+            color=GAP_COLOUR, lw=0, zorder=0,
+        )  # fmt: skip
+
+
+def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
+    time, seconds, _ = thinned_time(trajectory)
+    (depth,) = style.thin(trajectory["measured_depth"])
+    deepest = float(np.nanmax(depth))
+    phase = trajectory.signals.get("measured_phase")
+    axes.plot(time / seconds, depth, color=style.GUIDE, linewidth=0.6)
+    if phase is not None and beside is not None:
+        axes.plot(time / seconds, depth, color=style.TRUTH, label=LOG)
+    elif phase is not None:
+        (flags,) = style.thin(phase)
+        for flag, (name, colour) in PHASE_COLOURS.items():
+            there = flags == flag
+            if there.any():
+                axes.plot(time / seconds, np.where(there, depth, np.nan), color=colour, label=name)
+    gap = trajectory.signals.get("measured_gap")
+    if gap is not None and (gap > 0.0).any():
+        axes.fill_between([], [], color=GAP_COLOUR, lw=0, label="gap of the log, bridged")
+    axes.set_xlim(time[0] / seconds, time[-1] / seconds)
+    if beside is not None:
+        _draw_beside(axes, trajectory, beside, beside["measured_depth"])
+        deepest = max(deepest, float(np.nanmax(beside["measured_depth"])))
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=6, borderaxespad=0.1,
+                    columnspacing=1.0)  # fmt: skip
+    style.depth_axis(axes, deepest, label=False)
+    axes.set_title("depth")
+    axes.set_ylabel("[m]")
+
+
+FIGURE = FigureKind(
+    name="log",
+    summary="what a real vehicle measured; drawn for `overview` where there is no truth",
+    draw=log_figure,
+)

@@ -1,0 +1,322 @@
+"""Map: where on Earth a mission went: coordinates, coast, fixes, track and currents with a key."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.records.logged import AVERAGED, source_of
+from twin.records.storage.store_place import NOMINAL
+from twin.records.trajectory import Trajectory
+from twin.show import style
+from twin.show.figures.base import FigureKind
+from twin.show.figures.map_ground import (
+    COAST_NOTE,
+    SHORE,
+    Box,
+    box_around,
+    coast_within,
+    cosine,
+    draw_graticule,
+    draw_land,
+    draw_scale_bar,
+    land_in_view,
+)
+
+Array = NDArray[np.float64]
+
+SEA = "#F4F8FB"
+TRUE = "true track"
+"""Name of the track of a simulated mission"""
+SIZE = (5.4, 3.8)
+"""[in] of the figure"""
+SHAPE = 1.05
+"""Width over height of the map"""
+UNDER_WATER = 3.0
+"""[m] that a vehicle passes between two fixes of a dive; shallower it hangs at the surface"""
+STRETCHES = 12
+"""Equal parts of a mission without fixes whose mean currents are drawn"""
+LONGEST_ARROW = 0.45
+"""[in] of a strong current's arrow: the 90th percentile"""
+ROUND_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""[m/s] lengths that the key of the arrows may have"""
+ARROW: dict[str, Any] = {"angles": "uv", "scale_units": "inches", "width": 0.011, "units": "inches"}
+LOCATOR = 16.0
+"""Times the map's span that the small map beside it shows at least"""
+LOCATOR_LEAST = 8.0
+"""[degree of latitude] of that map"""
+LOCATOR_ID, KEY_ID = "locator", "key"
+"""Of the axes beside a map, whose numbers need no unit"""
+LOCATOR_MOST = 90.0
+"""[degree] likewise, where no coast is nearer"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Currents:
+    """Currents at some places, each (n,)."""
+
+    latitude: Array
+    longitude: Array
+    """[degree]"""
+    north: Array
+    east: Array
+    """[m/s]"""
+    name: str
+    """What they are, for the key"""
+    colour: str = style.TRUTH
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MapContent:
+    """What a map shows; positions in degrees."""
+
+    tracks: tuple[tuple[Array, Array], ...]
+    """Latitude and longitude of each track, each (time,)"""
+    name: str
+    """What the tracks are"""
+    fixes: tuple[Array, Array] | None = None
+    """Latitude and longitude of the fixes"""
+    currents: tuple[Currents, ...] = ()
+
+
+def map_figure(trajectory: Trajectory) -> Figure:
+    """A mission on the map, with the mean current of each dive or stretch.
+
+    Raises:
+      InputError: the mission has no place on Earth.
+    """
+    return draw_content(content_of(trajectory))
+
+
+def content_of(trajectory: Trajectory) -> MapContent:
+    """What the map of a trajectory shows; raises InputError without a place on Earth."""
+    try:
+        latitude, longitude = trajectory.geographic_position()
+    except InputError as error:
+        raise InputError(f"{error}; the track figure draws it in metres") from error
+    longitude = joined(longitude)
+    fixed = fix_samples(trajectory)
+    # beside the track by as much as the fix is: the same plane to first order
+    fixes = None
+    if len(fixed):
+        scale = np.radians(1.0) * 6_371_000.0
+        away = [
+            trajectory[f"measured_gps_{name}"][fixed] - trajectory[f"true_{name}"][fixed]
+            for name in ("north", "east")
+        ]
+        shrink = np.cos(np.radians(latitude[fixed]))
+        fixes = (latitude[fixed] + away[0] / scale, longitude[fixed] + away[1] / scale / shrink)
+    nominal = "place" in str(trajectory.provenance.get(NOMINAL, ""))
+    word = f"{TRUE} (nominal place)" if nominal else TRUE
+    return MapContent(
+        tracks=((latitude, longitude),),
+        name=source_of(trajectory, "true_north", word),
+        fixes=fixes,
+        currents=mean_currents(trajectory, latitude, longitude),
+    )
+
+
+def joined(longitude: Array) -> Array:
+    """Longitudes [degree] without the jump at 180."""
+    turned = np.array(longitude, float)
+    known = np.isfinite(turned)
+    turned[known] = np.unwrap(turned[known], period=360.0)
+    return turned
+
+
+def fix_samples(trajectory: Trajectory) -> NDArray[np.intp]:
+    """Samples at which a receiver told the position."""
+    names = ("measured_gps_north", "measured_gps_east")
+    if any(name not in trajectory for name in names):
+        return np.zeros(0, np.intp)
+    return np.flatnonzero(np.isfinite([trajectory[name] for name in names]).all(axis=0))
+
+
+def mean_currents(
+    trajectory: Trajectory, latitude: Array, longitude: Array
+) -> tuple[Currents, ...]:
+    """The mean current of each dive between two fixes; of equal stretches without dives."""
+    if any(f"true_current_{name}" not in trajectory for name in ("north", "east")):
+        return ()
+    north, east = (trajectory[f"true_current_{name}"] for name in ("north", "east"))
+    depth = trajectory["true_depth"]
+    edges = fix_samples(trajectory)
+    pairs = [
+        (a, b)
+        for a, b in itertools.pairwise(edges)
+        if b - a > 1 and np.nanmax(depth[a : b + 1], initial=0.0) > UNDER_WATER
+    ]
+    dives = bool(pairs)
+    if not dives:
+        edges = np.linspace(0, len(depth) - 1, STRETCHES + 1).astype(np.intp)
+        pairs = list(itertools.pairwise(edges))
+    rows = []
+    for a, b in pairs:
+        part = slice(a, b + 1)
+        known = np.isfinite(north[part]) & np.isfinite(east[part])
+        middle = (a + b) // 2
+        if known.any() and np.isfinite([latitude[middle], longitude[middle]]).all():
+            rows.append(
+                (latitude[middle], longitude[middle], north[part][known].mean(),
+                 east[part][known].mean())
+            )  # fmt: skip
+    if not rows:
+        return ()
+    word = source_of(trajectory, "true_current_north", "true current")
+    over = "" if word == AVERAGED else ", mean of each dive" if dives else ", means"
+    la, lo, n, e = np.array(rows).T
+    return (Currents(latitude=la, longitude=lo, north=n, east=e, name=word + over),)
+
+
+def draw_content(content: MapContent) -> Figure:
+    """The map beside a small one that says where on Earth it is, and the key.
+
+    Raises:
+      InputError: no position is known.
+    """
+    latitude, longitude = (np.concatenate([t[k] for t in content.tracks]) for k in (0, 1))
+    if content.fixes is not None:
+        latitude = np.concatenate([latitude, content.fixes[0]])
+        longitude = np.concatenate([longitude, content.fixes[1]])
+    if not (np.isfinite(latitude) & np.isfinite(longitude)).any():
+        raise InputError("no position on Earth is known: there is nothing to put on a map")
+    box = box_around(latitude, longitude, SHAPE)
+    with style.styled():
+        figure = style.new_figure(*SIZE)
+        grid = figure.add_gridspec(2, 2, width_ratios=[2.55, 1.0], height_ratios=[1.0, 1.25])
+        axes = figure.add_subplot(grid[:, 0])
+        place, key = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
+        draw_base(axes, box)
+        draw_tracks(axes, content)
+        arrows = [(one, arrow_scale(content.currents)) for one in content.currents]
+        for one, scale in arrows:
+            draw_arrows(axes, one, scale)
+        draw_locator(place, box)
+        draw_key(key, axes, arrows)
+    return figure
+
+
+def draw_base(axes: Axes, box: Box) -> None:
+    """Sea, land, graticule and scale bar of an empty map."""
+    axes.set_facecolor(SEA)
+    draw_land(axes, box)
+    draw_graticule(axes, box)
+    draw_scale_bar(axes, box)
+    if land_in_view(*box):
+        axes.text(
+            0.99, 0.01, COAST_NOTE, transform=axes.transAxes, ha="right", va="bottom",
+            fontsize=5.5, color=SHORE, zorder=5,
+        )  # fmt: skip
+
+
+def draw_tracks(axes: Axes, content: MapContent) -> None:
+    """Tracks, their ends and the fixes, with labels for a key."""
+    colour = style.TRUTH if content.name.startswith(TRUE) else style.ESTIMATE
+    for index, (latitude, longitude) in enumerate(content.tracks):
+        la, lo = style.thin(latitude, longitude)
+        axes.plot(lo, la, color=colour, lw=1.3, label="" if index else content.name, zorder=2)
+    if content.fixes is not None:
+        la, lo = content.fixes
+        axes.plot(lo, la, ".", color=style.COMMAND, ms=4.0, ls="none", label="GPS fix", zorder=3)
+    la, lo = (np.concatenate([t[k] for t in content.tracks]) for k in (0, 1))
+    known = np.flatnonzero(np.isfinite(la) & np.isfinite(lo))
+    for name, index, marker in (("start", known[0], "o"), ("end", known[-1], "s")):
+        axes.plot(
+            lo[index], la[index], marker, ms=5.5, mfc="white", mec=style.COMMAND, mew=1.2,
+            ls="none", label=name, zorder=4,
+        )  # fmt: skip
+
+
+def arrow_scale(currents: Sequence[Currents]) -> float:
+    """[m/s per inch] of arrows, the same for all currents of a map."""
+    speeds = np.concatenate([np.hypot(one.north, one.east) for one in currents])
+    typical = float(np.percentile(speeds, 90)) if speeds.size else 0.0
+    return max(typical, ROUND_SPEEDS[0]) / LONGEST_ARROW
+
+
+def draw_arrows(axes: Axes, one: Currents, scale: float) -> None:
+    """Arrows of currents on a map."""
+    arrows = axes.quiver(
+        one.longitude, one.latitude, one.east, one.north, color=one.colour, scale=scale, zorder=3.5,
+        **ARROW,
+    )  # fmt: skip
+    arrows.set_in_layout(False)
+
+
+def draw_locator(axes: Axes, box: Box) -> None:
+    """A small map of the wider surroundings, with the place of the large one."""
+    west, east, south, north = box
+    middle = 0.5 * (south + north), 0.5 * (west + east)
+    tall = max(LOCATOR * (north - south), LOCATOR_LEAST)
+    around = _around(middle, tall)
+    while not coast_within(*around) and tall < LOCATOR_MOST:  # the open ocean: look farther
+        tall *= 1.5
+        around = _around(middle, tall)
+    axes.set_gid(LOCATOR_ID)
+    axes.set_facecolor(SEA)
+    draw_land(axes, around, linewidth=0.4)
+    draw_graticule(axes, around, lines=2)
+    axes.plot([west, east, east, west, west], [south, south, north, north, south],
+              color=style.ESTIMATE, lw=1.0, zorder=4)  # fmt: skip
+    axes.plot(middle[1], middle[0], "o", ms=3.0, color=style.ESTIMATE, zorder=4)
+    axes.tick_params(labelsize=6.5, pad=2)
+    axes.set_xlabel("")
+    axes.set_ylabel("")
+
+
+def _around(middle: tuple[float, float], tall: float) -> Box:
+    """A square box so high [degree] about a place (latitude, longitude)."""
+    half = 0.5 * min(tall, LOCATOR_MOST)
+    low, high = max(middle[0] - half, -89.5), min(middle[0] + half, 89.5)
+    wide = min(half / cosine(middle[0]), 180.0)
+    return (middle[1] - wide, middle[1] + wide, low, high)
+
+
+def draw_key(
+    axes: Axes, map_axes: Axes, arrows: Sequence[tuple[Currents, float]], heading: str = ""
+) -> None:
+    """Names of lines and marks of a map, and an arrow of a round speed for each kind of current.
+
+    Args:
+      heading: what all the currents are; then each has its name beside its arrow, else below it.
+    """
+    axes.set_axis_off()
+    axes.set_gid(KEY_ID)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(0.0, 1.0)
+    handles, names = map_axes.get_legend_handles_labels()
+    axes.legend(handles, names, loc="upper left", bbox_to_anchor=(-0.08, 1.02), borderaxespad=0.0)
+    if heading and arrows:
+        axes.text(0.0, 0.30, heading, fontsize=7.5)
+    for row, (one, scale) in enumerate(arrows):
+        speed = max((s for s in ROUND_SPEEDS if s <= 1.2 * scale * LONGEST_ARROW),
+                    default=ROUND_SPEEDS[0])  # fmt: skip
+        y = (0.18 if heading else 0.30) - 0.14 * row
+        arrow = axes.quiver([0.0], [y], [speed], [0.0], color=one.colour, scale=scale, **ARROW)
+        arrow.set_in_layout(False)
+        text = f"{100 * speed:g} cm/s"
+        axes.text(0.46, y, f"{text}, {one.name}" if heading else text, va="center", fontsize=7.5,
+                  color=one.colour if heading else style.COMMAND)  # fmt: skip
+        if not heading:
+            axes.text(0.0, y - 0.055, wrapped(one.name), va="top", fontsize=7.5, color=one.colour)
+
+
+def wrapped(text: str, letters: int = 24) -> str:
+    """A text in lines of at most `letters` letters."""
+    return "\n".join(textwrap.wrap(text, letters))
+
+
+FIGURE = FigureKind(
+    name="map",
+    summary="the mission on a map: coordinates, coast, fixes, track, currents as arrows",
+    draw=map_figure,
+)

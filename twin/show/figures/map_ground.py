@@ -1,0 +1,226 @@
+"""Coast: the world's land as polygons of longitude and latitude, coarse, shipped with the package.
+
+Natural Earth 1:50m, public domain; `coast.md` beside this file says more.
+
+Graticule: axes in longitude and latitude, with degrees and minutes as charts write them.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, FuncFormatter
+from matplotlib.transforms import Bbox
+from numpy.typing import NDArray
+
+from twin.geodesy import meridian_radius, normal_radius
+from twin.show import style
+
+Array = NDArray[np.float64]
+
+LAND = "#E8E2D0"
+SHORE = "#8C8570"
+COAST_NOTE = "coast: Natural Earth 1:50m, coarse"
+"""What a map with land says of it"""
+NEIGHBOURS = (-360.0, 0.0, 360.0)
+"""[degree] by which the world is repeated, for maps across the date line"""
+
+
+@functools.cache
+def rings() -> tuple[Array, ...]:
+    """The closed rings of the land, each (points, 2): longitude, latitude [degree].
+
+    Holes in the land run the other way round. Land across the date line goes on beyond 180 degree;
+    Antarctica is closed along the pole.
+    """
+    with resources.files(__package__).joinpath("coast.npz").open("rb") as file:
+        stored = np.load(file)
+        starts, steps, lengths = (stored[name] for name in ("starts", "steps", "lengths"))
+        scale, offset = stored["scale"], stored["offset"]
+    found, first = [], 0
+    for start, length in zip(starts, lengths, strict=True):
+        part = steps[first : first + length - 1].astype(np.int64)
+        grid = np.concatenate([start[None], start + np.cumsum(part, axis=0)])
+        found.append(_unrolled(grid * scale + offset))
+        first += length - 1
+    return tuple(found)
+
+
+def _unrolled(ring: Array) -> Array:
+    """A ring without jumps of longitude at the date line."""
+    ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
+    ring[:, 0] -= 360.0 * np.round(ring[:, 0].mean() / 360.0)
+    if abs(ring[-1, 0] - ring[0, 0]) < 180.0:
+        return ring
+    pole = np.array([[ring[-1, 0], -90.0], [ring[0, 0], -90.0], ring[0]])
+    return np.concatenate([ring, pole])
+
+
+def land_within(west: float, east: float, south: float, north: float) -> list[Array]:
+    """The rings that reach into a box [degree], moved by whole turns to where the box is."""
+    found = []
+    for ring in rings():
+        low, high = ring.min(axis=0), ring.max(axis=0)
+        if high[1] < south or low[1] > north:
+            continue
+        for turn in NEIGHBOURS:
+            if high[0] + turn >= west and low[0] + turn <= east:
+                found.append(ring + np.array([turn, 0.0]))
+    return found
+
+
+def coast_within(west: float, east: float, south: float, north: float) -> bool:
+    """Whether a box [degree] holds a point of a coast."""
+    for ring in land_within(west, east, south, north):
+        x, y = ring.T
+        if ((x > west) & (x < east) & (y > south) & (y < north)).any():
+            return True
+    return False
+
+
+def land_in_view(west: float, east: float, south: float, north: float) -> bool:
+    """Whether land reaches into a box [degree], and not only the box around that land."""
+    box = Bbox.from_extents(west, south, east, north)
+    return any(
+        Path(ring, closed=True).intersects_bbox(box)
+        for ring in land_within(west, east, south, north)
+    )
+
+
+def draw_land(axes: Axes, box: tuple[float, float, float, float], **look: Any) -> None:
+    """Fill the land of a box (west, east, south, north) [degree]."""
+    found = land_within(*box)
+    if not found:
+        return
+    whole = Path.make_compound_path(*(Path(ring, closed=True) for ring in found))
+    given = {"facecolor": LAND, "edgecolor": SHORE, "linewidth": 0.6, "zorder": 0.5, **look}
+    land = PathCollection([whole], **given)
+    land.set_gid("land")
+    axes.add_collection(land, autolim=False)
+
+
+Box = tuple[float, float, float, float]
+"""West, east, south, north [degree]; west and east may lie beyond 180"""
+
+STEPS = (
+    *(0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0),
+    *(60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0),
+)
+"""[minute] between lines"""
+MOST_LINES = 5
+"""Of one direction: more labels would touch"""
+EDGE = 0.06
+"""Of a span, at either end, that has no line: its label would reach beyond the map"""
+LEAST_SPAN = 0.004
+"""[degree of latitude] of a map at least: half a kilometre"""
+MARGIN = 0.17
+"""Of the larger span, on every side"""
+BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000,
+        200_000, 500_000, 1_000_000)  # fmt: skip
+"""[m] lengths that a scale bar may have"""
+BAR_SHARE = 0.3
+"""Of the map's width that a scale bar has at most"""
+
+
+def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
+    """A box around points [degree] with room about them.
+
+    Args:
+      latitude, longitude: of the points; longitudes must not jump by a turn.
+      shape: width over height of the map [m/m].
+    """
+    south, north = float(np.nanmin(latitude)), float(np.nanmax(latitude))
+    west, east = float(np.nanmin(longitude)), float(np.nanmax(longitude))
+    shrink = cosine(0.5 * (south + north))
+    tall = max(north - south, LEAST_SPAN, (east - west) * shrink / shape)
+    half = (0.5 + MARGIN) * tall
+    middle = 0.5 * (south + north), 0.5 * (west + east)
+    wide = half * shape / shrink
+    return (middle[1] - wide, middle[1] + wide, middle[0] - half, middle[0] + half)
+
+
+def cosine(latitude: float) -> float:
+    """Degrees of latitude that a degree of longitude is as long as, at a latitude [degree]."""
+    ratio = normal_radius(latitude) / meridian_radius(latitude)
+    return max(ratio * math.cos(math.radians(latitude)), 0.02)
+
+
+def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
+    """Limits, shape and lines of a map of a box, with labels in degrees and minutes."""
+    west, east, south, north = box
+    axes.set_xlim(west, east)
+    axes.set_ylim(south, north)
+    shrink = cosine(0.5 * (south + north))
+    axes.set_aspect(1.0 / shrink, anchor="N")  # the layout leaves its room below, for the label
+    shape = shrink * (east - west) / (north - south)
+    for axis, low, high, name, most in (
+        (axes.xaxis, west, east, longitude_text, max(2, min(lines, round(lines * shape)))),
+        (axes.yaxis, south, north, latitude_text, lines),
+    ):
+        step = line_step(high - low, most)
+        edge = EDGE * (high - low)
+        first = math.ceil((low + edge) * 60.0 / step)
+        last = math.floor((high - edge) * 60.0 / step)
+        axis.set_major_locator(FixedLocator([k * step / 60.0 for k in range(first, last + 1)]))
+        axis.set_major_formatter(
+            FuncFormatter(lambda value, _, name=name, step=step: name(value, step))
+        )
+    axes.tick_params(axis="y", labelrotation=90)
+    for label in axes.get_yticklabels():
+        label.set_verticalalignment("center")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(True)
+    axes.set_xlabel("longitude")
+    axes.set_ylabel("latitude")
+
+
+def line_step(span: float, most: int) -> float:
+    """[minute] between lines of a span [degree], so that at most `most` fit."""
+    return next((step for step in STEPS if 60.0 * span / step <= most), STEPS[-1])
+
+
+def latitude_text(value: float, step: float = 1.0) -> str:
+    """A latitude [degree] as charts write it, to the parts of a minute that `step` [minute] has."""
+    return _text(abs(value), step) + ("" if abs(value) < 1e-9 else "N" if value > 0.0 else "S")
+
+
+def longitude_text(value: float, step: float = 1.0) -> str:
+    """A longitude [degree] likewise, between 180 W and 180 E."""
+    turned = (value + 180.0) % 360.0 - 180.0
+    half = abs(turned) < 1e-9 or abs(abs(turned) - 180.0) < 1e-9
+    return _text(abs(turned), step) + ("" if half else "E" if turned > 0.0 else "W")
+
+
+def _text(value: float, step: float) -> str:
+    digits = max(0, -math.floor(math.log10(step) + 1e-9)) if step < 1.0 else 0
+    minutes = round(60.0 * value, digits)
+    whole, rest = divmod(minutes, 60.0)
+    if step % 60.0 == 0.0:
+        return f"{whole:.0f}°"
+    width = 2 + (digits + 1 if digits else 0)
+    return f"{whole:.0f}°{rest:0{width}.{digits}f}′"
+
+
+def draw_scale_bar(axes: Axes, box: Box) -> float:
+    """A bar of round length in the lower left corner; its length [m]."""
+    west, east, south, north = box
+    middle = 0.5 * (south + north)
+    metres = math.radians(1.0) * normal_radius(middle) * math.cos(math.radians(middle))
+    long = max((b for b in BARS if b <= BAR_SHARE * (east - west) * metres), default=BARS[0])
+    x, y = west + 0.05 * (east - west), south + 0.045 * (north - south)
+    ends = np.array([x, x + long / metres])
+    axes.plot(ends, [y, y], color="white", lw=5.0, solid_capstyle="butt", zorder=5)
+    axes.plot(ends, [y, y], color=style.COMMAND, lw=2.0, solid_capstyle="butt", zorder=6)
+    text = f"{long / 1000:g} km" if long >= 1000 else f"{long} m"
+    axes.annotate(
+        text, (float(ends.mean()), y), (0, 5), textcoords="offset points", ha="center",
+        fontsize=7.5, zorder=6, bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.8},
+    )  # fmt: skip
+    return float(long)

@@ -1,0 +1,253 @@
+"""Track: where the glider went, from above, beside dead-reckoned tracks.
+
+Track in space: where the glider went, depth down, beside dead-reckoned tracks.
+Space: 3-D axes with depth down, as every figure of a track in space has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from twin.records.logged import LoggedTrajectory, source_of
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
+from twin.show import style
+from twin.show.figures.base import FigureKind
+
+Array = NDArray[np.float64]
+
+OTHER_COLOURS = tuple(c for name, c in style.PALETTE.items() if name not in ("blue", "black"))
+"""Colours of tracks beside the truth."""
+
+
+MARKS = {"start": (0, "o"), "end": (-1, "s")}
+"""Sample and marker of a track's ends"""
+MOST_COLUMNS = 3
+"""Columns of a legend at column width"""
+LONG_NAME = 14
+"""Letters of a name from which a legend at column width has one column less"""
+ABOVE_LEGEND = 18.0
+"""[point] of a title above the axes, so that start and end are named below it"""
+LEGEND_ROW = 0.16
+"""[in] height of a legend's row"""
+
+
+def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
+    """The horizontal track, north up, equal scales; `tracks` are drawn beside the truth."""
+    with style.styled():
+        columns = legend_columns(tracks)
+        figure = style.new_figure(height=3.3 + LEGEND_ROW * legend_rows(tracks, columns))
+        axes = figure.add_subplot()
+        draw_track(axes, trajectory, tracks)
+        if not tracks:
+            axes.set_title(source_of(trajectory, "true_north", ""), pad=ABOVE_LEGEND)
+        draw_legend(figure, axes, tracks, columns)
+    return figure
+
+
+def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> None:
+    """Draw the horizontal track into `axes`: coloured by time, or beside other tracks plain."""
+    north, east, time = style.thin(
+        trajectory["true_north"], trajectory["true_east"], trajectory.time
+    )
+    extent = [north, east, *(a for t in tracks for a in (t.north, t.east))]
+    metres, unit = style.length_unit(*extent)
+    if tracks:
+        word = source_of(trajectory, "true_north", "truth")
+        axes.plot(east / metres, north / metres, color=style.TRUTH, lw=2.4, label=word)
+        for index, track in enumerate(tracks):
+            n, e = style.thin(track.north, track.east)
+            axes.plot(e / metres, n / metres, lw=1.1, label=track.title, **line_look(index))
+    else:
+        seconds, time_name = style.time_unit(time)
+        points = np.column_stack([east, north]) / metres
+        segments = np.stack([points[:-1], points[1:]], axis=1)
+        lines = LineCollection(list(segments), array=time[:-1] / seconds, linewidths=1.8)
+        lines.set_capstyle("round")
+        axes.add_collection(lines)
+        axes.autoscale_view()
+        bar = axes.figure.colorbar(lines, ax=axes, shrink=0.85, pad=0.02, aspect=25)
+        bar.set_label(f"time [{time_name}]")
+        bar.outline.set_visible(False)
+    known = np.flatnonzero(np.isfinite(north) & np.isfinite(east))
+    for name, (end, marker) in MARKS.items():
+        index = known[end]
+        axes.plot(
+            east[index] / metres,
+            north[index] / metres,
+            marker,
+            ms=5,
+            mfc="white",
+            mec=style.COMMAND,
+            mew=1.2,
+            ls="none",
+            label=name,
+        )
+    if isinstance(trajectory, LoggedTrajectory):
+        _draw_fixes(axes, trajectory, metres)
+    axes.set_xlabel(f"east [{unit}]")
+    axes.set_ylabel(f"north [{unit}]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.06)
+
+
+def _draw_fixes(axes: Axes, trajectory: LoggedTrajectory, metres: float) -> None:
+    """The fixes of a log, which its track was corrected at."""
+    names = ("measured_gps_east", "measured_gps_north")
+    if all(name in trajectory for name in names):
+        east, north = (trajectory[name] / metres for name in names)
+        axes.plot(east, north, ".", ms=3.5, color=style.COMMAND, ls="none", label="fix", zorder=2.5)
+
+
+def draw_legend(
+    figure: Figure | SubFigure,
+    axes: Axes,
+    tracks: Sequence[NamedTrack],
+    columns: int,
+) -> None:
+    """Name what `draw_track` drew: in the corner above the axes, or beside other tracks above all.
+
+    Args:
+      columns: of the legend beside other tracks.
+    """
+    if tracks:
+        handles, names = axes.get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper left", ncols=columns, columnspacing=1.0)
+        return
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=MOST_COLUMNS,
+        borderaxespad=0.2,
+        columnspacing=1.0,
+        handletextpad=0.4,
+    )
+
+
+def legend_columns(tracks: Sequence[NamedTrack]) -> int:
+    """Columns of a legend at column width that the tracks' names leave room for."""
+    longest = max((len(track.title) for track in tracks), default=0)
+    return MOST_COLUMNS - (longest >= LONG_NAME)
+
+
+def legend_rows(tracks: Sequence[NamedTrack], columns: int) -> int:
+    """Rows of the legend beside other tracks: truth, start and end, and the tracks; 0 without."""
+    return -(-(len(tracks) + 3) // columns) if tracks else 0
+
+
+def line_look(index: int) -> dict[str, Any]:
+    """Colour and dashes of a track beside the truth; no two of the first 28 are alike."""
+    return {
+        "color": OTHER_COLOURS[index % len(OTHER_COLOURS)],
+        "ls": ("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
+    }
+
+
+FIGURE = FigureKind(
+    name="track",
+    summary="the track from above, beside dead-reckoned tracks (`--tracks`, `--only`)",
+    draw=track_figure,
+    takes_tracks=True,
+)
+
+
+VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58
+"""[degree] from where the box is seen"""
+BOX = (1.25, 1.25, 0.9)
+"""East, north and depth sides of the box; the vertical scale is its own"""
+ZOOM = 0.92
+"""Smaller than matplotlib's 1, so that no label is cut off"""
+TICKS = 4
+PANE = (0.97, 0.98, 0.99, 1.0)
+"""Colour of the box's walls"""
+BOTTOM, RIGHT = 0.02, 0.94
+"""Edges of the axes over the figure's size: the depth label reaches beyond the right one"""
+BLANK = 0.15
+"""Of a square's height that a box this flat leaves free above itself"""
+LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
+"""Where `figure.legend` goes"""
+
+
+def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
+    """3-D axes that fill a figure; call it inside `style.styled()`.
+
+    Args:
+      floor: [m] depth of the box's floor.
+      unit: of east and north.
+      top: upper edge of the axes over the figure's height; the legend goes above.
+
+    Returns:
+      matplotlib's Axes3D, which takes east, north and depth in this order.
+    """
+    figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
+    # the blank above the box reaches beyond `top`, under the legend, and is not a white stripe
+    height = (top - BOTTOM) / (1.0 - BLANK)
+    axes: Any = figure.add_axes((0.0, BOTTOM, RIGHT, height), projection="3d")
+    axes.set_zlim(floor, 0.0)
+    axes.set_xlabel(f"east [{unit}]")
+    axes.set_ylabel(f"north [{unit}]")
+    axes.set_zlabel("depth [m]")
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_pane_color(PANE)
+        axis.set_major_locator(MaxNLocator(TICKS))
+    axes.view_init(elev=VIEW_ELEVATION, azim=VIEW_AZIMUTH)
+    axes.set_box_aspect(BOX, zoom=ZOOM)
+    return axes
+
+
+SPACE_HEIGHT = 2.95
+"""[in] of a figure with one row of names"""
+MOST_3D = 2500
+"""Points of a line"""
+
+
+def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
+    """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
+    with style.styled():
+        columns = legend_columns(tracks)
+        rows = -(-(len(tracks) + 4) // columns)
+        height = SPACE_HEIGHT + LEGEND_ROW * (rows - 1)
+        figure = style.new_figure(height=height)
+        north, east, depth, time = style.thin(
+            *(trajectory[f"true_{n}"] for n in ("north", "east", "depth")),
+            trajectory.time,
+            most=MOST_3D,
+        )
+        metres, unit = style.length_unit(north, east)
+        word = source_of(trajectory, "true_north", "truth")
+        known = np.flatnonzero(np.isfinite(north) & np.isfinite(depth))
+        floor = float(np.nanmax(depth)) * 1.1 + 1.0
+        top = 1.0 - (LEGEND_ROW * rows + 0.12) / height
+        axes = space_axes(figure, floor=floor, unit=unit, top=top)
+        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label=word)
+        axes.plot(
+            east / metres, north / metres, floor, color=style.GUIDE, lw=0.8, label="on the chart"
+        )
+        for index, track in enumerate(tracks):
+            n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
+            d = np.interp(t, time, depth)
+            axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
+        for name, (end, marker) in MARKS.items():
+            index = known[end]
+            axes.plot(
+                east[index] / metres, north[index] / metres, depth[index], marker, ms=5,
+                mfc="white", mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
+            )  # fmt: skip
+        figure.legend(**LEGEND, ncols=columns)
+    return figure
+
+
+TRACK_3D = FigureKind(
+    name="track_3d",
+    summary="the track in space, beside dead-reckoned tracks",
+    draw=track_3d_figure,
+    takes_tracks=True,
+)

@@ -1,0 +1,264 @@
+"""Figures of a flight: section and histogram of the vertical water velocity, and a map.
+
+They draw the dataset that `twin flight` writes, so that its file can be drawn later.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError
+from twin.logs.dive import CLIMB, DESCENT
+from twin.logs.flight_dataset import (
+    DAC,
+    DAC_MISSION,
+    GPS_FIX,
+    POSITIONS,
+    W_WATER,
+    flight_dataset,
+)
+from twin.logs.flight_estimate import Flight
+from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_TIME
+from twin.records.logged import AVERAGED
+from twin.records.presence import is_flight, open_flight
+from twin.records.schema import MISSION
+from twin.records.storage.whole import whole_file
+from twin.show import style
+from twin.show.dates import LABEL, draw_dates, moment_of
+from twin.show.figures.map import Currents, MapContent, draw_content, joined
+from twin.show.figures.page_layout import MINUTES, add_caption
+from twin.show.figures.temperature_salinity import ocean_map
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+CM = 100.0
+HOUR = 3600.0
+MOST_POINTS = 20000
+"""of a section; more than its pixels"""
+BINS = 60
+COVERED = 98, 99.5
+"""Percentiles of the speed that colours and the histogram's axis reach"""
+
+
+def read_flight(path: str | Path) -> xr.Dataset:
+    """What `twin flight` wrote, in memory.
+
+    Raises:
+      StoreError: something else, or it cannot be read.
+    """
+    path = Path(path)
+    if not is_flight(path):
+        raise StoreError(f"{path} is no file that `twin flight` wrote")
+    try:
+        with open_flight(path) as dataset:
+            return dataset.load()
+    except (OSError, ValueError) as error:
+        raise StoreError(f"flight {path} cannot be read: {' '.join(str(error).split())}") from error
+
+
+def caption_of(flight: xr.Dataset, path: Path) -> str:
+    """One line that names a flight: deployments, missions, dates, vehicle."""
+    names = []
+    if DEPLOYMENT in flight:
+        names = list(dict.fromkeys(str(name) for name in flight[DEPLOYMENT].values))
+    count = flight.sizes[MISSION]
+    parts = [", ".join(names[:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
+    if (first := _start(flight)) is not None:
+        lengths = float(flight.attrs[SAMPLE_PERIOD]) * (_samples(flight) - 1)
+        last = first + float((np.array(_starts(flight)) + lengths).max())
+        begin, end = (f"{moment_of(unix):{MINUTES}}" for unix in (first, last))
+        parts.append(f"{begin} to {end} UTC")
+    return ", ".join([*parts, f"flight model {flight.attrs.get('vehicle', 'unknown')}"])
+
+
+def section(flight: xr.Dataset) -> Figure:
+    """Depth over time, coloured by the vertical velocity of the water [cm/s]."""
+    period = float(flight.attrs[SAMPLE_PERIOD])
+    starts, samples = _starts(flight), _samples(flight)
+    depth, water = flight["depth"].values, CM * flight[W_WATER].values
+    step = max(1, int(samples.sum()) // MOST_POINTS)
+    pieces, values = [], []
+    for row, (start, count) in enumerate(zip(starts, samples, strict=True)):
+        part = slice(0, count, step)
+        time = (start + period * np.arange(count)[::step]) / HOUR
+        points, w = np.column_stack([time, depth[row, part]]), water[row, part]
+        pieces.append(np.stack([points[:-1], points[1:]], axis=1))
+        values.append(0.5 * (w[:-1] + w[1:]))
+    segments, w = np.concatenate(pieces), np.concatenate(values)
+    keep = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(w)
+    if not keep.any():
+        raise InputError("no vertical water velocity to draw: no dive that the model can fly")
+    with style.styled():
+        figure = style.new_figure(width=style.PAGE_WIDTH, height=2.8)
+        axes = figure.add_subplot()
+        lines = LineCollection(
+            list(segments[keep]), array=w[keep], cmap=ocean_map("vertical_velocity"),
+            linewidths=1.6,
+        )  # fmt: skip
+        largest = float(np.percentile(np.abs(w[keep]), COVERED[0]))
+        lines.set_clim(-largest, largest)
+        axes.add_collection(lines)
+        ends = segments[keep][:, :, 0]
+        axes.set_xlim(float(ends.min()), float(ends.max()))
+        style.depth_axis(axes, float(segments[keep][:, :, 1].max()))
+        axes.set_xlabel("time since the first sample [h]")
+        if (first := _start(flight)) is not None:
+            draw_dates(axes, first, HOUR)
+            axes.set_xlabel(LABEL)
+        bar = figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
+        bar.set_label("vertical water velocity, up [cm/s]")
+        bar.outline.set_visible(False)
+    return figure
+
+
+def histogram(flight: xr.Dataset) -> Figure:
+    """How often which vertical velocity was found, in dives and in climbs."""
+    w = CM * flight[W_WATER].values.ravel()
+    known = np.isfinite(w)
+    if not known.any():
+        raise InputError("no vertical water velocity to draw: no dive that the model can fly")
+    largest = float(np.percentile(np.abs(w[known]), COVERED[1]))
+    edges = np.linspace(-largest, largest, BINS + 1)
+    down, up = _ways(flight)
+    with style.styled():
+        figure = style.new_figure()
+        axes = figure.add_subplot()
+        for label, mask, colour in (
+            ("dives", down, style.PALETTE["blue"]),
+            ("climbs", up, style.PALETTE["vermillion"]),
+        ):
+            part = w[mask.ravel() & known]
+            if not part.size:
+                continue
+            text = f"{label}: mean {part.mean():.2f}, deviation {part.std():.2f} cm/s"
+            axes.hist(
+                part, list(edges), density=True, histtype="step", color=colour, lw=1.3, label=text
+            )
+            axes.axvline(part.mean(), ymax=0.76, color=colour, lw=0.8, ls="--")
+        axes.set_xlabel("vertical water velocity, up [cm/s]")
+        axes.set_ylabel("share [1 per cm/s]")
+        axes.set_ylim(top=1.3 * axes.get_ylim()[1])
+        axes.legend(loc="upper left")
+    return figure
+
+
+def track_map(flight: xr.Dataset) -> Figure:
+    """The corrected tracks, the fixes and the depth-averaged currents on a map."""
+    if any(name not in flight for name in POSITIONS):
+        raise InputError("no map: the store does not say where its missions began")
+    samples = _samples(flight)
+    latitude, longitude = (flight[name].values for name in POSITIONS)
+    longitude = joined(longitude.ravel()).reshape(longitude.shape)
+    tracks = tuple(
+        (latitude[row, :count], longitude[row, :count]) for row, count in enumerate(samples)
+    )
+    fixes = None
+    if GPS_FIX in flight:  # files of earlier versions do not say
+        fixed = flight[GPS_FIX].values == 1
+        fixes = (latitude[fixed], longitude[fixed])
+    currents: tuple[Currents, ...] = ()
+    if DAC in flight.sizes:
+        rows = {int(number): row for row, number in enumerate(flight[MISSION].values)}
+        period = float(flight.attrs[SAMPLE_PERIOD])
+        middle = 0.5 * (flight["dac_start"].values + flight["dac_end"].values) / period
+        places = [
+            (rows[int(m)], round(k))
+            for m, k in zip(flight[DAC_MISSION].values, middle, strict=True)
+        ]
+        currents = (
+            Currents(
+                latitude=np.array([latitude[place] for place in places]),
+                longitude=np.array([longitude[place] for place in places]),
+                north=flight["dac_north"].values,
+                east=flight["dac_east"].values,
+                name=AVERAGED,
+            ),
+        )
+    return draw_content(
+        MapContent(
+            tracks=tracks,
+            name="corrected track",
+            fixes=fixes,
+            currents=currents,
+        )
+    )
+
+
+def _samples(flight: xr.Dataset) -> NDArray[np.int64]:
+    return np.asarray(flight[N_SAMPLES].values, np.int64)
+
+
+def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Samples in dives and in climbs: the store's phases, or by the depth rate."""
+    if "phase" in flight:
+        phase = flight["phase"].values
+        return phase == DESCENT, phase == CLIMB
+    rate = np.gradient(flight["depth"].values, float(flight.attrs[SAMPLE_PERIOD]), axis=1)
+    return rate > LEVEL_RATE, rate < -LEVEL_RATE
+
+
+LEVEL_RATE = 0.03
+"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
+
+
+def _start(flight: xr.Dataset) -> float | None:
+    """Unix time [s] of the first sample of all; None where it is not known."""
+    if START_TIME not in flight:
+        return None
+    starts = np.asarray(flight[START_TIME].values)
+    if np.issubdtype(starts.dtype, np.datetime64):
+        if np.isnat(starts).any():
+            return None
+        starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
+    return float(starts.min()) if np.isfinite(starts.astype(float)).all() else None
+
+
+def _starts(flight: xr.Dataset) -> list[float]:
+    """[s] of each mission's first sample since that of the first; one after the other without."""
+    if START_TIME in flight:
+        starts = np.asarray(flight[START_TIME].values)
+        if np.issubdtype(starts.dtype, np.datetime64):
+            starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
+        if np.isfinite(starts.astype(float)).all():
+            return [float(start) for start in starts - starts.min()]
+    lengths = float(flight.attrs[SAMPLE_PERIOD]) * _samples(flight)
+    return [float(end) for end in np.concatenate([[0.0], np.cumsum(lengths)[:-1]])]
+
+
+FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
+"""By the name of their files"""
+
+
+def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
+    """Draw all figures into a folder; returns their files, and why others are missing.
+
+    Raises:
+      WriteError: the disk refuses.
+    """
+    dataset = flight_dataset(flight)
+    written, missing = [], []
+    for name, draw in FIGURES.items():
+        try:
+            figure = draw(dataset)
+        except InputError as error:
+            missing.append(f"no {name} figure: {error}")
+            continue
+        path = folder / f"{name}.png"
+        add_caption(figure, caption_of(dataset, folder))
+        with whole_file(path) as place:
+            figure.savefig(place, dpi=PRINT_DPI)
+        written.append(path)
+    return written, missing
+
+
+PRINT_DPI = 200
+"""[pixel/in]"""

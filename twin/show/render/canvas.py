@@ -1,0 +1,236 @@
+"""Canvas: sizes of what is drawn over a picture, and small things to draw.
+
+Palette: colours of the scene. RGB in 0 to 1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.show.render import lettering
+from twin.show.render.scene_geometry import Frame
+from twin.show.render.shot import Shot
+
+Pixels = NDArray[np.uint8]
+
+BASE_WIDTH, BASE_HEIGHT = 1280, 720
+"""[pixel] of the picture in which sizes are given; they grow with the picture"""
+STRIP = 85
+"""Height of the strip of readouts [pixel of the base picture]"""
+FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
+"""What framing keeps free for the display: pixels of the base picture above the strip for the
+distances, and above for the title; parts of the width for depths, and for close-up and legend"""
+INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
+"""Width of the close-up over the picture's, and its width over its height"""
+CURVE_SHARE = 0.22
+"""Width of the depth curve over the picture's"""
+NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
+"""From the strip's edge to the readouts' names and values, and from the picture's to the notes and
+the compass, likewise"""
+TITLE, VALUE, NAME, LABEL, LEGEND = 17, 25, 12, 14, 13
+"""Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
+SMALLEST_FONT = 8
+"""[pixel] below which letters are blots"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Canvas:
+    """A picture's size, and lengths that suit it."""
+
+    width: int
+    """[pixel]"""
+    height: int
+    """[pixel]"""
+
+    @property
+    def unit(self) -> float:
+        """Pixels of this picture per pixel of the base picture."""
+        return min(self.width / BASE_WIDTH, self.height / BASE_HEIGHT)
+
+    @property
+    def strip_top(self) -> int:
+        """First row of the strip."""
+        # Letters stop shrinking before the picture does.
+        letters = NAME_TOP * self.unit + 1.25 * (self.font_size(NAME) + self.font_size(VALUE))
+        return self.height - max(self.px(STRIP), round(letters))
+
+    @property
+    def value_top(self) -> int:
+        """First row of the strip's values."""
+        below = self.px(NAME_TOP) + round(1.2 * self.font_size(NAME))
+        return self.strip_top + max(self.px(VALUE_TOP), below)
+
+    @property
+    def compass_top(self) -> int:
+        """First row of the compass, under two lines of notes."""
+        notes = 1.4 * (self.font_size(TITLE) + self.font_size(LEGEND)) + self.px(NOTES_TOP + 14)
+        return max(self.px(COMPASS_TOP), round(notes))
+
+    @property
+    def inset(self) -> tuple[int, int, int, int]:
+        """Left, top, width, height of the glider's close-up, upper right."""
+        wide = round(INSET_WIDTH * self.width)
+        high = min(round(wide / INSET_ASPECT), self.height // 2)
+        return self.width - self.px(20) - wide, self.px(25), wide, high
+
+    @property
+    def frame(self) -> Frame:
+        """What framing keeps free for all this."""
+        free_below = FREE["bottom"] * self.unit / self.height
+        return Frame(
+            aspect=self.width / self.height,
+            bottom=min((self.height - self.strip_top) / self.height + free_below, 0.4),
+            top=min(FREE["top"] * self.unit / self.height, 0.3),
+            left=FREE["left"],
+            right=FREE["right"],
+        )
+
+    @property
+    def curve(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom of the depth curve."""
+        right = self.width - self.px(20)
+        left = right - round(CURVE_SHARE * self.width)
+        return left, self.strip_top + self.px(20), right, self.height - self.px(14)
+
+    def px(self, size: float) -> int:
+        """A length of the base picture in this picture's pixels, at least 1."""
+        return max(1, round(size * self.unit))
+
+    def font_size(self, size: float) -> int:
+        """A font size of the base picture in this picture's pixels."""
+        return max(SMALLEST_FONT, round(size * self.unit))
+
+
+def frame_of(shot: Shot) -> Frame:
+    """What framing keeps free in a shot's pictures."""
+    if shot.hud:
+        return Canvas(width=shot.width, height=shot.height).frame
+    return Frame(aspect=shot.width / shot.height)
+
+
+def dot(frame: Pixels, x: float, y: float, radius: float, colour: lettering.Colour) -> None:
+    """A smooth disc, in place; what lies outside the frame is cut off."""
+    height, width = frame.shape[:2]
+    x0, x1 = max(int(x - radius - 1), 0), min(int(x + radius + 2), width)
+    y0, y1 = max(int(y - radius - 1), 0), min(int(y + radius + 2), height)
+    if x0 >= x1 or y0 >= y1:
+        return
+    ys, xs = np.ogrid[y0:y1, x0:x1]
+    cover = np.clip(radius + 0.5 - np.hypot(xs - x, ys - y), 0.0, 1.0)[..., None]
+    part = frame[y0:y1, x0:x1]
+    frame[y0:y1, x0:x1] = (part * (1 - cover) + np.array(colour) * cover).astype(np.uint8)
+
+
+def border(frame: Pixels, box: tuple[int, int, int, int], colour: lettering.Colour) -> None:
+    """A thin frame just inside a box (left, top, width, height), in place."""
+    left, top, wide, high = box
+    thick = max(1, round(frame.shape[0] / 480))
+    frame[top : top + thick, left : left + wide] = colour
+    frame[top + high - thick : top + high, left : left + wide] = colour
+    frame[top : top + high, left : left + thick] = colour
+    frame[top : top + high, left + wide - thick : left + wide] = colour
+
+
+def box(
+    frame: Pixels, place: tuple[int, int, int, int], colour: lettering.Colour, rim: lettering.Colour
+) -> None:
+    """A filled box (left, top, width, height) with a rim of one pixel, in place."""
+    left, top, wide, high = place
+    frame[top - 1 : top + high + 1, left - 1 : left + wide + 1] = rim
+    frame[top : top + high, left : left + wide] = colour
+
+
+Tile = tuple[lettering.Wide, lettering.Wide, int, int]
+"""What a painted box adds to a frame and keeps of it (see `text.blend`), its left and its top"""
+
+
+def tiles(ground: Pixels) -> list[Tile]:
+    """The painted boxes of an RGBA picture; empty rows, and empty columns in them, are left out."""
+    alpha = ground[..., 3:].astype(np.uint16)
+    add, keep = ground[..., :3] * alpha, np.repeat(255 - alpha, 3, axis=-1)
+    found = []
+    for top, bottom in _runs(np.asarray(alpha.any(axis=(1, 2)))):
+        for left, right in _runs(np.asarray(alpha[top:bottom].any(axis=(0, 2))), gap=16):
+            box = (slice(top, bottom), slice(left, right))
+            found.append((add[box].copy(), keep[box].copy(), left, top))
+    return found
+
+
+def _runs(filled: NDArray[np.bool_], gap: int = 1) -> list[tuple[int, int]]:
+    """Runs of true values as (first, after last); gaps up to `gap` do not end a run."""
+    places = np.flatnonzero(filled)
+    if len(places) == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(places) > gap)
+    firsts = [int(places[0]), *(int(places[b + 1]) for b in breaks)]
+    lasts = [*(int(places[b]) for b in breaks), int(places[-1])]
+    return [(a, b + 1) for a, b in zip(firsts, lasts, strict=True)]
+
+
+Array = NDArray[np.float64]
+
+TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
+WATER = np.array(
+    [
+        [0.00, 0.62, 0.90, 0.93],
+        [0.08, 0.36, 0.78, 0.87],
+        [0.30, 0.12, 0.55, 0.75],
+        [0.65, 0.05, 0.28, 0.52],
+        [1.00, 0.03, 0.13, 0.32],
+    ]
+)
+"""Relative depth of the shown water and its colour"""
+LIGHT_DEPTH = 120.0
+"""[m] over which daylight fades by e: our choice, so that a dive to 500 m still shows something"""
+SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
+DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
+HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
+"""The sky, for a chase camera above the water"""
+BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
+SAND = np.array([0.56, 0.51, 0.40])
+FUTURE = np.array([0.80, 0.86, 0.92])
+"""The part of the track that is still to come"""
+CURRENT = np.array([0.93, 0.98, 1.0])
+GLASS = np.array([0.55, 0.88, 1.0])
+OTHER_TRACKS = tuple(
+    np.array(colour)
+    for colour in (
+        (0.15, 0.90, 0.50),
+        (1.00, 0.58, 0.78),
+        (0.50, 0.92, 1.00),
+        (0.74, 0.68, 1.00),
+        (0.74, 1.00, 0.30),
+        (0.62, 0.68, 0.75),
+        (1.00, 1.00, 1.00),
+    )
+)
+"""Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
+water is blue and dark, and the true track takes the warm hues. White, that of the current's arrows,
+comes last."""
+WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
+"""Text, its labels and the ground of the heads-up strip, 0 to 255"""
+
+
+def track_colours(values: Array, low: float, high: float) -> Array:
+    """Colours of values (n,) between `low` and `high`; NaN is grey. Shape (n, 3)."""
+    span = high - low if high > low else 1.0
+    relative = np.clip((np.nan_to_num(values, nan=low) - low) / span, 0.0, 1.0)
+    colour_map = matplotlib.colormaps[TRACK_MAP]
+    colours = colour_map(TRACK_FROM + (TRACK_TO - TRACK_FROM) * relative)[:, :3]
+    return np.where(np.isnan(values)[:, None], 0.6, colours)
+
+
+def water_colour(relative_depth: Array | float) -> Array:
+    """Colour of the water at a relative depth 0 to 1. Shape (..., 3)."""
+    depth = np.clip(relative_depth, 0.0, 1.0)
+    return np.stack([np.interp(depth, WATER[:, 0], WATER[:, i]) for i in (1, 2, 3)], axis=-1)
+
+
+def ambient_colour(depth: Array) -> Array:
+    """Colour of open water seen level at depths [m], shape (n, 1). Shape (n, 3)."""
+    light = np.exp(-np.clip(depth, 0.0, None) / LIGHT_DEPTH)
+    return np.asarray(DEEP_LIGHT + (SURFACE_LIGHT - DEEP_LIGHT) * light)

@@ -1,0 +1,263 @@
+"""Ribbon: a track as a tube that is revealed as the glider flies it.
+
+The tube is cut into chunks of a few nodes. Chunks that lie wholly in the past are drawn; the one
+in which the glider is, is replaced by the `head`, a short tube that is reshaped for each frame
+and ends at the glider.
+
+Arrows: the current along the depth profile, on a mast in the block or beside the glider.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.show.figures.water import mean_profile
+from twin.show.render import canvas, shapes
+from twin.show.render.scene_geometry import SceneLayout, nice_step
+from twin.show.render.shapes import WORLD, Props, Shape, tube
+
+Array = NDArray[np.float64]
+
+CHUNK = 24
+"""Segments per chunk"""
+SIDES = 7
+MOST_NODES = 3600
+"""Nodes of one track; the tolerance grows until they suffice."""
+TEXELS = 4096
+"""Samples of the colour along the track"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ribbon:
+    """A track in display units, ready to be meshed."""
+
+    time: Array
+    """[s] of each node, increasing, shape (n,)"""
+    nodes: Array
+    """Shape (n, 3)"""
+    radius: float
+    span: tuple[float, float]
+    """[s] that the colour texture covers"""
+
+    def along(self, time: Array) -> Array:
+        """Texture coordinate of mission times [s]."""
+        first, last = self.span
+        relative = np.clip((time - first) / (last - first), 0.0, 1.0)
+        return (0.5 + relative * (TEXELS - 1)) / TEXELS
+
+    def starts(self) -> NDArray[np.int64]:
+        """Index of each chunk's first node, shape (chunks,)."""
+        return np.arange(0, len(self.nodes) - 1, CHUNK, dtype=np.int64)
+
+    def chunk(self, index: int) -> Shape:
+        """The tube of one chunk."""
+        first = int(self.starts()[index])
+        last = min(first + CHUNK, len(self.nodes) - 1)
+        part = slice(first, last + 1)
+        return tube(self.nodes[part], self.radius, SIDES, self.along(self.time[part]))
+
+    def chunk_ends(self) -> Array:
+        """Time [s] of each chunk's last node, shape (chunks,)."""
+        return self.time[np.minimum(self.starts() + CHUNK, len(self.nodes) - 1)]
+
+    def at(self, time: float) -> Array:
+        """The track's point at a mission time [s], shape (3,)."""
+        return np.array([np.interp(time, self.time, column) for column in self.nodes.T])
+
+    def head(self, time: float, tip: Array, clear: float = 0.0) -> Shape:
+        """The tube from the running chunk's start to `tip` (3,), always of CHUNK + 2 nodes.
+
+        Nodes nearer than `clear` to the tip are left out, so that the tube does not double back
+        where the tip lags behind the track's own end.
+        """
+        starts = self.starts()
+        running = int(np.searchsorted(self.chunk_ends(), time, side="right"))
+        first = int(starts[min(running, len(starts) - 1)])
+        flown = np.flatnonzero(self.time[first : first + CHUNK + 1] < time) + first
+        if len(flown) > 1:
+            apart = np.linalg.norm(self.nodes[flown] - tip, axis=-1) >= clear
+            flown = flown[np.logical_or(apart, flown == first)]
+        nodes = np.concatenate([self.nodes[flown], tip[None]])
+        times = np.concatenate([self.time[flown], [time]])
+        missing = CHUNK + 2 - len(nodes)
+        nodes = np.concatenate([nodes, np.repeat(nodes[-1:], missing, axis=0)])
+        times = np.concatenate([times, np.repeat(times[-1:], missing)])
+        shape = tube(nodes, self.radius, SIDES, self.along(times))
+        return close_tip(shape, missing)
+
+
+def close_tip(shape: Shape, repeated: int) -> Shape:
+    """Shrink the repeated last rings of a tube to a point, so that it ends in a cone."""
+    if repeated == 0:
+        return shape
+    vertices = shape.vertices.copy()
+    count = repeated * SIDES
+    vertices[-count:] = vertices[-count:].reshape(-1, SIDES, 3).mean(axis=1).repeat(SIDES, axis=0)
+    return dataclasses.replace(shape, vertices=vertices)
+
+
+def simplify(points: Array, tolerance: float, most: int = MOST_NODES) -> NDArray[np.int64]:
+    """Indices of the points (n, 3) that a polyline within `tolerance` needs (Douglas-Peucker).
+
+    The tolerance is doubled until at most `most` points are left. Ramer (1972), Douglas and
+    Peucker (1973).
+    """
+    while True:
+        keep = _douglas_peucker(points, tolerance)
+        if len(keep) <= most:
+            return keep
+        tolerance *= 2.0
+
+
+def _douglas_peucker(points: Array, tolerance: float) -> NDArray[np.int64]:
+    keep = np.zeros(len(points), bool)
+    keep[[0, -1]] = True
+    waiting = [(0, len(points) - 1)]
+    while waiting:
+        first, last = waiting.pop()
+        if last - first < 2:
+            continue
+        inside = points[first + 1 : last] - points[first]
+        chord = points[last] - points[first]
+        length = float(chord @ chord)
+        if length > 0:
+            along = np.clip(inside @ chord / length, 0.0, 1.0)
+            inside = inside - along[:, None] * chord
+        squared = np.einsum("ij,ij->i", inside, inside)
+        worst = int(np.argmax(squared))
+        if squared[worst] > tolerance**2:
+            split = first + 1 + worst
+            keep[split] = True
+            waiting += [(first, split), (split, last)]
+    return np.flatnonzero(keep)
+
+
+ARROWS = 11
+"""Arrows of a mast, about"""
+LENGTH_SHARE = 0.11
+"""Length of the strongest current's arrow over the block's length"""
+THICKNESS_SHARE = 0.0028
+"""Radius of an arrow's shaft over the block's length"""
+LADDER_LENGTH = 1.0
+"""[m] of the strongest current's arrow beside the glider"""
+LADDER_STEP, LADDER_REACH = 1.0, 2.6
+"""[m] between the arrows beside the glider, and how far above and below it they reach"""
+LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
+"""Arrows beside the glider at any one time, at most"""
+LADDER_RADIUS = 0.03
+"""[m] of their shafts"""
+LADDER_OFFSET = (0.2, -3.0)
+"""[m] ahead and to starboard of the glider at which these arrows start"""
+STILL = 1e-4
+"""[m/s] below which water counts as still"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ArrowProfile:
+    """Mean current against depth, over the shown part of a mission."""
+
+    depth: Array
+    """[m], increasing, shape (n,)"""
+    velocity: Array
+    """North, east [m/s], shape (n, 2)"""
+
+    @property
+    def strongest(self) -> float:
+        """Largest speed [m/s]; 0 for still water."""
+        speed = float(np.hypot(*self.velocity.T).max(initial=0.0))
+        return speed if speed >= STILL else 0.0
+
+    def at(self, depth: float) -> Array:
+        """North, east [m/s] at a depth [m], shape (2,)."""
+        return np.array([np.interp(depth, self.depth, column) for column in self.velocity.T])
+
+
+def profile(depth: Array, velocity: Array) -> ArrowProfile:
+    """The profile of samples: depth [m] (n,), velocity north and east [m/s] (n, 2)."""
+    centres, means = mean_profile(np.clip(depth, 0.0, None), *velocity.T)
+    return ArrowProfile(depth=centres, velocity=np.stack(means, axis=-1))
+
+
+def add_mast(props: Props, layout: SceneLayout, current: ArrowProfile, path: Array) -> None:
+    """A mast with an arrow at round depths, where it is least in the way of `path` (n, 3) NED."""
+    if current.strongest == 0.0:
+        return
+    length = float(layout.size[:2].max() * layout.scale)
+    radius = THICKNESS_SHARE * length
+    per_speed = LENGTH_SHARE * length / current.strongest
+    foot = _free_place(layout, path)
+    top, low = (layout.display(np.array([*foot, d])) for d in (0.0, float(layout.high[2])))
+    mast = shapes.cone(low, top, 0.7 * radius, 0.7 * radius, 8)
+    props.add("mast", mast, np.array([0.85, 0.92, 0.96]), material="lit")
+    deepest = float(current.depth[-1])
+    step = nice_step(max(deepest, 1.0) / ARROWS)
+    parts = []
+    for depth in np.arange(step / 2, deepest + step / 2, step):
+        north, east = current.at(float(depth))
+        vector = per_speed * np.array([north, -east, 0.0])
+        long = float(np.linalg.norm(vector))
+        if long > 2 * radius:
+            start = layout.display(np.array([*foot, depth]))
+            parts.append(shapes.arrow(start, start + vector, min(radius, long / 12)))
+    if parts:
+        props.add("current_arrows", shapes.merge(parts), canvas.CURRENT, material="lit")
+
+
+def ladder(
+    current: ArrowProfile, depth: float, heading: float, floor: float
+) -> list[tuple[float, Array, Array]]:
+    """Arrows beside the glider at round depths, chase camera.
+
+    Args:
+      depth: [m] of the glider.
+      heading: [rad]
+      floor: [m]
+
+    Returns:
+      for each arrow its depth [m], start and vector in display units from the glider, both (3,).
+    """
+    ahead, aside = LADDER_OFFSET
+    c, s = math.cos(heading), math.sin(heading)
+    x, y = ahead * c - aside * s, -(ahead * s + aside * c)
+    per_speed = LADDER_LENGTH / current.strongest if current.strongest else 0.0
+    first = math.ceil((depth - LADDER_REACH) / LADDER_STEP)
+    last = math.floor((depth + LADDER_REACH) / LADDER_STEP)
+    found = []
+    for level in LADDER_STEP * np.arange(first, last + 1, dtype=float):
+        if 0.0 <= level <= floor:
+            north, east = current.at(float(level))
+            vector = per_speed * np.array([north, -east, 0.0])
+            found.append((float(level), np.array([x, y, depth - level]), vector))
+    return found
+
+
+def add_ladder(props: Props) -> list[str]:
+    """Arrows that are reshaped for each frame; the names of their geoms."""
+    return [
+        props.add(f"ladder_{i}", ladder_arrow(np.zeros(3), np.array([1.0, 0.0, 0.0])),
+                  canvas.CURRENT, material="lit", body=WORLD)
+        for i in range(LADDER_SLOTS)
+    ]  # fmt: skip
+
+
+def ladder_arrow(start: Array, vector: Array) -> Shape:
+    """One arrow beside the glider, in display units; too short a vector makes a dot."""
+    length = max(float(np.linalg.norm(vector)), 1e-3)
+    vector = vector if np.any(vector) else np.array([length, 0.0, 0.0])
+    return shapes.arrow(start, start + vector, min(LADDER_RADIUS, length / 8))
+
+
+def _free_place(layout: SceneLayout, path: Array) -> Array:
+    """North, east [m] of the place near the block's corners that the track leaves most free."""
+    x, y = layout.size[:2]
+    room = 1.2 * LENGTH_SHARE * float(max(x, y))
+    xs, ys = ((low + min(room, 0.3 * size), low + size - min(room, 0.3 * size))
+              for low, size in ((layout.low[0], x), (layout.low[1], y)))  # fmt: skip
+    corners = np.array([(a, b, 0.0) for a in xs for b in ys])
+    inside = layout.to_block(path[:: max(1, len(path) // 500)])
+    gap = np.linalg.norm(inside[None, :, :2] - corners[:, None, :2], axis=-1).min(axis=1)
+    return np.asarray(layout.to_ned(corners[int(np.argmax(gap))])[:2])

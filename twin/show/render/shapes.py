@@ -1,0 +1,328 @@
+"""Shapes: triangle meshes of the scene, as vertices, faces, normals and texture coordinates.
+
+All in display units (see `layout`), z up, faces counterclockwise seen from outside. MuJoCo draws
+only front faces, which the water's walls use: whichever wall is nearest to the camera disappears.
+
+Props: the MuJoCo spec of a scene, and how meshes are put into it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shape:
+    """One mesh."""
+
+    vertices: Array
+    """Shape (n, 3)"""
+    faces: Integers
+    """Shape (m, 3), indices of vertices"""
+    normals: Array
+    """Unit, shape (n, 3)"""
+    coordinates: Array | None = None
+    """Texture coordinates, shape (n, 2)"""
+
+
+def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) -> Shape:
+    """A round tube through `nodes` (n, 3), its ends closed by points.
+
+    Args:
+      radius: in display units.
+      sides: of the polygon that stands for the circle.
+      along: texture coordinate of each node, shape (n,).
+    """
+    side, up = tube_frame(nodes)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None]
+    vertices = (nodes[:, None] + radius * ring).reshape(-1, 3)
+    count = len(nodes)
+    start = (np.arange(count - 1) * sides)[:, None] + np.arange(sides)
+    beside = (np.arange(count - 1) * sides)[:, None] + (np.arange(sides) + 1) % sides
+    faces = np.stack(
+        [
+            np.stack([start, start + sides, beside], axis=-1),
+            np.stack([beside, start + sides, beside + sides], axis=-1),
+        ],
+        axis=2,
+    ).reshape(-1, 3)
+    coordinates = None
+    if along is not None:
+        repeated = np.repeat(along, sides)
+        coordinates = np.stack([repeated, np.full_like(repeated, 0.5)], axis=-1)
+    return Shape(
+        vertices=vertices, faces=faces, normals=ring.reshape(-1, 3), coordinates=coordinates
+    )
+
+
+def tube_frame(nodes: Array) -> tuple[Array, Array]:
+    """Two unit vectors across the curve at each node, both (n, 3), without sudden twists."""
+    tangent = np.gradient(nodes, axis=0)
+    length = np.linalg.norm(tangent, axis=-1, keepdims=True)
+    tangent = np.where(length > 0, tangent / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0])
+    # "Up" is the world's, which a glider's path never follows for long.
+    side = np.cross(tangent, [0.0, 0.0, 1.0])
+    width = np.linalg.norm(side, axis=-1, keepdims=True)
+    side = np.where(width > 1e-6, side / np.where(width > 1e-6, width, 1.0), [0.0, 1.0, 0.0])
+    return side, np.cross(side, tangent)
+
+
+def quad(corners: Array) -> Shape:
+    """A flat quadrilateral, corners (4, 3) counterclockwise seen from its front."""
+    normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+    normal = normal / np.linalg.norm(normal)
+    return Shape(
+        vertices=np.asarray(corners, float),
+        faces=np.array([[0, 1, 2], [0, 2, 3]]),
+        normals=np.tile(normal, (4, 1)),
+    )
+
+
+def merge(shapes: list[Shape]) -> Shape:
+    """Several shapes as one, without texture coordinates."""
+    offsets = np.cumsum([0, *(len(s.vertices) for s in shapes[:-1])])
+    return Shape(
+        vertices=np.concatenate([s.vertices for s in shapes]),
+        faces=np.concatenate([s.faces + o for s, o in zip(shapes, offsets, strict=True)]),
+        normals=np.concatenate([s.normals for s in shapes]),
+    )
+
+
+def relief(x: Array, y: Array, height: Array, transform: Array) -> Shape:
+    """A sheet over a grid: x (n,), y (m,), height (n, m), turned by `transform` (3, 3)."""
+    n, m = height.shape
+    grid = np.stack([*np.meshgrid(x, y, indexing="ij"), height], axis=-1)
+    slope_x = np.gradient(height, x, axis=0)
+    slope_y = np.gradient(height, y, axis=1)
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(height)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    index = np.arange(n * m).reshape(n, m)
+    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
+    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    return Shape(
+        vertices=grid.reshape(-1, 3) @ transform.T,
+        faces=faces,
+        normals=normals.reshape(-1, 3) @ transform.T,
+    )
+
+
+def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
+    """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
+    angle = 2 * np.pi * np.arange(slices) / slices
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    rims = [np.column_stack([r * circle, np.full(slices, z)]) for r in (inner, outer)]
+    i = np.arange(slices)
+    j = (i + 1) % slices
+    faces = np.concatenate(
+        [np.stack([i, i + slices, j], -1), np.stack([j, i + slices, j + slices], -1)]
+    )
+    normal = [0.0, 0.0, 1.0 if up else -1.0]
+    return Shape(
+        vertices=np.concatenate(rims),
+        faces=faces if up else faces[:, ::-1].copy(),
+        normals=np.tile(normal, (2 * slices, 1)),
+    )
+
+
+def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
+    """A strip of a sphere about the origin between elevations [rad], seen from inside."""
+    angle = 2 * np.pi * np.arange(slices) / slices
+    rims = [
+        radius
+        * np.column_stack(
+            [
+                np.cos(elevation) * np.cos(angle),
+                np.cos(elevation) * np.sin(angle),
+                np.full(slices, np.sin(elevation)),
+            ]
+        )
+        for elevation in (low, high)
+    ]
+    i = np.arange(slices)
+    j = (i + 1) % slices
+    faces = np.concatenate(
+        [np.stack([i, i + slices, j], -1), np.stack([j, i + slices, j + slices], -1)]
+    )
+    vertices = np.concatenate(rims)
+    return Shape(vertices=vertices, faces=faces, normals=-vertices / radius)
+
+
+def arrow(start: Array, end: Array, radius: float, sides: int = 10) -> Shape:
+    """A round arrow from `start` to `end` (3,), its head three radii wide and six long."""
+    vector = end - start
+    length = float(np.linalg.norm(vector))
+    direction = vector / length
+    head = min(6.0 * radius, 0.6 * length)
+    neck = end - head * direction
+    shaft = cone(start, neck, radius, radius, sides)
+    tip = cone(neck, end, 3.0 * radius, 0.02 * radius, sides)
+    base = cone(neck, neck + 1e-3 * radius * direction, 0.02 * radius, 3.0 * radius, sides)
+    return merge([shaft, tip, base])
+
+
+def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Shape:
+    """The side of a truncated cone with radii `first` and `last`."""
+    direction = (end - start) / np.linalg.norm(end - start)
+    helper = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    side = np.cross(direction, helper)
+    side /= np.linalg.norm(side)
+    up = np.cross(direction, side)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
+    i = np.arange(sides)
+    j = (i + 1) % sides
+    faces = np.concatenate(
+        [np.stack([i, j, i + sides], -1), np.stack([j, j + sides, i + sides], -1)]
+    )
+    slope = (first - last) / np.linalg.norm(end - start)
+    normals = circle + slope * direction
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return Shape(
+        vertices=np.concatenate([start + first * circle, end + last * circle]),
+        faces=faces,
+        normals=np.concatenate([normals, normals]),
+    )
+
+
+def grains(centres: Array, sizes: Array) -> Shape:
+    """Octahedra at `centres` (n, 3) with radii `sizes` (n,)."""
+    corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    faces = np.array(
+        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
+    )
+    vertices = (centres[:, None] + sizes[:, None, None] * corners).reshape(-1, 3)
+    index = (faces[None] + 6 * np.arange(len(centres))[:, None, None]).reshape(-1, 3)
+    return Shape(vertices=vertices, faces=index, normals=np.tile(corners, (len(centres), 1)))
+
+
+VEHICLE = "vehicle/"
+"""Prefix of the attached glider's names"""
+BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
+"""Geom groups; the glider's own are 1 and 2, its fluid geoms 4 stay hidden."""
+WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
+"""Bodies that props hang on"""
+AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
+"""Light from everywhere, from the camera and from above, over full light"""
+MATERIALS = {
+    "flat": (1.0 - AMBIENT - HEADLIGHT / 2, 0.0),
+    "lit": (0.3, 0.2),
+    "glow": (0.55, 0.1),
+    "matte": (0.0, 0.0),
+}
+"""Emission and specular; `flat` shows its colour as it is, under the light of the mean angle"""
+SAMPLES = 4
+"""Samples per pixel against jagged edges"""
+
+
+SLICES, STACKS = 24, 6
+"""Facets of round geoms around and along; more cost time on a CPU and show nothing"""
+
+
+class Props:
+    """A spec with the glider, lights and water bodies, to which meshes are added."""
+
+    def __init__(self, vehicle_xml: str, width: int, height: int):
+        """`width` and `height` [pixel] are the largest picture's."""
+        self.spec = mujoco.MjSpec()
+        self.spec.modelname = "stage"
+        visual = self.spec.visual
+        visual.global_.offwidth, visual.global_.offheight = width, height
+        visual.quality.offsamples = SAMPLES
+        visual.quality.shadowsize = 0
+        visual.quality.numslices, visual.quality.numstacks = SLICES, STACKS
+        visual.headlight.ambient = [AMBIENT] * 3
+        visual.headlight.diffuse = [HEADLIGHT] * 3
+        visual.headlight.specular = [0.0] * 3
+        # Straight down, so that it leaves the walls' colours alone, as it would in the sea.
+        self.spec.worldbody.add_light(
+            name="sun",
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            dir=[0.0, 0.0, -1.0],
+            diffuse=[SUN] * 3,
+            specular=[0.3] * 3,
+            ambient=[0.0] * 3,
+            castshadow=False,
+        )
+        for name, (emission, specular) in MATERIALS.items():
+            self.spec.add_material(name=name, emission=emission, specular=specular, shininess=0.4)
+        self._attach(mujoco.MjSpec.from_string(vehicle_xml))
+        self._bodies = {WORLD: self.spec.worldbody}
+        for name in (WATER, LEVEL, SEABED, DRIFT):
+            self._bodies[name] = self.spec.worldbody.add_body(name=name, mocap=True)
+
+    def add(
+        self,
+        name: str,
+        shape: Shape,
+        colour: Array,
+        *,
+        alpha: float = 1.0,
+        material: str = "flat",
+        group: int = WATER_GROUP,
+        body: str = WATER,
+    ) -> str:
+        """Add a mesh and its geom, both of this name; returns the name."""
+        textured: dict[str, Any] = {}
+        if shape.coordinates is not None:
+            textured["usertexcoord"] = shape.coordinates.astype(np.float32).ravel()
+        self.spec.add_mesh(
+            name=name,
+            uservert=shape.vertices.astype(np.float32).ravel(),
+            userface=shape.faces.astype(np.int32).ravel(),
+            usernormal=shape.normals.astype(np.float32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            **textured,
+        )
+        self._bodies[body].add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            material=material,
+            rgba=[*(float(c) for c in colour), alpha],
+            group=group,
+            contype=0,
+            conaffinity=0,
+            mass=0,
+        )
+        return name
+
+    def add_row_texture(self, name: str, colours: Array, *, emission: float) -> None:
+        """A material whose texture is one row of colours (n, 3); see `Shape.coordinates`."""
+        pixels = np.repeat((255 * colours).astype(np.uint8)[None], 2, axis=0)
+        texture = self.spec.add_texture(
+            name=name,
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            width=len(colours),
+            height=2,
+            nchannel=3,
+        )
+        texture.data = pixels.tobytes()
+        material = self.spec.add_material(
+            name=name, emission=emission, specular=0.15, shininess=0.3
+        )
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+    def _attach(self, glider: mujoco.MjSpec) -> None:
+        """Attach the glider's hull without what only its physics needs."""
+        unseen = (glider.keys, glider.sensors, glider.actuators, glider.cameras, glider.lights)
+        for item in [item for items in unseen for item in items]:
+            glider.delete(item)
+        # MuJoCo warns about each setting in which two models differ; the stage's own count here.
+        pairs: list[tuple[Any, Any]] = [(self.spec.option, glider.option)]
+        for name in ("global_", "quality", "headlight", "map", "scale", "rgba"):
+            pairs.append((getattr(self.spec.visual, name), getattr(glider.visual, name)))
+        for ours, theirs in pairs:
+            for name in dir(ours):
+                if not name.startswith("_"):
+                    setattr(theirs, name, getattr(ours, name))
+        self.spec.worldbody.add_frame().attach_body(glider.body("hull"), VEHICLE, "")

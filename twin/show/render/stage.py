@@ -1,0 +1,297 @@
+"""Stage: the compiled scene of a shot. The glider, the sea, tracks and arrows."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.frames import flip_vector
+from twin.records.logged import source_of
+from twin.records.tracks import NamedTrack
+from twin.records.trajectory import Trajectory
+from twin.show.render import canvas, sea, seabed, shapes
+from twin.show.render import ribbon as arrows
+from twin.show.render.canvas import frame_of
+from twin.show.render.playback import Poses, optional, signal
+from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
+from twin.show.render.scale import Scale, track_values
+from twin.show.render.scene_geometry import SceneLayout, plan
+from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
+from twin.show.render.shot import Shot
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+RADIUS, CHASE_RADIUS = 0.055, 0.020
+"""[display units] of the true track; the glider's hull has 0.11"""
+OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
+"""Radius of other tracks, and of what is still to come, over that of the true track"""
+SNOW_FASTEST = 12.0
+"""Speed-up from which particles would only flicker"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Path:
+    """A track within the shown part."""
+
+    name: str
+    time: Array
+    """[s], shape (n,)"""
+    points: Array
+    """North, east, depth [m], shape (n, 3)"""
+    colour: Array | None
+    """RGB; None for the true track, which its values colour"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reshaped:
+    """A geom whose mesh is given new vertices for each frame."""
+
+    geom: int
+    mesh: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Turned:
+    """A body that is turned as the part of its name is."""
+
+    body: int
+    rest: Array
+    """Its quaternion on the hull in the vehicle file, shape (4,)"""
+    axis: Array
+    """Unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Line:
+    """A track on the stage: its ribbon and the geoms that show it."""
+
+    name: str
+    ribbon: Ribbon
+    colour: Array | None
+    """RGB; None for the true track"""
+    chunks: list[int]
+    """Geom ids, one per chunk"""
+    head: Reshaped
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stage:
+    """The compiled scene and what is needed to move it."""
+
+    model: mujoco.MjModel
+    layout: SceneLayout
+    chase: bool
+    lines: list[Line]
+    """The true track first"""
+    scale: Scale
+    current: ArrowProfile
+    bands: list[int]
+    """Geom ids of the backdrop round the glider, from below to above"""
+    bands_follow: bool
+    """Their colour follows the glider's depth"""
+    snow: bool
+    """Particles are there"""
+    current_name: str
+    """What that current is, for the legend"""
+    floor: Array | None
+    """Table of the mission's sea floor; None: what is drawn is decoration"""
+    ground: list[int]
+    """Geom ids of the floor that follows the glider, chase camera"""
+    arrows: list[Reshaped]
+    """The current beside the glider, chase camera"""
+    hull_length: float
+    """[m]"""
+    turned: dict[str, Turned]
+    """The fins and propellers that are drawn, by the names of their parts"""
+
+    def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
+        """The arrows beside the glider at one frame; see `arrows.ladder`."""
+        depth, heading = float(poses.position[index, 2]), float(poses.heading[index])
+        floor = float(self.layout.high[2])
+        return arrows.ladder(self.current, depth, math.radians(heading), floor)
+
+
+def build(
+    trajectory: Trajectory,
+    vehicle: Vehicle,
+    shot: Shot,
+    tracks: Sequence[NamedTrack] = (),
+    floor: Array | None = None,
+) -> Stage:
+    """Build and compile the scene of a shot; `floor` is the table of the mission's sea floor.
+
+    Raises:
+      InputError: the shot's part or colour does not fit the trajectory.
+    """
+    first, last = shot.part(trajectory.time)
+    shown = (trajectory.time >= first) & (trajectory.time <= last)
+    if shown.sum() < 2:
+        raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
+    points = np.stack([signal(trajectory, n) for n in ("north", "east", "depth")], axis=-1)
+    true = Path(name="truth", time=trajectory.time[shown], points=points[shown], colour=None)
+    paths = [true, *(beside(track, i, true) for i, track in enumerate(tracks))]
+
+    def lay_out(bottom: float | None) -> SceneLayout:
+        return plan(
+            [path.points for path in paths],
+            hull_length=vehicle.hull_length,
+            floor=bottom,
+            exaggeration=shot.exaggeration,
+            camera=shot.camera,
+            frame=frame_of(shot),
+        )
+
+    layout = lay_out(shot.floor)
+    if floor is not None and shot.floor is None:
+        layout = lay_out(seabed.block_depth(floor, layout))
+    velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
+    current = arrows.profile(true.points[:, 2], np.stack(velocity, axis=-1))
+    values, scale = track_values(trajectory, shot.colour, shown, tracks)
+
+    props = Props(vehicle.xml, shot.width, shot.height)
+    chase = shot.camera == "chase"
+    radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(layout)
+    count = sea.OPEN_BANDS if chase else sea.BANDS
+    bands = sea.add_backdrop(props, "backdrop", BACKDROP_GROUP, radius, light=chase, bands=count)
+    if not chase and shot.inset:
+        bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
+    ground: list[str] = []
+    if chase:
+        sea.add_open_water(props, layout, ground=floor is None)
+        ground = [] if floor is None else seabed.add_open(props)
+    elif shot.camera == "map":
+        sea.add_chart(props, layout, ground=floor is None)
+        if floor is not None:
+            seabed.add_chart(props, layout, floor)
+    else:
+        sea.add_block(props, layout, true.points if floor is None else None)
+        if floor is not None:
+            seabed.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
+    ladder: list[str] = []
+    if chase:
+        ladder = arrows.add_ladder(props)
+    else:
+        arrows.add_mast(props, layout, current, true.points)
+    snow = chase and (shot.speed_up or last - first) <= SNOW_FASTEST
+    if snow:
+        sea.add_snow(props)
+    ribbons = _add_paths(props, paths, layout, (first, last), values, scale, chase=chase)
+
+    model = props.spec.compile()
+    return Stage(
+        model=model,
+        layout=layout,
+        chase=chase,
+        lines=[
+            _line(model, i, path, ribbon)
+            for i, (path, ribbon) in enumerate(zip(paths, ribbons, strict=True))
+        ],
+        scale=scale,
+        current=current,
+        current_name=source_of(trajectory, "true_current_north", "current"),
+        bands=[model.geom(name).id for name in bands],
+        bands_follow=chase or shot.inset,
+        snow=snow,
+        floor=floor,
+        ground=[model.geom(name).id for name in ground],
+        arrows=[_reshaped(model, name) for name in ladder],
+        hull_length=vehicle.hull_length,
+        turned=turned_bodies(model, vehicle),
+    )
+
+
+def turned_bodies(
+    model: mujoco.MjModel, vehicle: Vehicle, prefix: str = VEHICLE
+) -> dict[str, Turned]:
+    """The bodies of the file that show its parts' turning; a part without one is not seen.
+
+    `prefix` is what stands before the file's names in the model.
+    """
+    found: dict[str, Turned] = {}
+    for part in vehicle.parts:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{part.name}")
+        if body < 0 or part.drawn_axis is None:
+            continue
+        axis = flip_vector(np.array(part.drawn_axis))
+        found[part.name] = Turned(body=body, rest=model.body_quat[body].copy(), axis=axis)
+    return found
+
+
+def beside(track: NamedTrack, index: int, true: Path) -> Path:
+    """A dead-reckoned track within the part, at the true depth, in the colour of its `index`.
+
+    Raises:
+      InputError: it has fewer than 2 samples there.
+    """
+    inside = (track.time >= true.time[0]) & (track.time <= true.time[-1])
+    if inside.sum() < 2:
+        raise InputError(f"track {track.name!r} has fewer than 2 samples in the shown part")
+    time = track.time[inside]
+    depth = np.interp(time, true.time, true.points[:, 2])
+    return Path(
+        name=track.title,
+        time=time,
+        points=np.column_stack([track.north[inside], track.east[inside], depth]),
+        colour=canvas.OTHER_TRACKS[index % len(canvas.OTHER_TRACKS)],
+    )
+
+
+def _add_paths(
+    props: Props,
+    paths: list[Path],
+    layout: SceneLayout,
+    span: tuple[float, float],
+    values: Array,
+    scale: Scale,
+    *,
+    chase: bool,
+) -> list[Ribbon]:
+    """The ribbons of all paths; the first is coloured by `values` at its samples."""
+    grid = np.linspace(*span, TEXELS)
+    colours = canvas.track_colours(np.interp(grid, paths[0].time, values), scale.low, scale.high)
+    props.add_row_texture("track", colours, emission=0.55)
+    thickness = CHASE_RADIUS if chase else RADIUS
+    ribbons = []
+    for index, path in enumerate(paths):
+        radius = thickness if path.colour is None else OTHER_SHARE * thickness
+        nodes = layout.display(path.points)
+        keep = simplify(nodes, 0.3 * radius)
+        ribbon = Ribbon(time=path.time[keep], nodes=nodes[keep], radius=radius, span=span)
+        ribbons.append(ribbon)
+        colour = np.ones(3) if path.colour is None else path.colour
+        material = "track" if path.colour is None else "glow"
+        for i in range(len(ribbon.starts())):
+            props.add(f"line_{index}_{i}", ribbon.chunk(i), colour, material=material)
+        head = ribbon.head(float(ribbon.time[-1]), ribbon.nodes[-1])
+        props.add(f"head_{index}", head, colour, material=material)
+    if not chase:
+        thin = dataclasses.replace(ribbons[0], radius=FUTURE_SHARE * thickness)
+        parts = [thin.chunk(i) for i in range(len(thin.starts()))]
+        props.add("future", shapes.merge(parts), canvas.FUTURE, alpha=0.55)
+    return ribbons
+
+
+def _line(model: mujoco.MjModel, index: int, path: Path, ribbon: Ribbon) -> Line:
+    return Line(
+        name=path.name,
+        ribbon=ribbon,
+        colour=path.colour,
+        chunks=[model.geom(f"line_{index}_{i}").id for i in range(len(ribbon.starts()))],
+        head=_reshaped(model, f"head_{index}"),
+    )
+
+
+def _reshaped(model: mujoco.MjModel, name: str) -> Reshaped:
+    """The geom of this name, in its body's frame: MuJoCo gave it a frame of its own."""
+    geom = model.geom(name).id
+    model.geom_pos[geom] = 0.0
+    model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
+    model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # it may be moved
+    return Reshaped(geom=geom, mesh=model.mesh(name).id)

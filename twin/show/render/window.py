@@ -1,0 +1,277 @@
+"""Window: MuJoCo's interactive viewer on the scene of a shot.
+
+The stage is the one that pictures show, moved by the same code; the mouse turns, shifts and zooms
+the camera as in every MuJoCo viewer. MuJoCo's own keys keep their meaning, so that this window
+uses those that it leaves free: the digits from 6, the arrows, Space, Backspace, = and -.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import math
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.preload import preload_triton
+from twin.show.render import camera, sea
+from twin.show.render.camera import View
+from twin.show.render.canvas import frame_of
+from twin.show.render.film import Subject
+from twin.show.render.graphics import NoScreen, shown, write_mesh
+from twin.show.render.motion import Motion, drift_of
+from twin.show.render.playback import Poses
+from twin.show.render.readout import readouts
+from twin.show.render.rendered_flight import RenderedFlight
+from twin.show.render.shapes import BACKDROP_GROUP, WATER_GROUP, Shape
+from twin.show.render.shot import Shot
+from twin.show.render.stage import build
+
+Array = NDArray[np.float64]
+
+GLIDER_GROUPS = (1, 2)
+"""Outside and inside of the glider"""
+SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61
+"""Key codes of GLFW"""
+VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}
+"""Keys 6 to 9 and what the camera does"""
+KEYS = (
+    ("Space", "pause"),
+    ("= -", "faster, slower"),
+    ("right left", "forward, back"),
+    ("Backspace", "from the start"),
+    ("6 7 8 9", "orbit, side, map, follow"),
+)
+FASTER = 2.0
+"""Factor of one key press"""
+JUMP = 0.02
+"""Part of the mission that an arrow key jumps over"""
+FOLLOW_DISTANCE, FOLLOW_ELEVATION = 9.0, -18.0
+"""[display units] and [degree] of the camera that follows the glider through the block"""
+CLOSING = 5.0
+"""[s] to wait for the window to close"""
+MARGIN = 1.12
+"""Distance of the camera over the one that just shows all: the window's shape is the user's"""
+REFRESH = 60.0
+"""[1/s] frames, at most"""
+MOVED = 0.02
+"""[display units] by which a mesh must have changed to be sent again: each costs a frame"""
+
+
+class Window:
+    """One scene in MuJoCo's passive viewer."""
+
+    def __init__(self, subject: Subject, shot: Shot, flight: RenderedFlight, *, speed_up: float):
+        """
+        Args:
+          subject: its trajectory frames the scene and makes the ribbon.
+          flight: where the glider is.
+          speed_up: mission seconds per second.
+
+        Raises:
+          InputError: the shot does not fit the trajectory.
+        """
+        self._subject, self._flight, self._speed = subject, flight, speed_up
+        self._shot = dataclasses.replace(shot, inset=False, hud=False, speed_up=speed_up)
+        self._stage = build(
+            subject.trajectory, subject.vehicle, self._shot, subject.tracks, subject.floor
+        )
+        self._first, self._last = self._shot.part(subject.trajectory.time)
+        self._data = mujoco.MjData(self._stage.model)
+        self._motion = Motion(self._stage, self._data, self._reshape)
+        self._keys: queue.SimpleQueue[int] = queue.SimpleQueue()
+        self._changed: dict[int, Array] = {}
+        self._time, self._paused, self._closing = self._first, False, False
+        self._mode = "follow" if self._stage.chase else self._shot.camera
+        self._heading: float | None = None
+        self._water = np.zeros(3)
+        self._set_lens()
+
+    def run(self, seconds: float | None = None) -> float:
+        """Show until the window is closed, or for `seconds`; returns the frames per second.
+
+        Raises:
+          NoScreen: MuJoCo could not open the window.
+          SimulationUnstable: a live flight left the finite numbers.
+        """
+        self._move(0.0)
+        with self._open() as handle:
+            handle.opt.geomgroup[:] = shown(BACKDROP_GROUP, *GLIDER_GROUPS, WATER_GROUP).geomgroup
+            handle.opt.sitegroup[:] = 0
+            self._aim(handle)
+            begun = before = time.perf_counter()
+            for frames in itertools.count():
+                now = time.perf_counter()
+                elapsed = now - begun
+                over = self._closing or (seconds is not None and elapsed >= seconds)
+                if over or not handle.is_running():
+                    return frames / max(elapsed, 1e-9)
+                self._obey(handle)
+                row = self._move(now - before)
+                before = now
+                for mesh in self._changed:
+                    handle.update_mesh(mesh)
+                self._changed.clear()
+                self._follow(handle, row)
+                handle.set_texts(self._texts(row))
+                handle.sync()
+                time.sleep(max(0.0, 1.0 / REFRESH - (time.perf_counter() - now)))
+        raise AssertionError("the loop above only returns")
+
+    def close(self) -> None:
+        """End `run`, from another thread."""
+        self._closing = True
+
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[Any]:
+        preload_triton()
+        import mujoco.viewer
+
+        before = set(threading.enumerate())
+        try:
+            handle = mujoco.viewer.launch_passive(
+                self._stage.model,
+                self._data,
+                key_callback=self._keys.put,
+                show_left_ui=False,
+                show_right_ui=False,
+            )
+        except RuntimeError as error:  # on macOS it wants another interpreter, and says so
+            raise NoScreen(f"MuJoCo opens no window: {error}") from error
+        drawing = [thread for thread in threading.enumerate() if thread not in before]
+        try:
+            with handle:
+                yield handle
+        finally:
+            # It draws until the window is gone: a process that ends before tears OpenGL from it.
+            for thread in drawing:
+                thread.join(CLOSING)
+
+    def _obey(self, handle: Any) -> None:
+        """Do what the keys say that were pressed since the last frame."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                key = self._keys.get_nowait()
+                jump = JUMP * (self._last - self._first)
+                if key == SPACE:
+                    if self._time >= self._last:
+                        self._time = self._first
+                        self._paused = False
+                    else:
+                        self._paused = not self._paused
+                elif key in (EQUAL, MINUS):
+                    self._speed *= FASTER if key == EQUAL else 1.0 / FASTER
+                elif key in (LEFT, RIGHT):
+                    moved = self._time + (jump if key == RIGHT else -jump)
+                    self._time = min(max(moved, self._first), self._last)
+                elif key == BACKSPACE:
+                    self._time = self._first
+                elif key in VIEWS:
+                    self._mode = VIEWS[key]
+                    self._aim(handle)
+
+    def _move(self, elapsed: float) -> Poses:
+        """Put everything where it is `elapsed` [s] later."""
+        ahead = 0.0 if self._paused else elapsed * self._speed
+        self._time = min(self._time + ahead, self._last)
+        row = self._flight.at(self._time)
+        if self._stage.snow:
+            step = ahead * np.nan_to_num(row.current[0]) * [1.0, -1.0]
+            self._water[:2] = self._water[:2] + step
+        here = self._stage.layout.display(row.position[0])
+        self._here = self._motion.place(row, 0, drift_of(self._water, here))
+        return row
+
+    def _reshape(self, mesh: int, shape: Shape) -> None:
+        """Write a mesh; the viewer is told later, and only of what the eye would see."""
+        model = self._stage.model
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        before = model.mesh_vert[first : first + count]
+        if np.abs(before - shape.vertices).max() > MOVED:
+            write_mesh(model, mesh, shape)
+            self._changed[mesh] = shape.vertices
+
+    def _set_lens(self) -> None:
+        """Field of view and range of depth for the free camera."""
+        model, layout = self._stage.model, self._stage.layout
+        chase = self._stage.chase
+        model.vis.global_.fovy = math.degrees(2 * (camera.WIDE if chase else camera.NARROW))
+        radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(layout)
+        model.stat.extent, model.stat.center = 1.0, np.zeros(3)
+        model.vis.map.znear, model.vis.map.zfar = 0.05, 6.0 * radius
+
+    def _aim(self, handle: Any) -> None:
+        """Place the free camera as the mode wants it."""
+        layout, mode = self._stage.layout, self._mode
+        self._heading = None
+        with handle.lock():
+            cam = handle.cam
+            cam.type = mujoco.mjtCamera.mjCAMERA_FREE
+            if mode == "follow":
+                heading = float(self._flight.at(self._time).heading[0])
+                bearing = -(heading + math.degrees(camera.CHASE_BEARING))
+                cam.azimuth = bearing + 180.0
+                cam.elevation = FOLLOW_ELEVATION
+                cam.distance = camera.CHASE_DISTANCE if self._stage.chase else FOLLOW_DISTANCE
+                cam.lookat[:] = self._here
+                return
+            frame = frame_of(self._shot)
+            if mode == "map":
+                half = camera.map_view(layout, frame).half_height
+                cam.azimuth, cam.elevation = 0.0, -90.0
+                cam.lookat[:] = layout.display(layout.centre)
+                cam.distance = MARGIN * half / math.tan(camera.NARROW)
+                return
+            view = (camera.side_view if mode == "side" else _orbit)(layout, frame)
+            middle = layout.corners().mean(axis=0)
+            cam.azimuth = math.degrees(math.atan2(view.forward[1], view.forward[0]))
+            cam.elevation = math.degrees(math.asin(view.forward[2]))
+            distance = float((middle - view.position) @ view.forward)
+            cam.lookat[:] = view.position + distance * view.forward
+            cam.distance = MARGIN * distance
+
+    def _follow(self, handle: Any, row: Poses) -> None:
+        """Keep the glider in the middle and turn with it; the mouse's own turns stay."""
+        if self._mode != "follow":
+            return
+        heading = float(row.heading[0])
+        turned = 0.0 if self._heading is None else heading - self._heading
+        self._heading = heading
+        with handle.lock():
+            handle.cam.lookat[:] = self._here
+            handle.cam.azimuth -= (turned + 180.0) % 360.0 - 180.0
+
+    def _texts(self, row: Poses) -> list[tuple[int, int, str, str]]:
+        """The title upper left, the readouts lower left, the keys lower right."""
+        font = int(mujoco.mjtFontScale.mjFONTSCALE_100)
+        places = mujoco.mjtGridPos
+        items = [(item.name, _plain(item.value)) for item in readouts(row, 0)]
+        state = "paused" if self._paused else f"{self._speed:g} x real time"
+        items.append(("SPEED-UP", state if self._time < self._last else "end"))
+        return [
+            (font, int(place), "\n".join(a for a, _ in rows), "\n".join(v for _, v in rows))
+            for place, rows in (
+                (places.mjGRID_TOPLEFT, [(self._subject.title, "")]),
+                (places.mjGRID_BOTTOMLEFT, items),
+                (places.mjGRID_BOTTOMRIGHT, KEYS),
+            )
+        ]
+
+
+def _orbit(layout: Any, frame: Any) -> View:
+    return camera.orbit_view(layout, 0.5 + camera.ORBIT_STILL / camera.ORBIT_SWEEP, frame)
+
+
+def _plain(text: str) -> str:
+    """The viewer's font has ASCII only."""
+    for sign, plain in (("−", "-"), ("°", " deg"), ("▼", "heavy"), ("▲", "light"), ("–", "-")):
+        text = text.replace(sign, plain)
+    return text

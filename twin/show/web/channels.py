@@ -1,0 +1,169 @@
+"""Channels: what the page shows of a mission over time, and which samples it keeps."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.records.trajectory import Trajectory
+from twin.show.render.playback import Poses, optional, poses, signal, spins, told, turns
+from twin.water.floor.lookup import floor_depths
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+STEPS = {
+    "time": 1e-3,
+    "north": 0.01,
+    "east": 0.01,
+    "depth": 0.01,
+    "roll": 0.01,
+    "pitch": 0.01,
+    "heading": 0.01,
+    "surge": 1e-4,
+    "speed": 1e-4,
+    "ground_speed": 1e-4,
+    "net_mass": 1e-4,
+    "pumped": 0.1,
+    "current_north": 1e-4,
+    "current_east": 1e-4,
+    "bottom": 0.05,
+    "colour": 1.0,
+    "gap": 1.0,
+}
+"""To what each channel is rounded: s, m, degree, m/s, kg, cm3; colour in 250ths of its scale"""
+SLIDE_STEP, TURN_STEP, SPIN_STEP = 1e-5, 1e-4, 1e-3
+"""[m], [rad] and [rad/s], of moving parts"""
+COLOURS = 250
+"""Steps of the colour scale"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Channels:
+    """Values over time of what is shown, and how they were thinned."""
+
+    values: dict[str, Array]
+    """By name, shape (n,): those of STEPS that something tells, and each moving part's; units of
+    `Poses`, headings in [0, 360)"""
+    steps: dict[str, float]
+    """To what each is rounded"""
+    kept: Integers
+    """Index of each row among the samples of the mission, shape (n,)"""
+    samples: int
+    """How many the shown part of the mission has"""
+    lost: dict[str, float]
+    """Largest error [m] of straight lines between the kept samples, by depth and position; 0 where
+    all are kept"""
+
+
+def read_channels(
+    trajectory: Trajectory,
+    shown: NDArray[np.bool_],
+    colour: Array,
+    floor: Array | None,
+    most: int,
+) -> Channels:
+    """The channels of a part of a mission, in `most` rows or fewer.
+
+    Args:
+      shown: samples of the part, (time,).
+      colour: of those samples, 0 to 1, NaN unknown, (shown,).
+      floor: table of the sea floor.
+
+    Raises:
+      InputError: the mission does not say where the vehicle was.
+    """
+    inside = np.flatnonzero(shown)
+    position = np.stack([signal(trajectory, n)[inside] for n in ("north", "east", "depth")], -1)
+    time = trajectory.time[inside]
+    chosen = thin(position[:, 2], most)
+    kept = inside[chosen]
+    found = poses(trajectory, trajectory.time[kept])
+    values = {
+        "time": time[chosen],
+        **dict(zip(("north", "east", "depth"), found.position.T, strict=True)),
+        **_motion(trajectory, found, kept),
+        "colour": np.rint(colour[chosen] * COLOURS),
+    }
+    if found.bridged is not None and found.bridged.any():
+        values["gap"] = found.bridged.astype(float)
+    if floor is not None:
+        north, east = (np.ascontiguousarray(found.position[:, i]) for i in range(2))
+        values["bottom"] = np.asarray(floor_depths(floor, north, east))
+    parts = {name: found.parts[:, i] for i, name in enumerate(found.joints)}
+    return Channels(
+        values=values | parts,
+        steps={name: STEPS[name] for name in values} | {name: _part_step(name) for name in parts},
+        kept=kept,
+        samples=len(inside),
+        lost=_lost(time, position, chosen),
+    )
+
+
+def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, Array]:
+    """Attitude, velocities, buoyancy and current; what nothing tells is left out.
+
+    An attitude that is only drawn along the track stays: the page's script needs it, and is told
+    that it is unknown.
+    """
+    ground = np.hypot(*(told(trajectory, f"velocity_{n}")[kept] for n in ("north", "east")))
+    measured = {
+        "surge": told(trajectory, "surge")[kept],
+        "speed": found.speed,
+        "ground_speed": ground,
+        "net_mass": found.net_mass,
+        "current_north": found.current[:, 0],
+        "current_east": found.current[:, 1],
+    }
+    if "net_mass" in found.unknown and found.pumped is not None:
+        measured["pumped"] = found.pumped
+    attitude = {
+        "roll": found.roll,
+        "pitch": found.pitch,
+        "heading": np.mod(found.heading, 360.0),
+    }
+    return attitude | {name: row for name, row in measured.items() if np.isfinite(row).any()}
+
+
+def thin(depth: Array, most: int) -> Integers:
+    """Indices of at most `most` samples, (n,): all where they fit.
+
+    Else the mission is cut into parts of equally many samples, and of each the shallowest and the
+    deepest stay, with the first and the last of all: no turn of a dive is lost.
+    """
+    count = len(depth)
+    if count <= most:
+        return np.arange(count)
+    parts = max((most - 2) // 2, 1)
+    edges = np.linspace(0, count, parts + 1).astype(int)
+    long = int(np.diff(edges).max())
+    rows = np.minimum(edges[:-1, None] + np.arange(long), edges[1:, None] - 1)
+    cut = depth[rows]
+    picks = [rows[np.arange(parts), f(cut, axis=1)] for f in (np.argmin, np.argmax)]
+    return np.unique(np.concatenate([[0], *picks, [count - 1]]))
+
+
+def _lost(time: Array, position: Array, chosen: Integers) -> dict[str, float]:
+    """How far [m] from the samples the straight lines between the chosen ones are, at most."""
+    if len(chosen) == len(time):
+        return {"depth": 0.0, "position": 0.0}
+    lines = np.stack([np.interp(time, time[chosen], p[chosen]) for p in position.T], axis=-1)
+    away = np.abs(lines - position)
+    return {
+        "depth": float(np.nanmax(away[:, 2])),
+        "position": float(np.nanmax(np.hypot(away[:, 0], away[:, 1]))),
+    }
+
+
+def _part_step(part: str) -> float:
+    if spins(part):
+        return SPIN_STEP
+    return TURN_STEP if turns(part) else SLIDE_STEP
+
+
+def current_profile(trajectory: Trajectory, shown: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Depth [m] (n,) and current north and east [m/s] (n, 2) of samples, 0 where unknown."""
+    velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
+    return signal(trajectory, "depth")[shown], np.stack(velocity, axis=-1)

@@ -1,0 +1,239 @@
+"""Solid: the vehicle's drawn shape as triangles, from its MJCF, and how its bodies move.
+
+Only what pictures show is taken: geoms of the groups that are seen, with their colours. Every
+shape becomes flat triangles whose normals are smoothed over edges that are not sharp.
+
+Packing: arrays of numbers as whole numbers of a declared step, in base64, for the page's script.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.show.render.stage import turned_bodies
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SEEN = (1, 2)
+"""Geom groups: outside and inside of the vehicle"""
+SIDES, RINGS = 28, 10
+"""Facets around round shapes, and from the pole to the equator of domes"""
+CREASE = math.cos(math.radians(42.0))
+"""Faces that meet at a larger angle keep an edge"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Body:
+    """One body of the vehicle; frames as MuJoCo has them, z up, metres."""
+
+    parent: int
+    """Index of the body that carries it; -1 for the hull"""
+    position: Array
+    """In the parent's frame, (3,)"""
+    quaternion: Array
+    """(w, x, y, z) to the parent's frame, (4,)"""
+    moves: list[dict[str, Any]]
+    """For each part that moves it: {"part", "kind": slide or turn, "axis", "anchor"}, in order"""
+    corners: Array
+    """Of its triangles, (triangles, 3 corners, 3)"""
+    normals: Array
+    """Unit, as `corners`"""
+    colours: Array
+    """RGBA of its triangles, 0 to 1, (triangles, 4)"""
+
+
+def read_solid(vehicle: Vehicle) -> list[Body]:
+    """The bodies of a vehicle, the hull first."""
+    model = mujoco.MjModel.from_xml_string(vehicle.xml)
+    hull = model.body("hull").id
+    turned = turned_bodies(model, vehicle, "")
+    ids = [hull, *(b for b in range(model.nbody) if b != hull and _carried(model, b, hull))]
+    return [_body(model, b, ids, turned) for b in ids]
+
+
+def _carried(model: mujoco.MjModel, body: int, hull: int) -> bool:
+    while body:
+        body = int(model.body_parentid[body])
+        if body == hull:
+            return True
+    return False
+
+
+def _body(model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, Any]) -> Body:
+    moves = []
+    for joint in range(model.njnt):
+        kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
+        if model.jnt_bodyid[joint] == body and kind != mujoco.mjtJoint.mjJNT_FREE:
+            moves.append(
+                {
+                    "part": model.joint(joint).name,
+                    "kind": "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "turn",
+                    "axis": model.jnt_axis[joint].tolist(),
+                    "anchor": model.jnt_pos[joint].tolist(),
+                }
+            )
+    for name, found in turned.items():
+        if found.body == body:
+            axis = np.zeros(3)  # of the hull; the body's own is needed
+            back = found.rest * [1.0, -1.0, -1.0, -1.0]
+            mujoco.mju_rotVecQuat(axis, found.axis, back)
+            moves.append(
+                {"part": name, "kind": "turn", "axis": axis.tolist(), "anchor": [0.0, 0.0, 0.0]}
+            )
+    pieces, colours = [], []
+    for geom in range(model.ngeom):
+        seen = model.geom_group[geom] in SEEN and model.geom_bodyid[geom] == body
+        if seen and (rgba := _colour(model, geom))[3] > 0.0:
+            piece = _placed(_triangles(model, geom), model.geom_pos[geom], model.geom_quat[geom])
+            pieces.append(np.stack([piece, smooth_normals(piece)], axis=1))
+            colours.append(np.tile(rgba, (len(piece), 1)))
+    shape = np.concatenate(pieces) if pieces else np.zeros((0, 2, 3, 3))
+    first = body == ids[0]
+    return Body(
+        parent=-1 if first else ids.index(int(model.body_parentid[body])),
+        position=np.zeros(3) if first else model.body_pos[body].copy(),
+        quaternion=np.array([1.0, 0, 0, 0]) if first else model.body_quat[body].copy(),
+        moves=moves,
+        corners=shape[:, 0],
+        normals=shape[:, 1],
+        colours=np.concatenate(colours) if colours else np.zeros((0, 4)),
+    )
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> Array:
+    material = model.geom_matid[geom]
+    return np.asarray(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material], float)
+
+
+def _placed(corners: Array, position: Array, quaternion: Array) -> Array:
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, quaternion)
+    return np.asarray(corners @ turn.reshape(3, 3).T + position)
+
+
+def _triangles(model: mujoco.MjModel, geom: int) -> Array:
+    """Corners (triangles, 3, 3) in the geom's frame."""
+    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom]
+    shapes = mujoco.mjtGeom
+    if kind == shapes.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        vertices = model.mesh_vert[first : first + count]
+        first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        return np.asarray(vertices[model.mesh_face[first : first + count]], float)
+    if kind == shapes.mjGEOM_BOX:
+        return size * _unit_box()
+    arc = np.linspace(0.0, np.pi / 2, RINGS + 1)
+    dome = np.stack([np.sin(arc), np.cos(arc)], axis=-1)  # radius, height
+    if kind in (shapes.mjGEOM_SPHERE, shapes.mjGEOM_ELLIPSOID):
+        radii = np.full(3, size[0]) if kind == shapes.mjGEOM_SPHERE else size
+        return radii * lathe(np.concatenate([dome, dome[-2::-1] * [1.0, -1.0]]))
+    if kind == shapes.mjGEOM_CAPSULE:
+        end = size[0] * dome + [0.0, size[1]]
+        return lathe(np.concatenate([end, end[::-1] * [1.0, -1.0]]))
+    assert kind == shapes.mjGEOM_CYLINDER, f"geom of type {kind} in a vehicle file"
+    r, half = size[0], size[1]
+    return lathe(np.array([[0.0, half], [r, half], [r, -half], [0.0, -half]]))
+
+
+def lathe(profile: Array) -> Array:
+    """A profile (n, 2) of radius and height, from the top, turned about z: (triangles, 3, 3)."""
+    angle = 2.0 * np.pi * np.arange(SIDES + 1) / SIDES
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    grid = np.concatenate(
+        [
+            profile[:, None, :1] * ring,
+            np.broadcast_to(profile[:, None, 1:], (len(profile), SIDES + 1, 1)),
+        ],
+        axis=-1,
+    )
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    both = np.concatenate([np.stack([a, b, c], 2), np.stack([a, c, d], 2)]).reshape(-1, 3, 3)
+    area = np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=-1)
+    return np.asarray(both[area > 1e-12])
+
+
+def _unit_box() -> Array:
+    """Of half sides 1, (12, 3, 3)."""
+    faces = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            u, v = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3] * sign
+            middle = sign * np.eye(3)[axis]
+            a, b, c, d = middle - u - v, middle + u - v, middle + u + v, middle - u + v
+            faces += [[a, b, c], [a, c, d]]
+    return np.array(faces)
+
+
+def smooth_normals(corners: Array) -> Array:
+    """Unit normals (triangles, 3, 3) of triangles (triangles, 3, 3).
+
+    At each corner the mean of the faces that meet there within CREASE of the face's own, weighted
+    by area.
+    """
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit = face / np.maximum(np.linalg.norm(face, axis=-1, keepdims=True), 1e-15)
+    places = np.rint(corners.reshape(-1, 3) * 1e5).astype(np.int64)
+    _, which = np.unique(places, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    starts = np.flatnonzero(np.diff(which.ravel()[order], prepend=-1))
+    normals = np.repeat(unit[:, None], 3, axis=1).reshape(-1, 3)
+    for group in np.split(order, starts[1:]):
+        of = group // 3
+        near = unit[of] @ unit[of].T >= CREASE
+        normals[group] = near @ face[of]
+    long = np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = np.where(long > 1e-15, normals / np.maximum(long, 1e-15), 0.0)
+    return np.asarray(normals.reshape(corners.shape))
+
+
+WHOLES: tuple[type[np.signedinteger[Any]], ...] = (np.int8, np.int16, np.int32)
+"""The narrowest that holds a range is taken; the least number of each stands for NaN"""
+Packed = dict[str, Any]
+"""{"type", "offset", "step", "data"}, as JSON takes it"""
+
+
+def pack(values: Array, step: float) -> Packed:
+    """Numbers of any shape in row order, rounded to multiples of `step` in their own unit.
+
+    Raises:
+      InputError: the range holds too many steps for 32 bits.
+    """
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    offset = step * round((low + high) / 2.0 / step)
+    most = max(high - offset, offset - low) / step + 1.0
+    kind = next((k for k in WHOLES if most <= np.iinfo(k).max), None)
+    if kind is None:
+        raise InputError(f"values from {low:g} to {high:g} cannot be packed in steps of {step:g}")
+    whole = np.full(values.shape, np.iinfo(kind).min, kind)
+    inside = np.isfinite(values)
+    whole[inside] = np.rint((values[inside] - offset) / step).astype(kind)
+    return {
+        "type": np.dtype(kind).name,
+        "offset": offset,
+        "step": step,
+        "data": base64.b64encode(whole.astype(whole.dtype.newbyteorder("<")).tobytes()).decode(),
+    }
+
+
+def unpack(packed: Packed) -> Array:
+    """The numbers of `pack`, shape (n,); NaN where there was none."""
+    kind = np.dtype(packed["type"])
+    whole = np.frombuffer(base64.b64decode(packed["data"]), kind.newbyteorder("<"))
+    values = packed["offset"] + packed["step"] * whole.astype(float)
+    return np.where(whole == np.iinfo(packed["type"]).min, np.nan, values)
+
+
+def width(packed: Packed) -> int:
+    """Bytes of one number."""
+    return int(np.dtype(packed["type"]).itemsize)
