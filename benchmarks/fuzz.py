@@ -407,7 +407,8 @@ FOLLOWED = (
     "twin.mission.segments", "twin.vehicle.mjcf", "twin.vehicle.file_limits",
     "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
     "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
-    "twin.water.current.current_text", "twin.water.current.text", "factory.sampling", "factory.importing",
+    "twin.water.current.current_text", "twin.water.current.text", "factory.sampling",
+    "factory.importing",
     "factory.exporting.metadata",
 )  # fmt: skip
 """Modules whose coverage `--guided` follows: what numba compiles cannot be instrumented"""

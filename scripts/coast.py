@@ -1,9 +1,9 @@
-"""Makes `twin/show/figures/coast.npz`, the coast that maps draw, from a TopoJSON file of the world's land.
+"""Makes `twin/show/figures/coast.npz`, the coast that maps draw, from a TopoJSON of the world's land.
 
     python scripts/coast.py land-50m.json
 
 `land-50m.json` is part of world-atlas 2.0.2 (npm), which holds Natural Earth 4.1.0, 1:50m land;
-`twin/show/figures/coast.md` states source and licence. Nothing is simplified: the file's integer grid
+`twin/show/figures/coast.md` states source and licence. Nothing is simplified: the integer grid
 (0.0036 degree of longitude, 0.0017 of latitude) is kept, as steps from point to point.
 """
 

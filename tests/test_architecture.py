@@ -16,7 +16,7 @@ PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
         "__init__", "__main__", "arguments", "bounded", "errors", "extras", "facade", "frames",
-        "geodesy", "lazy", "nearest", "numbers", "preload", "version",
+        "geodesy", "lazy", "numbers", "preload", "version",
     },
     "factory": {"__init__", "__main__", "facade"},
     "learn": {"__init__", "__main__", "api", "files"},

@@ -70,7 +70,8 @@ def test_what_is_no_kind_is_refused(registry):
 
 def test_kinds_are_imported_when_they_are_asked_for():
     code = (
-        "import sys; from twin.show.figures.base import FIGURES; from twin.suite.registry import TASKS;"
+        "import sys; from twin.show.figures.base import FIGURES; "
+        "from twin.suite.registry import TASKS;"
         "list(FIGURES), list(TASKS); "
         "sys.exit('matplotlib' in sys.modules or 'twin.suite.hold' in sys.modules)"
     )

@@ -40,7 +40,8 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     """Turn rate [rad/s] about the vertical, to starboard, per unit of the turning part.
 
     Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate:
-    `twin.mission.glide_balance`, linearised about the straight way. 0 for vehicles that nothing turns.
+    `twin.mission.glide_balance`, linearised about the straight way. 0 for
+    vehicles that nothing turns.
 
     Raises:
       MissionError: no steady turn is near: the three equations do not determine one.

@@ -2,7 +2,8 @@
 
 Its way through the water is reckoned from depth rate, pitch and heading; where these say nothing,
 the vehicle's own track is taken; where it logged none, it is taken to rest. The misclosure at the
-GPS fixes is spread linearly in time (`twin.logs.corrected_track`), so that every fix is met. A vehicle that
+GPS fixes is spread linearly in time (`twin.logs.corrected_track`), so that every fix is met. A
+vehicle that
 is taken to rest moves on the straight line between its fixes, and is nowhere outside them.
 `twin flight` does better: it knows the vehicle.
 

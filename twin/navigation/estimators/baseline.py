@@ -219,7 +219,7 @@ BASELINES: Registry[Any] = Registry(
     check="twin.navigation.estimators.baseline:check_baseline",
     check_shipped=False,
 )
-"""Every baseline, a subclass of `twin.navigation.estimators.baseline.Baseline`, by the name that tables
+"""Every baseline, a subclass of `Baseline`, by the name that tables
 use."""
 
 

@@ -86,11 +86,11 @@ class Dvl(Baseline):
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`; without any lock nothing is estimated."""
+        """See `Baseline`; without any lock nothing is estimated."""
         return self._estimate(signals, period, LEAST_WATER_SHARE)
 
     def begin(self, period: float) -> VelocityEstimator:
-        """See `twin.navigation.estimators.baseline.Baseline`: on board every water lock counts, and the
+        """See `Baseline`: on board every water lock counts, and the
         flight model or the last velocity says the rest."""
         return DvlSteps(self, period)
 

@@ -19,9 +19,9 @@ SUBSTEPS = 2
 # Plain loops below: they compile several times faster than array expressions and BLAS calls, and
 # at five rows they run as fast.
 @jit
-def _rates(
+def _rates(  # type: ignore[no-untyped-def]
     p: ForceParameters, inverse: Array, inertia: Array, coupling: Array, x: Array, given: Array
-):  # type: ignore[no-untyped-def]
+):
     """dx/dt (5,) for inputs (down axis 3, rates 3, net mass)."""
     nu = np.empty(6)
     momentum = np.zeros(3)

@@ -166,18 +166,18 @@ def check_feature(name: str, kind: Any) -> Feature:
 
 
 _SHIPPED = (
-    ("attitude", "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow"),
-    ("attitude", "roll_change pitch_change heading_change"),
-    ("attitude", "roll_change_slow pitch_change_slow heading_change_slow"),
-    ("inertial", "roll_rate pitch_rate yaw_rate"),
-    ("inertial", "specific_force_x specific_force_y specific_force_z"),
-    ("glide", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
-    ("inertial", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
-    ("glide", "depth"),
-    ("controls", "shift sin_rotation cos_rotation pump"),
-    ("controls", "shift_change rotation_change pump_change"),
-    ("controls", "shift_command sin_rotation_command cos_rotation_command pump_command"),
-    ("flight", "flight_surge flight_sway flight_attack"),
+    ("sensed", "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow"),
+    ("sensed", "roll_change pitch_change heading_change"),
+    ("sensed", "roll_change_slow pitch_change_slow heading_change_slow"),
+    ("sensed", "roll_rate pitch_rate yaw_rate"),
+    ("sensed", "specific_force_x specific_force_y specific_force_z"),
+    ("flown", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
+    ("sensed", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
+    ("flown", "depth"),
+    ("sensed", "shift sin_rotation cos_rotation pump"),
+    ("sensed", "shift_change rotation_change pump_change"),
+    ("sensed", "shift_command sin_rotation_command cos_rotation_command pump_command"),
+    ("flown", "flight_surge flight_sway flight_attack"),
 )
 """File and features, in the order in which networks take them."""
 
