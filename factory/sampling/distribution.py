@@ -240,7 +240,7 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
     match = _CALL.match(text)
     if match is None:
         raise InputError(
-            f"{name} = {text!r} is no distribution: write a number, none, or one of "
+            f"{name} = {text!r} is not a distribution: write a number, none, or one of "
             "uniform(low, high), loguniform(low, high), normal(mean, std), choice(a, b: weight)"
         )
     form, inner, exclusions = match.groups()

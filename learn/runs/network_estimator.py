@@ -200,7 +200,7 @@ class NetworkFlight(FlightEstimator):
         known = self._predictions[store.path]
         if log.index not in known:
             raise StoreError(
-                f"run {self.run.name} says nothing of mission {log.index} of {store.path}; leave "
+                f"run {self.run.name} lacks mission {log.index} of {store.path}; leave "
                 "it out with --missions"
             )
         one = known[log.index]
