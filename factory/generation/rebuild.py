@@ -245,7 +245,7 @@ def lost(store: str | StorePath) -> list[str] | None:
     if not has_checksums(path):
         raise StoreError(
             f"store {path} has no list of checksums, an older glider-twin wrote it: `factory "
-            "verify` checks what it says, and what is damaged must be made again"
+            "verify` checks its values, and what is damaged must be made again"
         )
     if (path / RECIPE_COPY / METADATA).is_file() or _generated(path):
         return None

@@ -240,7 +240,7 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
     match = _CALL.match(text)
     if match is None:
         raise InputError(
-            f"{name} = {text!r} is no distribution: write a number, none, or one of "
+            f"{name} = {text!r} is not a distribution: write a number, none, or one of "
             "uniform(low, high), loguniform(low, high), normal(mean, std), choice(a, b: weight)"
         )
     form, inner, exclusions = match.groups()
@@ -253,7 +253,7 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
         excluded = tuple(_two_numbers(pair) for pair in _PAIR.findall(exclusions or ""))
         if form == "normal":
             if excluded:
-                raise InputError("normal(...) knows no except")
+                raise InputError("normal(...) takes no except")
             return Normal(low, high)
         return (Uniform if form == "uniform" else LogUniform)(low, high, excluded)
     except InputError as error:

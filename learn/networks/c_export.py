@@ -219,8 +219,8 @@ def export_c(
         if not largest <= TOLERANCE:
             raise StoreError(
                 f"the C code differs by {largest:.2g} m/s from the networks on mission "
-                f"{mission.index} (allowed {TOLERANCE:g}); it was not kept. A network whose state "
-                "amplifies rounding does so: train it longer, or with another --seed"
+                f"{mission.index} (allowed {TOLERANCE:g}); it was not kept. A network with a "
+                "state that amplifies rounding does so: train it longer, or with another --seed"
             )
     return Parity(path, mission.index, mission.samples, largest, step_us)
 
@@ -266,7 +266,7 @@ def find_compiler() -> tuple[str, ...]:
     command = tuple(shlex.split(os.environ.get("CC", ""))) or ("cc",)
     if shutil.which(command[0]) is None:
         raise InputError(
-            f"there is no C compiler {command[0]!r}, with which the exported code is compared with "
+            f"the C compiler {command[0]!r} is missing. The exported code is compared by it with "
             "the networks: install one, such as gcc, or name it in the environment variable CC"
         )
     return command

@@ -98,7 +98,7 @@ def tables(**table: object) -> bytes:
 
 @pytest.mark.parametrize(
     ("data", "message"),
-    [(bomb(), "made to fill the memory"), (b"PK", "cannot be read"), (tables(), "is no block")],
+    [(bomb(), "made to fill the memory"), (b"PK", "cannot be read"), (tables(), "is not a block")],
 )
 def test_a_block_of_somebody_else_is_refused(
     tmp_path: Path, recipe: Recipes, data: bytes, message: str

@@ -451,7 +451,7 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> Non
     run = np.cumsum(np.full(len(columns["time"]), 0.15))
     with pytest.raises(InputError, match=r"'vf' .* no two alike: a distance, not a velocity"):
         sailfish(tmp_path, vf=run)
-    with pytest.raises(InputError, match=r"says 0\.15 m/s where the track.*metres per sample"):
+    with pytest.raises(InputError, match=r"has 0\.15 m/s where the track.*metres per sample"):
         sailfish(tmp_path, vf=np.full(len(run), 0.15))
     with pytest.raises(InputError, match=r"0 m/s where the track moves forward .*sensor that was"):
         sailfish(tmp_path, vf=np.zeros(len(run)))
@@ -462,7 +462,7 @@ def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:
     slow = np.where(columns["vf"] == -SENTINEL, -SENTINEL, 0.4 + 0.02 * np.sin(columns["time"]))
     _, report = sailfish(tmp_path, vf=slow)
     assert report.count("suspect", "measured_dvl_surge")
-    with pytest.raises(InputError, match=r"says 4 m/s where .*a distance, or another unit"):
+    with pytest.raises(InputError, match=r"has 4 m/s where .*a distance, or another unit"):
         sailfish(tmp_path, vf=np.where(slow == -SENTINEL, -SENTINEL, 10.0 * slow))
 
 

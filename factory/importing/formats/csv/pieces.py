@@ -161,7 +161,7 @@ def _start_by_name(path: Path, pattern: str) -> float:
         moment = datetime.datetime.fromisoformat(found.group(1))
     except ValueError:
         raise InputError(
-            f"{path.name}: {found.group(1)!r}, which start_from_name finds, is no ISO 8601 date"
+            f"{path.name}: {found.group(1)!r}, which start_from_name finds, is not an ISO 8601 date"
         ) from None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=datetime.UTC)

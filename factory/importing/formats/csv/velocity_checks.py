@@ -169,7 +169,7 @@ def _check_scale(
         tally.add("suspect", name, len(log.channel(name)), f"{log.deployment}: {found}")
         return
     raise InputError(
-        f"{', '.join(log.files)}: {name} says {found}: no velocity in m/s: {what} Correct the "
+        f"{', '.join(log.files)}: {name} has {found}: not a velocity in m/s: {what} Correct the "
         "unit, or leave the file or the column out"
     )
 

@@ -84,7 +84,7 @@ def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
         except lz4.LZ4BlockError as error:
             if not plain:
                 raise InputError(
-                    f"{path.name} is no compressed Slocum file, or is cut in its first block: "
+                    f"{path.name} is not a compressed Slocum file, or is cut in its first block: "
                     f"{' '.join(str(error).split())}"
                 ) from error
             cut = True
@@ -152,7 +152,7 @@ class CacheShelf:
         if (len(listed), used) != total:
             raise InputError(
                 f"cache file {name}.cac is not the one of {path.name}: it lists {used} of "
-                f"{len(listed)} sensors, the header says {total[1]} of {total[0]}"
+                f"{len(listed)} sensors, the header lists {total[1]} of {total[0]}"
             )
         self._checked[(name, *total)] = None
 
