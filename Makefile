@@ -40,8 +40,8 @@ mutants: setup            ## change the code on purpose; the tests must notice 8
 bench: setup              ## measured costs, printed beside their yardsticks
 	@for benchmark in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$benchmark || exit 1; done
 
-gallery: setup            ## the pictures of README, tutorials and examples, from the code beside them
-	@$(BIN)/python scripts/gallery.py README.md
+gallery: setup            ## the pictures of the gallery, tutorials and examples, from the code beside them
+	@$(BIN)/python scripts/gallery.py docs/gallery.md
 	@$(BIN)/python scripts/tutorials.py
 
 docs: setup               ## the documentation as a site: site/index.html; warnings are errors

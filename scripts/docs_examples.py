@@ -36,24 +36,24 @@ SECONDS = {
 INTRODUCTION = """\
 # Examples
 
-Short programs, each ending in a picture and a few printed lines. They stand in `examples/` of the
-checkout: `python examples/compare_vehicles.py`. They write into the folder where they are run.
+Short programs, each with a picture and a few printed lines. They stand in `examples/` of the
+checkout and write into the folder where they run: `python examples/compare_vehicles.py`.
 
-Times are those of a processor (two cores, no GPU). The first run of all takes about half a minute
-more: it compiles the physics.
+Times are processor times (two cores, no GPU). The very first run compiles the physics, about half
+a minute more.
 """
 
 README = """\
 # Examples
 
-Short programs, each ending in a picture and a few printed lines:
+Short programs, each with a picture and a few printed lines:
 
     python examples/compare_vehicles.py
 
-They write into the folder where they are run. Times are those of a processor (two cores, no GPU);
-the first run of all compiles the physics, about half a minute more. `make gallery` makes these
-pictures again, but for the last, which trains for minutes; `make docs` shows the code beside them.
-Longer walks are the [tutorials](../docs/tutorials/index.md).
+They write into the folder where they run. Times are processor times (two cores, no GPU); the very
+first run compiles the physics, about half a minute more. `make gallery` makes all pictures again
+but the last, which trains for minutes. `make docs` shows the code beside them. The
+[tutorials](../docs/tutorials/index.md) go further.
 
 | | | |
 |---|---|---|

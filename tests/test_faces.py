@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 import time
@@ -173,14 +174,24 @@ def test_factory_generates_and_opens(tmp_path):
 
 
 @needs_docs
-def test_the_examples_of_the_first_page_run(tmp_path, monkeypatch, capsys):
+def test_the_examples_of_the_first_pages_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    first, *others = [text for _, text in blocks("README.md")]
+    (first,) = [text for _, text in blocks("README.md")]
     assert len([line for line in first.splitlines() if line]) == 6
+    (scenario,) = [text for _, text in blocks("docs/howto/index.md")]
     begun = time.perf_counter()
-    for text in (first, *others):
+    for text in (first, scenario):
         exec(compile(text, "README.md", "exec"), {})
     assert time.perf_counter() - begun < 120.0
     assert capsys.readouterr().out.startswith("<Trajectory: glider on 'default'")
     assert (tmp_path / "run.png").stat().st_size > 20_000
     assert "measured_pitch" in twin.open_trajectory("run.zarr")
+
+
+@needs_docs
+def test_the_readme_is_short():
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 100
+    readers = text.split("\n## Three commands for you\n")[1].split("\n## ")[0]
+    shown = re.findall(r"^ {4}(twin|factory|learn) ", readers, re.MULTILINE)
+    assert len(shown) == 9

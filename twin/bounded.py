@@ -124,7 +124,7 @@ def compile_pattern(
             warnings.simplefilter("error", FutureWarning)  # of sets that will change their meaning
             compiled = re.compile(pattern)
     except (re.error, FutureWarning, RecursionError, OverflowError) as cause:
-        raise error(f"{what} is no regular expression: {cause}") from None
+        raise error(f"{what} is not a regular expression: {cause}") from None
     plain = re.sub(r"\\.|\[\^?\]?(?:\\.|[^\]\\])*\]", "x", pattern, flags=re.DOTALL)
     plain = re.sub(r"\(\?(?:P?<?[=!]?\w*>?|[=!:])", "(", plain)
     ways = LONGEST_NAME

@@ -149,7 +149,7 @@ def simulate(
         if isinstance(scenario.navigate, Navigation):
             if suite is not None or seed != 0 or bottom_depth is not None:
                 raise InputError(
-                    "the scenario is navigated and says its sensors: leave sensors, seed and "
+                    "the scenario is navigated and has its own sensors: leave sensors, seed and "
                     "bottom_depth out"
                 )
             navigation, suite = scenario.navigate, scenario.navigate.suite

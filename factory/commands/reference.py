@@ -71,7 +71,7 @@ class WriteReference(JsonOption):
         )
         console.item(
             "The lists are of x86_64 and the library versions of constraints.txt; `factory info` "
-            "says with what a store was made."
+            "names what a store was made with."
         )
         return 1
 

@@ -161,7 +161,7 @@ class Block:
         try:
             self._path = path = self._files.fetch(key, job.site.staging)
             if file_sum(path) != expected:
-                raise StoreError(f"{what} is damaged: remove it and continue with --resume")
+                raise StoreError(f"{what} is damaged: remove it, then use --resume")
             check_archive(path, what, StoreError)
             self._archive = np.load(path, allow_pickle=False)
             self._table = json.loads(self._archive[TABLE].tobytes())
@@ -207,7 +207,7 @@ class Block:
         packed = self._archive[SIGNAL + name]
         samples = sum(self.samples[row] for row in entry["missions"])
         if _decoded_size(packed) != samples * dtype.itemsize:
-            raise StoreError(f"{self._path} is damaged: remove it and continue with --resume")
+            raise StoreError(f"{self._path} is damaged: remove it, then use --resume")
         values = np.frombuffer(BLOSC.decode(packed), dtype)
         start = 0
         for row in entry["missions"]:

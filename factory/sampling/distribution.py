@@ -253,7 +253,7 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
         excluded = tuple(_two_numbers(pair) for pair in _PAIR.findall(exclusions or ""))
         if form == "normal":
             if excluded:
-                raise InputError("normal(...) knows no except")
+                raise InputError("normal(...) takes no except")
             return Normal(low, high)
         return (Uniform if form == "uniform" else LogUniform)(low, high, excluded)
     except InputError as error:

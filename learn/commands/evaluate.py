@@ -60,7 +60,7 @@ class Evaluate(JsonOption):
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
         if self.tracks is not None and is_log_store(self.store):
             raise InputError(
-                f"{self.store} holds real logs, whose true tracks are not known: leave --tracks out"
+                f"{self.store} holds real logs without true tracks: leave --tracks out"
             )
         collector = TrackCollector()
         watches = [] if self.tracks is None else [collector.add]

@@ -54,9 +54,9 @@ def _which_current(store: str | StorePath) -> str:
     return (
         f"Its missions have currents of their own, of up to {highest:.2g} m/s: give "
         "--known-current store, which takes what the simulation knows of each and no vehicle knows "
-        "at sea; or take a store whose water stands still (--preset paper of a vehicle with a "
+        "at sea; or take a store with water that stands still (--preset paper of a vehicle with a "
         "propeller, or --set current.speed=0) and give --known-current 0,0; or one with water "
-        "lock, which needs none"
+        "lock, which needs no --known-current"
     )
 
 

@@ -219,8 +219,8 @@ def export_c(
         if not largest <= TOLERANCE:
             raise StoreError(
                 f"the C code differs by {largest:.2g} m/s from the networks on mission "
-                f"{mission.index} (allowed {TOLERANCE:g}); it was not kept. A network whose state "
-                "amplifies rounding does so: train it longer, or with another --seed"
+                f"{mission.index} (allowed {TOLERANCE:g}); it was not kept. A network with a "
+                "state that amplifies rounding does so: train it longer, or with another --seed"
             )
     return Parity(path, mission.index, mission.samples, largest, step_us)
 

@@ -241,7 +241,7 @@ def export_step(predictor: Predictor, path: Path, mission: MissionSequence) -> P
             raise StoreError(
                 f"the exported {predictor.target} model differs by {largest:.2g} m/s from the "
                 f"network on mission {mission.index} (allowed {TOLERANCE:g}); it was not kept. A "
-                "network whose state amplifies rounding does so: train it longer, or with another "
-                "--seed"
+                "network with a state that amplifies rounding does so: train it longer, or with "
+                "another --seed"
             )
     return Parity(path, mission.index, mission.samples, largest, 1e6 * seconds / mission.samples)

@@ -172,7 +172,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     parts = parts_of(run.store)
     if set(parts) != set(GLIDER_PARTS):
         say(
-            "leaving out the paper's test: the Sea-Wing flies it, whose parts are "
+            "leaving out the paper's test: the Sea-Wing flies it, and its parts are "
             f"{', '.join(GLIDER_PARTS)} and not {', '.join(parts)}"
         )
         return None

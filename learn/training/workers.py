@@ -144,7 +144,7 @@ def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
 
             def report(found: TrainingReport) -> None:
                 if _word_of(task.folder) != word:
-                    raise TwinError(f"nobody waits for {task.job.name} in {task.folder} any more")
+                    raise TwinError(f"the fit of {task.job.name} in {task.folder} has ended")
                 file.write(json.dumps(dataclasses.asdict(found)) + "\n")
                 file.flush()
 

@@ -243,7 +243,7 @@ def test_no_allowed_pattern_takes_long():
 
 @pytest.mark.parametrize("pattern", ["(", "[[a]", "a{99999999999999}", "(" * 5000 + ")" * 5000])
 def test_what_is_no_pattern_is_one_line(pattern):
-    with pytest.raises(InputError, match="p is no regular expression") as raised:
+    with pytest.raises(InputError, match="p is not a regular expression") as raised:
         bounded.compile_pattern(pattern, "p")
     one_line(raised)
 

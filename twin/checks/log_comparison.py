@@ -141,7 +141,7 @@ def _phases(
     for phase in PHASES:
         log = phase_figures([s for dive, _ in flown for s in logged_samples(dive, phase, pump)])
         if log is None:
-            notes.append(f"no whole {phase} in the log: nothing is said of that phase")
+            notes.append(f"no whole {phase} in the log: the figures of that phase are missing")
             continue
         legs = [
             s

@@ -162,9 +162,9 @@ def check_signals(logs: LogStore, rows: Sequence[int]) -> None:
     """Refuse a log without what a glide needs, by the names of signals."""
     there = Present(logs)
     for names, why in (
-        (("measured_depth",), "depth: nothing says when it dived"),
-        (("measured_pitch",), "pitch: nothing says how it glided"),
-        (("measured_pump", "commanded_pump"), "pumped volume: nothing says what drove it"),
+        (("measured_depth",), "depth, so its dives are unknown"),
+        (("measured_pitch",), "pitch, so its glides are unknown"),
+        (("measured_pump", "commanded_pump"), "pumped volume, so what drove it is unknown"),
     ):
         if not any(name in there for name in names):
             raise StoreError(
@@ -180,7 +180,7 @@ def notes_of(
     there = Present(logs)
     notes = []
     if logs.simulated:
-        notes.append("the log says itself that it is of a simulation")
+        notes.append("the log itself is marked as simulated")
     names = list(dict.fromkeys(logs.deployments[dive.row] for dive in dives))
     if len(names) > 1:
         notes.append(

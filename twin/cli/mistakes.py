@@ -99,7 +99,7 @@ def _unknown_option(tokens: Sequence[str], command: type, words: Sequence[str]) 
         return _unexpected(offender, command, words)
     given = offender.partition("=")[0]
     if given in known:
-        return f"{given} is no option: give its value alone, without the name"
+        return f"{given} is not an option: give its value alone, without the name"
     near = nearest(given, known)
     if near is None:
         return f"unknown option {offender}: allowed: {', '.join(known)}"

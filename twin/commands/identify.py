@@ -96,7 +96,7 @@ class Identify(JsonOption):
             folder = None if target is None else target.absolute().parent
             if folder is not None and not (folder.is_dir() and os.access(folder, os.W_OK)):
                 raise InputError(
-                    f"--{option} {target}: {folder} is no folder that can be written to"
+                    f"--{option} {target}: {folder} is not a folder that can be written to"
                 )
         for name, value in (("scale", self.pitch_scale), ("offset", self.pitch_offset)):
             if value is not None and not math.isfinite(value):

@@ -172,7 +172,7 @@ class PlotMission:
                     if getattr(self, option) is not None:
                         raise InputError(
                             f"--{option} is for logs: each mission of {self.store} is a flight of "
-                            "its own, whose truth the store holds; --mission chooses one"
+                            "its own, and the store holds its truth; --mission chooses one"
                         )
                 trajectory = read_trajectory(self.store, self.mission)
                 return trajectory, mission_caption(store, self.mission)

@@ -53,7 +53,7 @@ def identified(vehicle: Vehicle) -> Mapping[str, Any]:
                 found = json.loads(text.get("data", ""))
             except json.JSONDecodeError as error:
                 raise VehicleError(
-                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is no JSON: {error}"
+                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is not JSON: {error}"
                 ) from None
             return found if isinstance(found, dict) else {}
     return {}

@@ -98,11 +98,11 @@ class Known:
         )
         if days > MOST_DAYS or away > MOST_AWAY + MOST_PER_DAY * days:
             raise InputError(
-                f"{said}: they tell nothing of this water; give logs of the deployment that goes "
+                f"{said}: they do not describe this water; give logs of the deployment that goes "
                 "on, or leave --logs out"
             )
         if days > OLD or away > FAR:
-            return f"{said}: what they tell of the current may not hold"
+            return f"{said}: the current in them may not hold"
         return ""
 
 

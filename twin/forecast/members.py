@@ -48,7 +48,7 @@ SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
 STEPS = 2.0
 """Times the vehicle file's physics step: in six hours the end moves by less than 5 m"""
-UNTOLD = "the fixes of these logs do not tell it"
+UNTOLD = "the fixes of these logs do not show it"
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -185,7 +185,7 @@ def _with_field(
         water, known.filter_, field, request.field_error, rng, told=known.legs > 0
     )
     words = f"field, error {request.field_error:g} m/s"
-    return drawn, words + (f", told by {known.source}" if known.legs else "")
+    return drawn, words + (f", from {known.source}" if known.legs else "")
 
 
 def _mean_field(request: Request) -> tuple[float, float]:

@@ -180,7 +180,7 @@ def newest_store(folder: Path) -> tuple[Path, float] | None:
 def check_watched(folder: Path) -> None:
     """Raise InputError where there is no such folder."""
     if not folder.is_dir():
-        raise InputError(f"--watch {folder}: there is no such folder; make it, or name another")
+        raise InputError(f"--watch {folder}: the folder is missing; make it, or name another")
 
 
 def arrivals(

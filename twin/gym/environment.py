@@ -135,7 +135,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
           InputError: an option; there is none.
         """
         for name in options or {}:
-            raise InputError(f"option {name!r} of reset: a single environment has none")
+            raise InputError(f"option {name!r} of reset: a single environment takes no options")
         super().reset(seed=seed)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(LARGEST_SEED)) if seed is None else seed

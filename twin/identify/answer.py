@@ -123,17 +123,17 @@ def confused(found: Identification) -> list[str]:
         knowable = [name for name in mine if name in NAMES]
         if set(mine) & {p.name for p in PITCHING}:
             advice = (
-                "dives at other pitches with the same pump, and at other pump volumes, would tell "
-                "them apart"
+                "dives at other pitches with the same pump, and at other pump volumes, would "
+                "separate them"
             )
         elif "thermal_expansion" in mine:
-            advice = "dives in water of other temperatures would tell them apart"
+            advice = "dives in water of other temperatures would separate them"
         else:
-            advice = "dives at other pitches, pump volumes and depths would tell them apart"
+            advice = "dives at other pitches, pump volumes and depths would separate them"
         if knowable:
             advice += f"; or give one that you know, such as --known {knowable[0]}=VALUE"
         texts.append(
-            f"{', '.join(mine[:-1])} and {mine[-1]} could not be told apart (correlation up to "
+            f"{', '.join(mine[:-1])} and {mine[-1]} could not be separated (correlation up to "
             f"{most:.2f}): together they fit the log, each alone is less sure; {advice}"
         )
     return texts

@@ -220,9 +220,7 @@ def read_figures(path: Path, calibration: Calibration) -> Calibration:
         found = re.findall(r"^\s*(\w+)\s*=\s*([-+0-9.eE]+)\s*;?", text, flags=re.MULTILINE)
         given = {name: _number(path, name, value) for name, value in found if name in known}
     if MARKS[kind] not in given:
-        raise InputError(
-            f"{path} holds no {MARKS[kind]}: it is no file of {kind}'s figures ({', '.join(known)})"
-        )
+        raise InputError(f"{path} holds no {MARKS[kind]}: it is not {kind}'s ({', '.join(known)})")
     for name in given:
         if name in POSITIVE and not given[name] > 0.0:
             raise InputError(f"{path}: {name} = {given[name]:g} must be above 0")

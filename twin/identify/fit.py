@@ -226,7 +226,7 @@ def _start(
             best, cost = found.x, found.cost
     if not np.isfinite(cost):
         raise InputError(
-            f"vehicle {nominal.vehicle.name!r} does not fly as this log says with any drag near "
+            f"vehicle {nominal.vehicle.name!r} does not fly as this log does with any drag near "
             "its own; is it the right vehicle, and is the pump in cm3 with + = lighter?"
         )
     out = np.zeros(len(free))

@@ -152,7 +152,7 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
     pitch_rmse = float(np.sqrt(np.mean(pitch**2)))
     if pitch_rmse > MOST_PITCH:
         raise InputError(
-            f"the twin does not pitch as this log says (RMSE {np.rad2deg(pitch_rmse):.1f} deg), "
+            f"the twin does not pitch as this log does (RMSE {np.rad2deg(pitch_rmse):.1f} deg), "
             "with any place of battery, pump and centre of gravity near those of vehicle "
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )

@@ -149,8 +149,8 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
     """
     if pitch * net_mass >= 0.0:
         raise MissionError(
-            f"pitch {math.degrees(pitch):g} deg with net mass {net_mass:g} kg is no glide: a heavy "
-            "glider dives nose down, a light one climbs nose up"
+            f"pitch {math.degrees(pitch):g} deg with net mass {net_mass:g} kg is not a glide: a "
+            "heavy glider dives nose down, a light one climbs nose up"
         )
     sense = math.copysign(1.0, net_mass)
     polar = polar_of(vehicle)

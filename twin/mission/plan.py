@@ -111,7 +111,7 @@ class Mission:
         """
         path = Path(path)
         hint = (
-            "; a mission is no table of columns but [[segments]] with NAME = VALUE lines, see "
+            "; a mission is not a table of columns but [[segments]] with NAME = VALUE lines, see "
             "docs/reference/missions.md"
         )
         data = read_toml(path, "mission file", MissionError, hint=hint)
@@ -181,8 +181,8 @@ class Mission:
         """
         if self.needs_place:
             raise MissionError(
-                f"mission {self.name!r} goes to places on the Earth, and nothing says where it "
-                'starts: give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
+                f"mission {self.name!r} goes to places on the Earth, but its start is missing: "
+                'give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
         rows = [

@@ -124,8 +124,8 @@ class Scenario:
         flown = self.mission
         if isinstance(flown, Mission) and flown.needs_place and not self.has_place:
             raise MissionError(
-                f"mission {flown.name!r} goes to places on the Earth, and nothing says where "
-                "it starts: give --start LAT,LON, or "
+                f"mission {flown.name!r} goes to places on the Earth, but its start is "
+                "missing: give --start LAT,LON, or "
                 'start={"latitude": 49.0, "longitude": -16.0}'
             )
         if self.start is not None:

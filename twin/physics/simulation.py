@@ -133,8 +133,8 @@ class Simulation:
         ours = userdata[: b.STATE_WORDS].view(b.STATE)[0]
         if not 0.0 <= ours["logged"] <= len(self._collected):
             raise TwinError(
-                f"userdata says that {ours['logged']:g} of at most {len(self._collected)} samples "
-                "are logged: it was overwritten; call Simulation.reset"
+                f"userdata reports {ours['logged']:g} of at most {len(self._collected)} samples as "
+                "logged: it was overwritten; call Simulation.reset"
             )
         logged = int(ours["logged"])
         ring = userdata[b.STATE_WORDS :].view(self._row)
@@ -213,8 +213,8 @@ class Simulation:
             if self.scenario.mission is not None:
                 raise InputError(
                     "the scenario has a mission and the run a controller: only one of them can "
-                    "command the vehicle; leave plan out of the scenario (its duration then says "
-                    "how long), or call run() without a controller"
+                    "command the vehicle; leave the mission out of the scenario (its duration "
+                    "then ends it), or call run() without a controller"
                 )
             self._run_controlled(controller)
         else:

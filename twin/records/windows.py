@@ -210,7 +210,7 @@ class Windows:
           StoreError: a file is damaged.
         """
         if size < 1:
-            raise InputError(f"windows: a batch of {size} is none; give 1 or more")
+            raise InputError(f"windows: a batch of {size} is invalid; give 1 or more")
         parts = self._order(seed, epoch)
         if self.fits:
             self.load()

@@ -57,7 +57,7 @@ def read_flight(path: str | Path) -> xr.Dataset:
     """
     path = Path(path)
     if not is_flight(path):
-        raise StoreError(f"{path} is no file that `twin flight` wrote")
+        raise StoreError(f"{path} is not a file that `twin flight` wrote")
     try:
         with open_flight(path) as dataset:
             return dataset.load()

@@ -39,8 +39,8 @@ COUNTS = {
 _SIZED = {"size": ("numeric",), "num": ("contact", "tactile")}
 """Elements in which these attributes are counts; elsewhere they are lengths [m] or texts"""
 REFUSED = {
-    "composite": "soft bodies are no part of a vehicle",
-    "flexcomp": "soft bodies are no part of a vehicle",
+    "composite": "a vehicle has no soft bodies",
+    "flexcomp": "a vehicle has no soft bodies",
     "plugin": "a plugin's code is not in the file",
     "attach": "another model's content is not in the file",
 }

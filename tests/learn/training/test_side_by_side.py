@@ -95,7 +95,7 @@ def test_a_task_ends_when_its_start_has_ended(store, tmp_path, monkeypatch):
         return real(job, folder, report, **options)
 
     monkeypatch.setattr("learn.training.workers.train", interrupted)
-    with pytest.raises(TwinError, match=r"nobody waits for s[a-z]*-0 in .*run any more"):
+    with pytest.raises(TwinError, match=r"the fit of s[a-z]*-0 in .*run has ended"):
         fit(config_of(store), tmp_path / "run", Resources(Lost()))
 
 

@@ -581,7 +581,7 @@ def test_durations() -> None:
 
 def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert TWIN.main(["simulate", "--mission", "mine.toml"]) == 2
-    assert "--mission is no option: give its value alone" in capsys.readouterr().err
+    assert "--mission is not an option: give its value alone" in capsys.readouterr().err
 
 
 def test_a_single_thing_has_no_plural():

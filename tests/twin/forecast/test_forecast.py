@@ -274,7 +274,7 @@ def test_persistence_of_the_current_does_not_say_that_speed_and_compass_are_exac
     members = members_of(asked(), known)
     assert members.spread["speed"].startswith("+0.0 %, +-6.0 %, assumed")
     assert members.spread["compass"].startswith("+0.0 degree, +-4.2 degree, assumed: the fixes of")
-    assert ("the fixes of these logs do not tell it" in members.spread["speed"]) == by_model
+    assert ("the fixes of these logs do not show it" in members.spread["speed"]) == by_model
     offsets = np.array([one.compass_offset for one in members.scenarios])
     assert offsets[0] == 0.0
     assert np.std(offsets) == pytest.approx(np.radians(4.2), rel=0.4)
@@ -299,9 +299,9 @@ def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
     assert known.check_begin(latitude, longitude, known.time + 3600.0) == ""
     assert "3.0 days before" in known.check_begin(latitude, longitude, known.time + 3 * 86400.0)
     assert "45 km from" in known.check_begin(latitude + 0.4, longitude, known.time + 3600.0)
-    with pytest.raises(InputError, match="tell nothing of this water"):
+    with pytest.raises(InputError, match="do not describe this water"):
         known.check_begin(latitude, longitude, known.time + 3650 * 86400.0)
-    with pytest.raises(InputError, match="tell nothing of this water"):
+    with pytest.raises(InputError, match="do not describe this water"):
         known.check_begin(36.8, -122.4, known.time + 3600.0)
 
 
@@ -386,7 +386,7 @@ def test_a_folder_to_watch_is_there_before_it_is_watched(tmp_path, capsys) -> No
     words = ["--goto", "37,-122", "--watch", str(tmp_path / "nowhere")]
     assert PROGRAM.main(["forecast", *words]) == 2
     said = capsys.readouterr().err
-    assert "no such folder" in said
+    assert "the folder is missing" in said
     assert "watching" not in said
 
 
@@ -414,5 +414,5 @@ def test_every_new_store_is_told_once(store, tmp_path) -> None:
     assert next(found).name == "first.zarr"
     assert next(found).name == "second.zarr"
     assert len(waits) == 3
-    with pytest.raises(InputError, match="no such folder"):
+    with pytest.raises(InputError, match="the folder is missing"):
         next(arrivals(tmp_path / "nowhere"))

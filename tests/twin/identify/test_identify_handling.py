@@ -199,7 +199,7 @@ def test_estimates_that_are_not_told_apart_are_named_with_what_would(handling):
     trim = [names.index(name) for name in ("neutral_density", "drag")]
     correlation[trim[0], trim[1]] = correlation[trim[1], trim[0]] = 0.94
     (text,) = confused(dataclasses.replace(found, correlation=correlation))
-    assert text.startswith("shift_offset, righting_arm and pump_position could not be told apart")
+    assert text.startswith("shift_offset, righting_arm and pump_position could not be separated")
     assert "0.96" in text
     assert "pump volumes" in text
     assert "--known" not in text

@@ -57,7 +57,7 @@ def test_a_profile_without_header_is_told(tmp_path: Path) -> None:
 def test_a_table_is_no_mission(tmp_path: Path, separator: str) -> None:
     path = tmp_path / "mission.csv"
     path.write_text("kind,max_depth_m\nsaw-tooth,100\n".replace(",", separator))
-    with pytest.raises(MissionError, match=r"no table of columns but \[\[segments\]\]"):
+    with pytest.raises(MissionError, match=r"not a table of columns but \[\[segments\]\]"):
         load_mission(path)
 
 

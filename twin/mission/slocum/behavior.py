@@ -59,8 +59,8 @@ class Behavior:
         value = self.arguments[name]
         if abs(value) >= 0.5 * math.pi:
             raise MissionError(
-                f"{self.lines.get(name, self.file)}: {self.name}: {name} = {value:g} is no pitch "
-                f"in radian: write {math.radians(value):.4f} for {value:g} degree"
+                f"{self.lines.get(name, self.file)}: {self.name}: {name} = {value:g} is not a "
+                f"pitch in radian: write {math.radians(value):.4f} for {value:g} degree"
             )
         return abs(math.degrees(value))
 
@@ -130,8 +130,8 @@ def _place(where: str, line: str) -> tuple[float, float]:
     longitude, latitude = (degrees(where, word) for word in words)
     if abs(latitude) > 90.0 or abs(longitude) > 180.0:
         raise MissionError(
-            f"{where}: {line}: longitude {longitude:g}, latitude {latitude:g} degree is no place: "
-            "the longitude comes first, as DDMM.mmm"
+            f"{where}: {line}: longitude {longitude:g}, latitude {latitude:g} degree is not a "
+            "place: the longitude comes first, as DDMM.mmm"
         )
     return latitude, longitude
 

@@ -281,7 +281,7 @@ class CurrentFilter:
         """
         if self._velocity is None:
             raise InputError(
-                "a velocity over ground tells a current only beside one through the water: give "
+                "a velocity over ground gives a current only beside one through the water: give "
                 "`step` a velocity first"
             )
         observed = self._of_current(dive=True)

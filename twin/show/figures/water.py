@@ -120,7 +120,7 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the profile into `axes`."""
     if isinstance(trajectory, LoggedTrajectory) and "true_current_north" not in trajectory:
         raise InputError(
-            "this log has no current: two fixes about a dive tell its depth-averaged one, a "
+            "this log has no current: two fixes about a dive give its depth-averaged one, a "
             "profiler that of each depth"
         )
     depth = trajectory["true_depth"]

@@ -69,7 +69,7 @@ def read_subject(
     else:
         if drawn is not None and found.says_vehicle:
             raise InputError(
-                f"--vehicle is for logs: store {store} says its vehicle: {found.vehicle.name}; "
+                f"--vehicle is for logs: store {store} has its own vehicle: {found.vehicle.name}; "
                 "leave --vehicle out"
             )
         trajectory, caption = read_trajectory(store, mission), _title(found, mission)
@@ -96,7 +96,7 @@ def _logged(
     lacking = [name for name in POSITION if f"true_{name}" not in trajectory]
     if lacking:
         raise StoreError(
-            f"store {store}: mission {missions[0]} says nothing of its {' and '.join(lacking)}: no "
+            f"store {store}: mission {missions[0]} lacks {' and '.join(lacking)}: it has no "
             f"flight model ({trajectory.unflown}), no track of its own and no two fixes; "
             f"`twin plot {quoted(store)} --figure log` shows what was measured"
         )

@@ -147,7 +147,7 @@ def _refusal(data: xr.Dataset, name: str, dimension: str) -> str:
     if dimension.startswith(("eta", "xi")):
         return f"{name!r} lies on a curvilinear grid (dimension {dimension!r}); {REGRID}"
     return (
-        f"dimension {dimension!r} of {name!r} is none of time, depth, latitude and longitude;"
+        f"dimension {dimension!r} of {name!r} is not time, depth, latitude or longitude;"
         " select one element of it or give its coordinate a standard_name"
     )
 
@@ -171,7 +171,7 @@ def depth_values(data: xr.Dataset, source: str, axis: Axis) -> Floats:
         values = -values
     elif upward:
         raise CurrentError(
-            f"{source}: {axis.coordinate!r} says positive up and has values up to"
+            f"{source}: {axis.coordinate!r} has the attribute positive up and values up to"
             f" {values.max():g} m above the surface; correct its attribute 'positive'"
         )
     # Negation leaves -0.0, which would print and hash differently from 0.0.

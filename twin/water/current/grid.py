@@ -201,7 +201,7 @@ class Grid(Current):
             raise CurrentError(
                 f"grid: lat={mine[0]:g}, lon={mine[1]:g} is not the mission's start at latitude "
                 f"{latitude_deg:g}, longitude {longitude_deg:g}; leave lat and lon out, the "
-                "start says where the file is read"
+                "start is where the file is read"
             )
 
     def check_time(self, time: str) -> None:
@@ -209,7 +209,7 @@ class Grid(Current):
         if self.time is not None and parse_time(self.time) != parse_time(time):
             raise CurrentError(
                 f"grid: time={self.time} is not the mission's start at {time}; leave time out, "
-                "the start says when the file is read"
+                "the file is read at the start's time"
             )
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Grid:

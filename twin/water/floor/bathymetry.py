@@ -294,7 +294,7 @@ def _sense(data: xr.Dataset, path: str, name: str) -> str:
     found = STANDARD_NAMES.get(standard) or NAMES.get(name.lower())
     if found is None:
         raise FloorError(
-            f"{path}: nothing says whether {name!r} counts upward or downward: give positive=up "
+            f"{path}: whether {name!r} counts upward or downward is unknown: give positive=up "
             "(elevation) or positive=down (depth)"
         )
     return found

@@ -22,7 +22,7 @@ def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[Dep
 CSV = Importer(
     name="csv",
     vehicle="any vehicle",
-    files="tables with a --mapping file that says what each column is",
+    files="tables with a --mapping file that names what each column is",
     channels="what the mapping names: attitude, body rates, accelerations, DVL, depth, CTD, fixes, "
     "track, controls by the names of their parts",
     suffixes=TABLES,

@@ -123,7 +123,7 @@ def test_two_workers_give_the_same_frames_as_one(tmp_path):
         (("--out", "a.png", "--mission", "-1"), "has missions 0 to 1, not -1"),
         (("--out", "a.png", "--tracks", "none.nc"), "no track file at none.nc"),
         (("--out", "a.png", "--vehicle", "glidr"), "did you mean 'glider'"),
-        (("--out", "a.png", "--vehicle", "tethys"), "says its vehicle: glider"),
+        (("--out", "a.png", "--vehicle", "tethys"), "has its own vehicle: glider"),
         (("--html", "a.html", "--vehicle", "tethys"), "--vehicle is for logs"),
     ],
 )
