@@ -46,5 +46,5 @@ To try next, with .venv/bin on the path (source .venv/bin/activate):
     twin simulate --navigate ekf --sensors field --out own.zarr   guided by what is known on board
     factory generate --preset field --hours 20 --out field.zarr   sensor errors, tides, GPS
     learn fit field.zarr --seconds 30                             networks for these missions
-README.md has pictures of what else there is, docs/index.md leads on.
+docs/gallery.md has pictures of what else there is, docs/index.md leads on.
 END

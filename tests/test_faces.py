@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 import time
@@ -54,6 +56,34 @@ def test_every_name_is_there_documented_and_where_the_types_say(face):
         if inspect.isclass(value) or inspect.isfunction(value):
             assert not value.__module__.startswith("numba")
     assert _typed(face) == face._PLACES
+
+
+@pytest.mark.parametrize("name", ["twin", "twin.suite", "twin.gym", "factory", "learn"])
+def test_every_public_name_has_a_docstring_of_its_own(name):
+    """Not one that it inherits, nor the list of fields that a dataclass makes up."""
+    face = importlib.import_module(name)
+    public = {n: getattr(face, n) for n in face.__all__ if not n.startswith("__")}
+    assert [n for n, value in public.items() if not own_docstring(value)] == []
+
+
+def own_docstring(value) -> str:
+    """What stands below a class or function, or says what an object is."""
+    if inspect.isclass(value):
+        told = value.__dict__.get("__doc__") or ""
+        return "" if told.startswith(f"{value.__name__}(") else told
+    return value.__doc__ or ""
+
+
+def test_a_docstring_that_is_inherited_or_made_up_is_none_of_its_own():
+    class Bare(twin.Scenario):
+        pass
+
+    @dataclasses.dataclass
+    class Made:
+        x: int
+
+    assert [own_docstring(one) for one in (Bare, Made, lambda: 0)] == ["", "", ""]
+    assert own_docstring(twin.Scenario)
 
 
 def _typed(face) -> dict[str, str]:
@@ -173,14 +203,24 @@ def test_factory_generates_and_opens(tmp_path):
 
 
 @needs_docs
-def test_the_examples_of_the_first_page_run(tmp_path, monkeypatch, capsys):
+def test_the_examples_of_the_first_pages_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    first, *others = [text for _, text in blocks("README.md")]
+    (first,) = [text for _, text in blocks("README.md")]
     assert len([line for line in first.splitlines() if line]) == 6
+    (scenario,) = [text for _, text in blocks("docs/howto/index.md")]
     begun = time.perf_counter()
-    for text in (first, *others):
+    for text in (first, scenario):
         exec(compile(text, "README.md", "exec"), {})
     assert time.perf_counter() - begun < 120.0
     assert capsys.readouterr().out.startswith("<Trajectory: glider on 'default'")
     assert (tmp_path / "run.png").stat().st_size > 20_000
     assert "measured_pitch" in twin.open_trajectory("run.zarr")
+
+
+@needs_docs
+def test_the_readme_is_short():
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 100
+    readers = text.split("\n## Three commands for you\n")[1].split("\n## ")[0]
+    shown = re.findall(r"^ {4}(twin|factory|learn) ", readers, re.MULTILINE)
+    assert len(shown) == 9

@@ -1,4 +1,4 @@
-"""What the README claims of speed stands in docs/results/performance.md, with its command."""
+"""What the evidence claims of speed stands in docs/results/performance.md, with its command."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "results" / "performance.md"
+RESULTS = ROOT / "docs" / "results"
+PAGE = RESULTS / "performance.md"
 BENCH = "physics_step"
 """The benchmark that is also the command `twin bench`"""
 
@@ -35,16 +36,16 @@ def program(command: str) -> str:
     return found[0]
 
 
-def test_the_readme_claims_what_the_page_has():
+def test_the_evidence_claims_what_the_page_has():
     """Or what the page has that a row links to."""
     page: dict[str, set[str]] = {}
     for figure, command in rows(PAGE.read_text()):
         page.setdefault(program(command), set()).update(numbers(figure))
     compared = 0
-    for figure, command in rows((ROOT / "README.md").read_text()):
-        linked = re.search(r"\]\((docs/[^)#]+)", command)
+    for figure, command in rows((RESULTS / "evidence.md").read_text()):
+        linked = re.search(r"\]\(([\w.]+\.md)", command)
         if linked is not None:
-            place, there = linked[1], numbers((ROOT / linked[1]).read_text())
+            place, there = linked[1], numbers((RESULTS / linked[1]).read_text())
         elif program(command) in page:
             place, there = PAGE.name, page[program(command)]
         else:

@@ -1,4 +1,4 @@
-"""The README's pictures come from the commands beside them; docs/howto/render.md runs."""
+"""The gallery's pictures come from the commands above them; docs/howto/render.md runs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pictures import needs_gl
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[3]
-README = ROOT / "README.md"
-PICTURES = re.compile(r"!\[[^\]]+\]\((docs/gallery/[^)]+)\)")
+PAGE = ROOT / "docs" / "gallery.md"
+PICTURES = re.compile(r"!\[[^\]]+\]\(((?:docs/)?gallery/[^)]+)\)")
 LARGEST, LARGEST_SUM = 300_000, 1_700_000
 """[byte] of a picture and of all"""
 
@@ -29,23 +29,26 @@ def gallery():
 
 
 def test_every_picture_is_made_by_a_command_beside_it():
-    page = README.read_text()
+    page = PAGE.read_text()
     made = re.findall(r"docs/gallery/[\w.]+", "\n".join(gallery().commands(page)))
-    assert set(PICTURES.findall(page)) == set(made)
+    assert {f"docs/{name}" for name in PICTURES.findall(page)} == set(made)
     assert {path.name for path in (ROOT / "docs/gallery").iterdir() if path.is_file()} == {
         Path(name).name for name in made
     }
 
 
-def test_the_page_opens_with_one():
-    assert PICTURES.match(README.read_text().splitlines()[2])
+def test_the_readme_opens_with_one():
+    opening = PICTURES.match((ROOT / "README.md").read_text().splitlines()[2])
+    assert opening is not None
+    assert opening[1].removeprefix("docs/") in PICTURES.findall(PAGE.read_text())
 
 
 def test_pictures_are_small_and_open():
     sizes = []
-    for name in PICTURES.findall(README.read_text()):
-        sizes.append((ROOT / name).stat().st_size)
-        with Image.open(ROOT / name) as picture:
+    for name in PICTURES.findall(PAGE.read_text()):
+        path = PAGE.parent / name
+        sizes.append(path.stat().st_size)
+        with Image.open(path) as picture:
             assert picture.width >= 600
             assert len(picture.convert("RGB").getcolors(1 << 24)) > 100
     assert max(sizes) < LARGEST
