@@ -6,7 +6,12 @@ BIN := .venv/bin
 BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing window_reading layer_speed render_speed
 
 .NOTPARALLEL:
-.PHONY: setup demo test lint check mutants bench gallery docs lock clean
+.PHONY: help setup demo test lint check mutants bench gallery docs lock clean
+
+.DEFAULT_GOAL := setup
+
+help:                     ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
@@ -45,7 +50,7 @@ gallery: setup            ## the pictures of the gallery, tutorials and examples
 	@$(BIN)/python scripts/tutorials.py
 
 docs: setup               ## the documentation as a site: site/index.html; warnings are errors
-	@$(BIN)/python -m mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 lock:                     ## constraints.txt again, from the newest versions that pyproject.toml allows
 	@scripts/lock.sh "$(PYTHON)"

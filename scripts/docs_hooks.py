@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import logging
 import re
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ for _place in (ROOT, ROOT / "scripts"):
     if str(_place) not in sys.path:
         sys.path.insert(0, str(_place))
 
+from docs_markdown import dead_links, repository_pages  # noqa: E402
 from docs_reference import generated_pages  # noqa: E402
 
 if TYPE_CHECKING:
@@ -36,6 +38,14 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 def on_config(config: MkDocsConfig) -> None:
     """No page 404.html: its links begin at a server's root, and the site opens from a folder."""
     config.theme.static_templates.discard("404.html")
+
+
+def on_pre_build(**_: Any) -> None:
+    """Warn of dead links of pages that the site does not hold: a warning ends a strict build."""
+    log = logging.getLogger("mkdocs.hooks.docs")
+    for page in repository_pages(ROOT):
+        for link in dead_links(page):
+            log.warning("%s: dead link %s", page.relative_to(ROOT), link)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

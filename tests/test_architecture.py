@@ -45,6 +45,20 @@ FLIPS = {
 }
 """Modules outside the native plant that turn z-up axes into north-east-down, and why."""
 
+PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
+"""A text that names a module of the project, or what stands in one"""
+LAZY_BOTH_WAYS = {
+    "twin.show.figures <-> twin.records": "`Trajectory.plot`: a record offers its figures without drawing",
+}
+"""Folders of which one names the other only for when it is asked, and why"""
+COMPUTED_IMPORTS = {
+    "twin.lazy": "public names, by the places of each face",
+    "twin.seams.plugins": "kinds, by the places of each registry",
+    "twin.cli.program": "commands, by the places of each program",
+    "twin.extras": "packages of an extra",
+}
+"""Modules that import what they are given a name of, and what names they are given"""
+
 ACTUATORS = {"shift", "rotation", "pump", "battery", "rudder", "propeller"}
 NAMES_ACTUATORS = {
     "twin.vehicle": "parts are defined and found here",
@@ -95,20 +109,45 @@ def tree(module: str) -> ast.Module:
 
 def imported(module: str) -> set[str]:
     """Modules of the project that a module imports anywhere, for type checkers too."""
-    found = set()
+    found: set[str] = set()
     for node in ast.walk(tree(module)):
-        names = []
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            found |= {known(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f"{module} imports relatively"
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        for name in names:
-            while name and name not in modules():
-                name = name.rpartition(".")[0]
-            if name and name != module:
-                found.add(name)
-    return found
+            found |= {known(f"{node.module}.{alias.name}") for alias in node.names}
+    return found - {"", module}
+
+
+def known(name: str) -> str:
+    """The module of the project that a dotted name begins with, "" where there is none."""
+    while name and name not in modules():
+        name = name.rpartition(".")[0]
+    return name
+
+
+def named(source: ast.Module) -> set[str]:
+    """Modules of the project that a module's texts name, as places of lazy imports are written.
+
+    `import_module("twin.show.figures")`, `__import__("twin.show.figures")`, `"twin.show.figures.base:figure"`.
+    """
+    texts = {
+        node.value.partition(":")[0]
+        for node in ast.walk(source)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and PLACE(node.value)
+    }
+    return {known(text) for text in texts} - {""}
+
+
+def computed_imports(source: ast.Module) -> list[str]:
+    """Calls of `import_module` and `__import__` whose module is not written out."""
+    return [
+        ast.unparse(node)
+        for node in ast.walk(source)
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func).rpartition(".")[2] in ("import_module", "__import__")
+        and not (node.args and isinstance(node.args[0], ast.Constant))
+    ]
 
 
 @cache
@@ -187,14 +226,40 @@ def test_no_circle_of_files() -> None:
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
 
 
-def test_no_two_folders_import_each_other() -> None:
-    folder = {
+def folders() -> dict[str, str]:
+    """The folder of each module."""
+    return {
         name: name if path.name == "__init__.py" else name.rpartition(".")[0]
         for name, path in modules().items()
     }
-    assert two_ways(graph(), folder) == []
+
+
+def test_no_two_folders_import_each_other() -> None:
+    assert two_ways(graph(), folders()) == []
     edges = {"a.x": {"b.y"}, "b.z": {"a.x"}}
     assert two_ways(edges, {"a.x": "a", "b.y": "b", "b.z": "b"}) == ["a <-> b"]
+
+
+def test_nor_by_the_names_of_lazy_imports() -> None:
+    edges = {module: graph()[module] | named(tree(module)) - {module} for module in modules()}
+    assert two_ways(edges, folders()) == list(LAZY_BOTH_WAYS)
+    for text in (
+        "import importlib; importlib.import_module('twin.show.style')",
+        "__import__('twin.show.style')",
+        "attach(__name__, {'style': 'twin.show.style:styled'})",
+    ):
+        assert named(ast.parse(text)) == {"twin.show.style"}
+        edges["twin.water.sound"] = named(ast.parse(text))
+        edges["twin.show.style"] |= {"twin.water.sound"}
+        places = {**folders(), "twin.water.sound": "twin.water"}
+        assert "twin.show.figures <-> twin.water" in two_ways(edges, places)
+
+
+def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_looked_up() -> None:
+    computed = {module for module in modules() if computed_imports(tree(module))}
+    assert computed == set(COMPUTED_IMPORTS)
+    assert computed_imports(ast.parse("importlib.import_module('tw' + 'in')"))
+    assert not computed_imports(ast.parse("importlib.import_module('twin')"))
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib
 import inspect
 import re
@@ -55,6 +56,34 @@ def test_every_name_is_there_documented_and_where_the_types_say(face):
         if inspect.isclass(value) or inspect.isfunction(value):
             assert not value.__module__.startswith("numba")
     assert _typed(face) == face._PLACES
+
+
+@pytest.mark.parametrize("name", ["twin", "twin.suite", "twin.gym", "factory", "learn"])
+def test_every_public_name_has_a_docstring_of_its_own(name):
+    """Not one that it inherits, nor the list of fields that a dataclass makes up."""
+    face = importlib.import_module(name)
+    public = {n: getattr(face, n) for n in face.__all__ if not n.startswith("__")}
+    assert [n for n, value in public.items() if not own_docstring(value)] == []
+
+
+def own_docstring(value) -> str:
+    """What stands below a class or function, or says what an object is."""
+    if inspect.isclass(value):
+        told = value.__dict__.get("__doc__") or ""
+        return "" if told.startswith(f"{value.__name__}(") else told
+    return value.__doc__ or ""
+
+
+def test_a_docstring_that_is_inherited_or_made_up_is_none_of_its_own():
+    class Bare(twin.Scenario):
+        pass
+
+    @dataclasses.dataclass
+    class Made:
+        x: int
+
+    assert [own_docstring(one) for one in (Bare, Made, lambda: 0)] == ["", "", ""]
+    assert own_docstring(twin.Scenario)
 
 
 def _typed(face) -> dict[str, str]:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from examples import script
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -87,8 +88,8 @@ def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_colle
     ]
     said = _run([*collect, *beside], cwd=unpacked)
     assert re.search(r"^\d{2,} tests collected", said, re.MULTILINE)
-    for page in unpacked.glob("*.md"):
-        assert _dead_links(page) == []
+    markdown = script("docs_markdown")
+    assert [one for page in unpacked.glob("*.md") for one in markdown.dead_links(page)] == []
     made = {name for name in _files(unpacked) if "__pycache__" not in name}
     assert made == {*_tracked(), "PKG-INFO"}
 
@@ -278,16 +279,16 @@ def test_commands_in_the_documents_exist() -> None:
     assert shown > 0
 
 
-def test_links_in_the_documents_lead_somewhere() -> None:
-    for page in ROOT.glob("*.md"):  # tests/docs/test_site.py builds docs/, where links are errors
-        assert _dead_links(page) == []
-
-
-def _dead_links(page: Path) -> list[str]:
-    """What a page leads to beside itself and what is not there."""
-    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
-    here = [one for one in targets if "://" not in one and not one.startswith("mailto:")]
-    return [f"{page.name}: {one}" for one in here if not (page.parent / one).exists()]
+def test_make_help_has_a_line_for_every_target() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    phony = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)
+    assert phony is not None
+    done = subprocess.run(
+        ["make", "--no-print-directory", "help"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    told = dict(re.findall(r"^make (\S+) +(\S.*)$", done.stdout, re.MULTILINE))
+    assert sorted(told) == sorted(phony[1].split())
 
 
 def _modules_with_examples() -> list[str]:

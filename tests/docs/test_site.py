@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from examples import ROOT, needs_docs, script
@@ -46,6 +48,74 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert done.returncode == 0, done.stderr
     return folder
+
+
+# What `make docs` runs, and a page of its own in place of docs/.
+RECIPE = re.compile(r"^docs:.*\n\t@(.*)$", re.MULTILINE)
+TINY = """\
+INHERIT: {root}/mkdocs.yml
+docs_dir: docs
+site_dir: site
+hooks: []
+extra_css: []
+theme: {{ name: mkdocs }}
+plugins: []
+nav: [index.md, other.md]
+"""
+
+
+@pytest.mark.parametrize(
+    ("link", "told"),
+    [
+        ("other.md#a-heading", ""),
+        ("other.md#no-heading", "no-heading"),
+        ("gone.md", "gone.md"),
+    ],
+)
+def test_make_docs_fails_for_a_dead_link_and_a_dead_anchor(
+    tmp_path: Path, link: str, told: str
+) -> None:
+    """With the words of the Makefile: `--quiet` would hide the warnings that `--strict` counts."""
+    recipe = RECIPE.search((ROOT / "Makefile").read_text(encoding="utf-8"))
+    assert recipe is not None
+    words = shlex.split(recipe[1].replace("$(BIN)/python", shlex.quote(sys.executable)))
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "index.md").write_text(f"# Home\n\n[there]({link})\n")
+    (tmp_path / "docs" / "other.md").write_text("# Other\n\n## A heading\n")
+    (tmp_path / "mkdocs.yml").write_text(TINY.format(root=ROOT))
+    done = subprocess.run(
+        ["env", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode != 0) == bool(told), done.stderr
+    assert told in done.stderr
+
+
+def test_pages_of_the_repository_lead_somewhere(hooks: ModuleType) -> None:
+    """README, CONTRIBUTING, CHANGELOG and those beside them: files and headings."""
+    pages = hooks.repository_pages(ROOT)
+    assert {"README.md", "CONTRIBUTING.md", "CHANGELOG.md"} <= {page.name for page in pages}
+    dead = {page.name: hooks.dead_links(page) for page in pages}
+    assert {name: links for name, links in dead.items() if links} == {}
+
+
+def test_a_dead_link_of_the_readme_ends_the_build(
+    hooks: ModuleType, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: Any
+) -> None:
+    """It is a warning of mkdocs, which a strict build counts."""
+    (tmp_path / "other.md").write_text("# One\n\n## Two, and `three`\n\n## Two, and `three`\n")
+    page = tmp_path / "README.md"
+    page.write_text(
+        "# Home\n[a](other.md) [b](other.md#two-and-three-1 'said') [c](#home) <a href=\"#at\">"
+        "\n`[d](code.md)`\n```sh\n# [e](code.md)\n```\n![f](gone.png) [g](other.md#four) "
+        '<a id="at"></a> [h]\n\n[h]: gone.md\n'
+    )
+    assert hooks.dead_links(page) == ["gone.png", "other.md#four", "gone.md"]
+    monkeypatch.setattr(hooks, "ROOT", tmp_path)
+    hooks.on_pre_build()
+    warned = [record for record in caplog.records if record.levelname == "WARNING"]
+    assert len(warned) == 3
+    assert all(record.name.startswith("mkdocs.") for record in warned)
+    assert "README.md: dead link gone.png" in caplog.text
 
 
 def test_every_page_is_built(site: Path, reference: ModuleType) -> None:

@@ -1,0 +1,100 @@
+"""Every kind that lies in a seam's folder is in the seam's table, or nobody could name it."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+import pytest
+from examples import ROOT, script
+
+from twin.seams.plugins import imported
+from twin.water.current.registry import kinds as current_kinds
+
+NO_KINDS = {"twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up"}
+"""Classes derived from a seam's base that are no kind of their own, and why"""
+WIDER = {"learn.MinibatchOptimiser": "learn.training.optimisers.base.Optimiser"}
+"""The class behind what a page tells users to derive from"""
+SEAMS = script("architecture").SEAMS
+
+
+def base_of(seam: Any) -> Any:
+    """The class or protocol that all kinds of a seam share."""
+    return imported(":".join(WIDER.get(seam.base, seam.base).rsplit(".", 1)))
+
+
+def shipped_kinds(seam: Any) -> list[Any]:
+    """What a seam's table holds: classes, functions or objects."""
+    if seam.registry == "twin.water.current.registry:ENTRY_POINTS":
+        return [kind.cls for kind in current_kinds().values()]
+    table = imported(seam.registry)
+    return [table[name] for name in table.shipped()]
+
+
+def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]) -> list[str]:
+    """Kinds that modules define and a table lacks, as `module:Name`.
+
+    A kind is an object of the base, or a class derived from it that nothing else in the folder
+    derives from. Where the table holds functions that make kinds, a function of the class's own
+    module stands for it.
+    """
+    classes, objects = {}, {}
+    for module in modules:
+        for name, value in vars(module).items():
+            own = isinstance(value, type) and value.__module__ == module.__name__
+            if own and value is not base and issubclass(value, base):
+                classes[f"{module.__name__}:{name}"] = value
+            elif not isinstance(value, type) and isinstance(value, base):
+                objects[f"{module.__name__}:{name}"] = value
+    makers = {kind.__module__ for kind in table if inspect.isfunction(kind)}
+    known = {kind if isinstance(kind, type) else type(kind) for kind in table}
+    inherited = {parent for value in classes.values() for parent in value.__mro__[1:]}
+    lacking = [
+        place
+        for place, value in classes.items()
+        if value not in known | inherited and value.__module__ not in makers
+    ]
+    return lacking + [
+        place
+        for place, value in objects.items()
+        if not any(value is kind for kind in table) and type(value) not in _classes_of(table)
+    ]
+
+
+def _classes_of(table: Sequence[Any]) -> set[type]:
+    return {kind for kind in table if isinstance(kind, type)}
+
+
+def modules_of(registry: str) -> list[ModuleType]:
+    """The modules of a registry's folder and of the folders in it."""
+    folder = registry.partition(":")[0].rpartition(".")[0]
+    files = sorted((ROOT / folder.replace(".", "/")).rglob("*.py"))
+    names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files)
+    wanted = (name.removesuffix(".__init__") for name in names if not name.endswith("__main__"))
+    return [importlib.import_module(name) for name in wanted]
+
+
+@pytest.mark.parametrize("seam", SEAMS, ids=lambda seam: seam.what)
+def test_every_kind_in_a_seam_s_folder_is_in_its_table(seam):
+    base = base_of(seam)
+    if getattr(base, "_is_protocol", False):
+        pytest.skip("its kinds are functions of other packages: no file of the folder is one")
+    lacking = unregistered(modules_of(seam.registry), base, shipped_kinds(seam))
+    assert [place for place in lacking if place not in NO_KINDS] == []
+
+
+@pytest.mark.parametrize("seam", SEAMS, ids=lambda seam: seam.what)
+def test_a_kind_that_is_taken_out_of_a_table_is_missed(seam):
+    """A table without its last kind: that kind is the one that is named."""
+    base = base_of(seam)
+    if getattr(base, "_is_protocol", False):
+        pytest.skip("as above")
+    *others, last = shipped_kinds(seam)
+    lacking = unregistered(modules_of(seam.registry), base, others)
+    module = last.__module__ if hasattr(last, "__qualname__") else None
+    found = [place for place in lacking if place not in NO_KINDS]
+    assert found
+    assert module is None or all(place.startswith(f"{module}:") for place in found)
