@@ -67,6 +67,15 @@ def test_a_gyro_bias_adds_itself_times_the_time_constant(pitch):
     assert np.abs(turned - 0.04 * 5.0 / math.cos(pitch * DEG)).max() <= abs(levelled) * 1.5 + 1e-9
 
 
+@pytest.mark.parametrize("roll", [-40.0, 25.0])
+def test_at_a_bank_pitch_turns_by_both_gyros_as_euler_s_equation_says(roll):
+    """Pitch' = q cos(roll) - r sin(roll): to starboard a yaw to starboard takes the nose down."""
+    truth = glide(roll=roll, pitch=0.0)
+    for axis, share in (("y", math.cos(roll * DEG)), ("z", -math.sin(roll * DEG))):
+        out = measured(truth, drawn={f"gyro_bias_{axis}": 0.04 * DEG})
+        assert out["measured_pitch"] == pytest.approx(0.04 * 5.0 * share, rel=1e-6)
+
+
 def test_gravity_from_both_gains_nothing_on_the_bias():
     """Two independent measurements would err by 1/sqrt(2) of one, or less; these do not."""
     alone, both, share = [], [], []
