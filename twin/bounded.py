@@ -2,25 +2,29 @@
 
 A text that people write has a largest size. A file of arrays may be of any size, but may not
 declare many times the values that it can hold: compressed files of zeros and sparse files are small
-and ask for more memory than there is.
+and ask for more memory than there is. A pipe or a device has no size and need not end, so that only
+what the system calls a regular file is opened.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import io
 import json
 import math
 import os
 import re
+import stat
 import tomllib
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import InputError
+from twin.errors import InputError, OddFile
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,6 +46,52 @@ FREE_BYTES = 256 * 2**20
 """[byte] that any file may declare, however small it is"""
 
 
+_KINDS = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFDIR: "a folder",
+}
+
+
+def check_regular(path: str | Path) -> int:
+    """The size [byte] of a file, or of the one that a link leads to; nothing is opened.
+
+    Raises:
+      OddFile: it is no regular file, so that reading it may never end. OSError: it is not there.
+    """
+    path = Path(path)
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        link = "a link to " if path.is_symlink() else ""
+        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "of a kind that is not known")
+        raise OddFile(errno.EINVAL, f"it is {link}{kind}, not a file", str(path))
+    return found.st_size
+
+
+def regular_files(folder: Path) -> Iterator[tuple[str, int]]:
+    """Path below a folder, with slashes, and size [byte] of every file in it and in its folders, in
+    no order. A link to a file counts as the file, one to a folder is none.
+
+    Raises:
+      OddFile: one is no regular file; OSError: a folder cannot be read.
+    """
+    below = [""]
+    while below:
+        prefix = below.pop()
+        with os.scandir(folder / prefix) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    below.append(f"{prefix}{entry.name}/")
+                    continue
+                with contextlib.suppress(FileNotFoundError):  # it went, or was a link to nothing
+                    found = entry.stat()
+                    if not stat.S_ISREG(found.st_mode):
+                        check_regular(entry.path)
+                    yield f"{prefix}{entry.name}", found.st_size
+
+
 def read_text(
     path: str | Path, what: str, error: type[InputError] = InputError, *, most: int = MOST_TEXT
 ) -> str:
@@ -51,9 +101,10 @@ def read_text(
       what: what errors call it, such as "density file".
 
     Raises:
-      InputError: (or `error`) it cannot be read, is larger, or is not UTF-8.
+      InputError: (or `error`) it cannot be read, is no regular file, is larger, or is not UTF-8.
     """
     try:
+        check_regular(path)
         with Path(path).open("rb") as file:
             data = file.read(most + 1)
         if len(data) > most:
@@ -188,26 +239,23 @@ def _chunk_size(variable: xr.Variable) -> float:
 
 
 def check_archive(content: Path | bytes, what: str, error: type[InputError] = InputError) -> None:
-    """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none."""
+    """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none, or no
+    regular file."""
     try:
+        size = len(content) if isinstance(content, bytes) else check_regular(content)
         place = content if isinstance(content, Path) else io.BytesIO(content)
         with zipfile.ZipFile(place) as archive:
             declared = sum(entry.file_size for entry in archive.infolist())
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as cause:
         raise error(f"{what} cannot be read: {cause}") from cause
-    size = len(content) if isinstance(content, bytes) else content.stat().st_size
     check_declared(declared, size, what, error)
 
 
 def stored_size(path: Path) -> int:
-    """Bytes of a file, or of all files in a folder and those below; links are not followed."""
+    """Bytes of a file, or of all files in a folder and those below; errors as `regular_files`."""
     if not path.is_dir():
-        return path.stat().st_size
-    return sum(
-        (Path(folder) / name).lstat().st_size
-        for folder, _, names in os.walk(path)
-        for name in names
-    )
+        return check_regular(path)
+    return sum(size for _, size in regular_files(path))
 
 
 def _size(number: float) -> str:

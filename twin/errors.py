@@ -149,6 +149,10 @@ class WriteError(StoreError):
     """The disk refuses, or something that is not ours is in the way; nothing was changed."""
 
 
+class OddFile(OSError):
+    """Under a path is a pipe, a device or a folder, where a file must be."""
+
+
 class LayoutError(TwinError):
     """MuJoCo's C structs are not laid out as the native callbacks need."""
 

@@ -11,6 +11,7 @@ from factory.importing.reading.columns import column_names
 from factory.importing.reading.deployment_log import each_file
 from factory.importing.reading.netcdf import holds_arrays, variable_names
 from factory.importing.reading.tally import Tally, summarise
+from twin.bounded import check_regular
 from twin.errors import InputError
 from twin.records.storage.sharded import METADATA
 
@@ -44,7 +45,7 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
         )
 
     def check(path: Path) -> None:
-        if path.stat().st_size == 0:
+        if _size(path) == 0:
             raise InputError(f"{path} is empty")
         if _is_web_page(path):
             raise InputError(
@@ -62,6 +63,14 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     if wrong:
         _check_contents(importer, wrong[0])
     return usable
+
+
+def _size(path: Path) -> int:
+    """[byte] of a log that can be read to its end."""
+    try:
+        return check_regular(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
 
 
 WEB_PAGE = (b"<!doctype html", b"<html")

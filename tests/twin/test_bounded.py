@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import time
 import zipfile
 
@@ -11,6 +12,7 @@ import pytest
 import xarray as xr
 
 from factory.exporting.metadata import parse_metadata
+from factory.importing.formats.base import sniff
 from factory.importing.reading.columns import column_names, read_table
 from factory.importing.reading.netcdf import open_netcdf
 from factory.sampling.distribution import Choice, parse_distribution
@@ -268,3 +270,45 @@ def test_a_table_whose_first_line_does_not_end(tmp_path):
         with pytest.raises(InputError, match="first line of more than") as raised:
             read(path)
         one_line(raised)
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+def device(path):
+    path.symlink_to("/dev/zero")
+
+
+def folder(path):
+    path.mkdir()
+
+
+ODD = {pipe: "a named pipe", device: "a link to a device", folder: "a folder"}
+
+
+@pytest.mark.parametrize("make", ODD)
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("m.toml", Mission.from_toml),
+        ("p.toml", read_changes),
+        ("d.csv", lambda path: parse_density(str(path))),
+        ("c.csv", lambda path: parse_current(f"profile:{path}")),
+        ("c.nc", lambda path: parse_current(f"grid:{path}").load(60.0)),
+        ("t.csv", read_tracks),
+        ("t.npz", read_tracks),
+        ("t.nc", read_tracks),
+        ("l.csv", sniff),
+    ],
+)
+def test_a_file_without_an_end_is_refused_by_name(tmp_path, make, name, read):
+    path = tmp_path / name
+    make(path)
+    start = time.monotonic()
+    with pytest.raises((InputError, StoreError)) as raised:
+        read(path)
+    assert time.monotonic() - start < 10.0
+    assert name in str(raised.value)
+    if make is not folder:  # some take folders, and say what those lack
+        assert f"it is {ODD[make]}, not a file" in str(raised.value)

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from twin.cli.console import Console, discard, one_line
 from twin.cli.endings import Endings, Runnable, interruption
-from twin.errors import InputError, TwinError, unknown_name
+from twin.errors import InputError, OddFile, TwinError, unknown_name
 from twin.version import __version__
 
 EXIT_OK = 0
@@ -222,6 +222,7 @@ def _os_error_code(error: OSError) -> int:
         NotADirectoryError,
         IsADirectoryError,
         PermissionError,
+        OddFile,
     )
     return EXIT_BAD_INPUT if isinstance(error, named_wrongly) else EXIT_FAILED
 

@@ -11,10 +11,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.bounded import parse_json
+from twin.bounded import check_regular, parse_json
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import TITLE, is_missions
-from twin.records.storage.checksums import is_listed
+from twin.records.storage.checksums import check_readable, is_listed
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
 from twin.records.storage.store_place import StorePath, store_path
@@ -107,6 +107,7 @@ def is_flight(path: str | StorePath) -> bool:
         if not isinstance(path, Path) or path.is_dir():
             about = json.loads(files_at(path).read_small(METADATA)).get("attributes", {})
             return str(about.get(TITLE, "")).startswith(FLIGHT_TITLE)
+        check_regular(path)
         with path.open("rb") as file:
             if not file.read(4).startswith(SIGNATURES):
                 return False
@@ -122,9 +123,10 @@ def is_flight(path: str | StorePath) -> bool:
 
 
 def open_flight(path: Path) -> xr.Dataset:
-    """Such a file or folder, lazily; raises whatever its reader does."""
+    """Such a file or folder, lazily; raises StoreError, or whatever its reader does."""
     import xarray as xr
 
+    check_readable(path)
     return xr.open_zarr(path) if path.is_dir() else xr.open_dataset(path)
 
 

@@ -33,6 +33,7 @@ from twin.records.presence import (
     read_attributes,
 )
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
+from twin.records.storage.checksums import check_readable
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.store_arrays import (
     check_arrays,
@@ -134,7 +135,8 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
         else an array is read when it is asked for.
 
     Raises:
-      StoreError: missing, not a store of this schema, or written by a newer version.
+      StoreError: missing, not a store of this schema, written by a newer version, or one of its
+        files is no regular file or too large to be what it must be.
     """
     import xarray as xr
 
@@ -156,6 +158,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
         )
     if not is_complete(path):
         raise StoreError(_no_store(path))
+    check_readable(path)
     files = files_at(path)
     attributes = read_attributes(path)
     check_version(attributes, path)

@@ -31,6 +31,7 @@ from twin.errors import InputError, unknown_name
 from twin.records.attributes import TITLE, is_missions
 from twin.records.presence import FLIGHT_TITLE
 from twin.records.schema import MISSION, TIME
+from twin.records.storage.checksums import check_readable
 from twin.records.store import write_netcdf, write_zarr
 
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
         raise InputError(
             f"track file {path.name}: the ending must be one of {', '.join(sorted(readers))}"
         )
+    check_readable(path)
     tracks = reader(path, mission)
     if not tracks:
         raise InputError(

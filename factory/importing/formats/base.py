@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory.importing.reading.deployment_log import OtherKind
-from twin.errors import InputError
+from twin.bounded import check_regular
+from twin.errors import InputError, OddFile
 from twin.seams import Registry, instance_of
 
 if TYPE_CHECKING:
@@ -167,6 +168,10 @@ def sniff(path: str | Path) -> str | None:
     from factory.importing.reading.netcdf import holds_arrays, variable_names
 
     path = Path(path)
+    try:
+        check_regular(path)
+    except OddFile as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
     with path.open("rb") as file:
         start = file.read(64)
     for importer in IMPORTERS.values():

@@ -8,6 +8,8 @@ import re
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -199,6 +201,63 @@ def test_a_damaged_store_exits_with_1_and_names_the_chunk(
     code, _, err = run(capsys, "replay", store)
     assert code == 2
     assert "true_heave of mission 0 cannot be read" in err
+
+
+def a_pipe(path: Path) -> str:
+    os.mkfifo(path)
+    return "it is a named pipe, not a file"
+
+
+def a_device(path: Path) -> str:
+    path.symlink_to("/dev/zero")
+    return "it is a link to a device, not a file"
+
+
+def giant(path: Path) -> str:
+    with path.open("wb") as file:
+        file.truncate(2**40)
+    return f"has {2**40} bytes"
+
+
+@pytest.mark.parametrize("make", [a_pipe, a_device, giant])
+@pytest.mark.parametrize("key", ["true_heave/c/0/0", "n_samples/c/0", "time/zarr.json"])
+@pytest.mark.parametrize("listed", [True, False])
+def test_a_file_of_a_store_without_an_end_is_named_and_not_read(
+    make: Callable[[Path], str],
+    key: str,
+    listed: bool,
+    paper_store: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    store = shutil.copytree(paper_store, tmp_path / "missions.zarr")
+    if not listed:
+        shutil.rmtree(store / "checksums")
+    (store / key).unlink()
+    why = make(store / key)
+    start = time.monotonic()
+    for program, words in (
+        (TWIN, ("plot", store, "--out", tmp_path / "a.png")),
+        (PROGRAM, ("info", store)),
+    ):
+        assert program.main([str(word) for word in words]) == 2
+        told = capsys.readouterr().err
+        assert key in told
+        assert why in told
+    code, out, err = run(capsys, "verify", store)
+    assert code == (1 if listed else 2)
+    assert key in (out if listed else err)
+    assert time.monotonic() - start < 20.0
+
+
+def test_files_of_a_store_may_be_links(
+    paper_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = shutil.copytree(paper_store, tmp_path / "missions.zarr")
+    for key in ("true_heave/c/0/0", "n_samples/c/0"):
+        (store / key).unlink()
+        (store / key).symlink_to(paper_store / key)
+    assert run(capsys, "verify", store)[0] == 0
 
 
 def test_distributions_lists_the_whole_table(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import shutil
+from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pymap3d
 import pytest
@@ -13,6 +15,7 @@ import xarray as xr
 from twin.errors import CurrentError
 from twin.water.current import Grid, Origin, current_from_dict, parse_current
 from twin.water.current.grid_kernels import beyond_grid
+from twin.water.current.hydrography import along_track
 from twin.water.current.sampler import sample, sample_track
 
 START = {"latitude_deg": 49.1, "longitude_deg": -16.1, "time": "2000-01-05T06:00"}
@@ -576,3 +579,50 @@ def test_a_box_too_large_for_memory_is_refused_before_reading(tmp_path, monkeypa
     monkeypatch.setattr("twin.water.current.box.LARGEST_BOX", 1000)
     with pytest.raises(CurrentError, match=r"set reach=METRES"):
         Grid(path=write(copernicus(), tmp_path), **START).compile(DURATION)
+
+
+def edited(tmp_path, name: str, attribute: str, value) -> str:
+    """A sound file but for one attribute."""
+    path = write(copernicus(), tmp_path, encoding={"uo": {"_FillValue": None}})
+    with netCDF4.Dataset(path, "a") as file:
+        file[name].setncattr(attribute, value)
+    return path
+
+
+@pytest.mark.parametrize("attribute", ["scale_factor", "add_offset"])
+@pytest.mark.parametrize("value", ["evil", ""])
+def test_a_packing_that_is_no_number_is_named(attribute, value, tmp_path):
+    path = edited(tmp_path, "uo", attribute, value)
+    with pytest.raises(CurrentError, match=f"attribute {attribute} of 'uo' is .* not a number"):
+        parse_current(f"grid:{path}").load(DURATION, Origin(**START))
+
+
+def test_an_attribute_of_another_kind_is_a_line(tmp_path):
+    path = edited(tmp_path, "uo", "standard_name", [1.0, 2.0])
+    with pytest.raises(CurrentError, match=r"current\.nc is damaged") as raised:
+        parse_current(f"grid:{path}").load(DURATION, Origin(**START))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("name", ["uo", "thetao"])
+def test_damage_that_shows_when_values_are_read_is_a_line(name, tmp_path):
+    data = copernicus()
+    for offset, other, standard in (
+        (10.0, "thetao", "sea_water_potential_temperature"),
+        (30.0, "so", "sea_water_practical_salinity"),
+    ):
+        data[other] = data["uo"] + offset
+        data[other].attrs = {"standard_name": standard}
+    path = write(data, tmp_path, encoding={name: {"fletcher32": True}})
+    whole, values = Path(path).read_bytes(), data[name].values.tobytes()
+    assert whole.count(values) == 1
+    place = whole.index(values)
+    Path(path).write_bytes(whole[:place] + b"\xff" + whole[place + 1 :])
+    grid, origin, rest = parse_current(f"grid:{path}"), Origin(**START), np.zeros((4, 2))
+    read = {
+        "uo": lambda: grid.load(DURATION, origin),
+        "thetao": lambda: along_track(grid, *rest, origin),
+    }
+    with pytest.raises(CurrentError, match=r"current\.nc is damaged, its values cannot") as raised:
+        read[name]()
+    assert "\n" not in str(raised.value)

@@ -21,12 +21,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from twin.bounded import FREE_BYTES, check_regular, regular_files
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SPLIT
 from twin.records.schema import TIME
 from twin.records.storage.disk import write_whole
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_place import StorePath, store_path
 from twin.records.storage.stored_files import Files, FileSum, LocalFiles, file_sum
 
 LIST = "checksums.json"
@@ -118,6 +119,51 @@ def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
             f"the list of checksums {place} is damaged: it does not have its own digest"
         )
     return sums
+
+
+def check_readable(folder: str | StorePath) -> None:
+    """Raise before a file, or a file of a store, is opened that no reader comes to the end of.
+
+    Each must be a regular file. A large one must have the size that the list says, where it names
+    it, or else no more bytes than the values of all arrays; smaller ones, which cannot fill a
+    memory, are left to whoever reads them. Objects of a storage are what it lists.
+
+    Raises:
+      StoreError: names the first file that is not so.
+    """
+    place = store_path(folder)
+    if not isinstance(place, Path):
+        return
+    try:
+        if not place.is_dir():
+            check_regular(place)
+            return
+        large = {name: size for name, size in regular_files(place) if size > FREE_BYTES}
+        if not large:
+            return
+        sums = read_checksums(place) if has_checksums(place) else {}
+        for name, size in large.items():
+            most = sums[name].bytes if name in sums else _declared(place)
+            if size > most:
+                raise StoreError(
+                    f"{folder} is damaged: its file {name} has {size} bytes, and "
+                    f"{most} are the most that it can have; bring it back from a copy"
+                )
+    except OSError as error:
+        raise StoreError(
+            f"{folder} cannot be read: {error.filename}: {error.strerror}; bring it back from a "
+            "copy"
+        ) from error
+
+
+def _declared(store: Path) -> int:
+    """Bytes that the arrays of a zarr store have in memory; nothing of them is read."""
+    import zarr
+
+    try:
+        return sum(array.nbytes for _, array in zarr.open_group(store, mode="r").arrays())
+    except Exception:  # no group at all: then nothing in it is an array
+        return FREE_BYTES
 
 
 def damaged_files(folder: str | StorePath, only: Iterable[str] | None = None) -> Iterator[Damage]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import MISSION, TIME
-from twin.records.storage.checksums import ZARR_LIST, list_text
+from twin.records.storage.checksums import ZARR_LIST, check_readable, list_text
 from twin.records.storage.store_place import StorePath
 from twin.records.storage.stored_files import Files, FileSum
 
@@ -263,9 +263,10 @@ class ShardedStore:
 
 def read_rows(store: Path, name: str, row: int | None = None) -> NDArray[Any]:
     """An array of a store of this machine, or one mission of it; raises whatever zarr does where it
-    is damaged."""
+    is damaged, and StoreError where a file of it cannot be read to its end."""
     import zarr
 
+    check_readable(store / name)
     array = zarr.open_array(store / name, mode="r")
     return np.asarray(array[...] if row is None else array[row])
 

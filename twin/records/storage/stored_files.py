@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from twin.bounded import MOST_TEXT
+from twin.bounded import MOST_TEXT, check_regular
 from twin.records.storage.disk import (
     files_below,
     remove,
@@ -36,7 +36,9 @@ class FileSum:
 
 
 def file_sum(path: Path) -> FileSum:
-    """Size and hash of a file of this machine, read piece by piece; raises OSError."""
+    """Size and hash of a file of this machine, read piece by piece; raises OSError, as OddFile
+    where it is no regular file."""
+    check_regular(path)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         return FileSum(file.tell(), digest)
@@ -171,10 +173,11 @@ class LocalFiles(Files):
 
     def read(self, key: str) -> bytes:
         """All of a file."""
-        return (self.folder / key).read_bytes()
+        return self.fetch(key, self.folder).read_bytes()
 
     def fetch(self, key: str, folder: Path) -> Path:
         """The file."""
+        check_regular(self.folder / key)
         return self.folder / key
 
     def give_back(self, path: Path) -> None:
@@ -210,11 +213,15 @@ class LocalFiles(Files):
         self._fresh.clear()
 
     def size(self, key: str) -> int | None:
-        """Size of a file."""
+        """Size of a file; raises OddFile where it is no regular file."""
         try:
-            return (self.folder / key).stat().st_size
+            return check_regular(self.folder / key)
         except (FileNotFoundError, NotADirectoryError):
             return None
+
+    def exists(self, key: str) -> bool:
+        """Whether anything is there."""
+        return (self.folder / key).exists()
 
     def sum(self, key: str) -> FileSum:
         """Size and hash of a file."""

@@ -7,16 +7,17 @@ latitude-longitude grid is refused with the way out.
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.bounded import check_dataset
-from twin.errors import CurrentError, InputError, unknown_name
+from twin.bounded import check_dataset, stored_size
+from twin.errors import CurrentError, InputError, TwinError, shown, unknown_name
 from twin.water.current.axes import REGRID, Axis, find_axes
 
 if TYPE_CHECKING:
@@ -91,25 +92,66 @@ class Velocity:
     """The names are those of raw NEMO output, which marks land by 0."""
 
 
+@contextlib.contextmanager
 def open_data_set(
     path: str, what: str = "current", failure: type[InputError] = CurrentError
-) -> xr.Dataset:
+) -> Iterator[xr.Dataset]:
     """The data set at a netCDF file or zarr store, values lazy, times undecoded.
 
     Times stay numbers because some HYCOM files carry a second time variable that cannot be
-    decoded.
+    decoded. What is damaged may show only when attributes and values are read: whatever that raises
+    inside the context is told as `failure` too.
 
     Args:
       what: the file in messages.
       failure: what is raised when it cannot be read.
     """
+    data = _opened(path, what, failure)
+    try:
+        with data:
+            _check_packing(data, path, failure)
+            yield data
+    except TwinError:
+        raise
+    except Exception as error:  # each backend raises its own kinds
+        raise failure(
+            f"{what} file {path} is damaged, its values cannot be read ({_reason(error)}): "
+            "download or write it again"
+        ) from error
+
+
+def _check_packing(data: xr.Dataset, path: str, failure: type[InputError]) -> None:
+    """Raise when the attributes by which values are unpacked are no numbers."""
+    for name, variable in data.variables.items():
+        for attribute in ("scale_factor", "add_offset"):
+            value = variable.encoding.get(attribute, 0.0)
+            if np.asarray(value).dtype.kind not in "iuf" or np.size(value) != 1:
+                raise failure(
+                    f"{path}: the attribute {attribute} of {name!r} is {shown(value)}, not a "
+                    "number; correct it (for example with ncatted)"
+                )
+
+
+def _reason(error: Exception) -> str:
+    """What an exception of a backend says, in a line."""
+    text = str(error).strip()
+    return text.splitlines()[0] if text else type(error).__name__
+
+
+def _opened(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
+    """The data set, of which attributes and axes alone are read."""
     import xarray as xr
 
     remote = "://" in path
     if not remote and not Path(path).exists():
         raise failure(f"no {what} file {path}: give a CF netCDF file or a zarr store")
-    if not remote and Path(path).is_file() and Path(path).stat().st_size == 0:
-        raise failure(f"{what} file {path} is empty (0 bytes): copy or download it again")
+    try:
+        if not remote and stored_size(Path(path)) == 0:
+            raise failure(f"{what} file {path} is empty (0 bytes): copy or download it again")
+    except OSError as error:
+        raise failure(
+            f"cannot read {what} file {path}: {error.filename}: {error.strerror}"
+        ) from error
     is_zarr = path.rstrip("/").endswith(".zarr") or (not remote and Path(path).is_dir())
     try:
         with warnings.catch_warnings():
@@ -122,7 +164,7 @@ def open_data_set(
                 decode_timedelta=False,
             )
     except Exception as error:  # each backend raises its own kinds
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = _reason(error)
         if NO_BACKEND in reason:
             reason = "its content is neither of the two; convert it, or download it again"
         raise failure(f"cannot read {path} as CF netCDF or zarr: {reason}") from None
