@@ -211,7 +211,7 @@ class FossenModel:
             turning,
             driven(self.vehicle, wanted),
             request=positions_text(self.vehicle, wanted),
-            hint=advice(self.vehicle),
+            hint=advice(self.vehicle, wanted),
         )
         require_drive(self.vehicle, wanted, problem.net_mass)
         return stable_motion(problem, self.vehicle.law.valid_angle)

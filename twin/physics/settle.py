@@ -144,13 +144,13 @@ def trim(
         raise NoSteadyState(
             f"no steady state at {request}: after {PATIENCE:.0f} s the vehicle moves unsteadily "
             f"(pitch {math.degrees(last[4]):.1f} deg, roll {math.degrees(last[3]):.1f} deg, speed "
-            f"{np.linalg.norm(last[:3]):.2f} m/s); {advice(vehicle)}"
+            f"{np.linalg.norm(last[:3]):.2f} m/s); {advice(vehicle, wanted)}"
         )
     if settled[0] <= 0.0:
         raise NoSteadyState(
             f"no forward steady state at {request}: the vehicle goes tail first (angle of attack "
             f"{math.degrees(math.atan2(settled[2], settled[0])):.0f} deg), where the coefficients "
-            f"say nothing; {advice(vehicle)}"
+            f"say nothing; {advice(vehicle, wanted)}"
         )
     roots = solve_steady_state(glider.residual, [settled])
     if not roots or np.abs(roots[0] - settled).max() > SAME_MOTION:

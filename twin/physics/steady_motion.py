@@ -183,13 +183,25 @@ def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
     return ", ".join(f"{part.name} {part.text(value)}" for part, value in pairs)
 
 
-def advice(vehicle: Vehicle) -> str:
-    """What to change when positions of the parts give no steady motion."""
-    if isinstance(vehicle.steered("pitch"), BatterySlide):
-        return "move the shift forward to dive or aft to climb, or turn the rotation less"
-    turned = [vehicle.steering[name] for name in ("pitch", "heading") if name in vehicle.steering]
-    what = f"turn {' and '.join(turned)} less" if turned else "change the positions of its parts"
-    return f"{what}, or drive it faster" if "speed" in vehicle.steering else what
+def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
+    """What to change when `positions` of the parts, shape (parts,), give no steady motion."""
+    slides, turned, resting = [], [], []
+    for part, position, rest in zip(vehicle.parts, positions, vehicle.rest, strict=True):
+        if isinstance(part, BatterySlide):
+            slides.append(part.name)
+        elif {"pitch", "heading"} & set(part.controls()):
+            away = abs(position - rest) > LIMIT_SLACK * (part.high - part.low)
+            (turned if away else resting).append(part.name)
+    ways = []
+    if slides:
+        ways.append(f"move the {' and '.join(slides)} forward to dive or aft to climb")
+    if turned:
+        ways.append(f"turn {' and '.join(turned)} less")
+    elif resting and not slides:
+        ways.append(f"nothing that steers it is turned: give {' or '.join(resting)} a position")
+    if "speed" in vehicle.steering:
+        ways.append(f"drive it at another speed with {vehicle.steering['speed']}")
+    return ", or ".join(ways) or "change the positions of its parts"
 
 
 def _check_reach(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from torpedo import GEOMETRY_ONLY, TORPEDO
 import twin
 from twin.__main__ import PROGRAM
 from twin.checks.agreement import check_manoeuvres
-from twin.errors import InputError, MissionError, VehicleError
+from twin.errors import InputError, MissionError, NoSteadyState, VehicleError
 from twin.fossen import FossenModel
 from twin.identify import load_calibration
 from twin.mission import Mission
@@ -102,6 +103,21 @@ def test_set_says_the_same_as_the_gliders_own_options(hydrodynamics):
     theirs = FossenModel(glider).trim(positions=positions)
     assert theirs.speed_m_s == pytest.approx(usual.speed_m_s, abs=1e-8)
     assert theirs.angle_of_attack_deg == pytest.approx(usual.angle_of_attack_deg, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fins", "told"),
+    [
+        ({}, "nothing that steers it is turned: give rudder or elevator a position, or drive it"),
+        ({"elevator": 0.05}, "turn elevator less, or drive it at another speed with propeller"),
+    ],
+)
+def test_advice_names_only_what_is_turned(torpedo, fins, told):
+    """Fins too small to hold the hull: no position of theirs at rest can be turned less."""
+    small = torpedo.replace(rudder={"area": 0.003}, elevator={"area": 0.003})
+    for solve in (functools.partial(trim, small), FossenModel(small).trim):
+        with pytest.raises(NoSteadyState, match=told):
+            solve(positions={"propeller": 100.0, **fins})
 
 
 def test_manoeuvres_agree_with_fossen(torpedo):

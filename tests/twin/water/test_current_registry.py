@@ -22,9 +22,11 @@ from twin.water.current import (
     Current,
     Ekman,
     Grid,
+    Origin,
     Uniform,
     current_from_dict,
     parse_current,
+    probe,
     register,
     registry,
 )
@@ -102,6 +104,13 @@ def test_local_rate_and_gradient_are_the_derivatives(name, files):
             np.testing.assert_allclose(found[:, columns], change, rtol=1e-6, atol=3e-12)
         changes = max(changes, np.abs(found[:, 3:]).max())
     assert (changes > 0.0) == (name != "uniform")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_kinds_pass_the_probe_that_kinds_of_ones_own_must_pass(name, files):
+    for current in examples(name):
+        for record in current.records(DURATION, Origin()):
+            probe.check(registry.of_code(record[0]), record, DURATION)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -303,6 +312,113 @@ def test_a_kind_that_is_half_there_is_refused(changes, message):
     with pytest.raises(CurrentError, match=message):
         register(jet_class(**changes))
     assert "jet" not in registry.kinds()
+
+
+def spoiled(kernel, number, factor):
+    """The kernel with one of its numbers multiplied."""
+    plain = kernel.py_func
+
+    def wrong(program, start, size, t, north, east, depth):
+        found = list(plain(program, start, size, t, north, east, depth))
+        found[number - 1] *= factor
+        return tuple(found)
+
+    return jit(wrong)
+
+
+@jit
+def moving(program, start, size, t, north, east, depth):
+    """The jet, its axis moving north at a speed that its example may leave at 0."""
+    speed, width, drift = program[start], program[start + 1], program[start + 2]
+    x = (north - drift * t) / width
+    v = speed * np.exp(-(x**2))
+    slope = -2.0 * v * x / width
+    return 0, v, 0, 0, drift * slope, 0, 0, 0, 0, slope, 0, 0, 0, 0, 0  # -drift is right
+
+
+@jit
+def bent(program, start, size, t, north, east, depth):
+    """A table in depth: linear to the width, constant below it; not known beyond 5 km."""
+    speed, width = program[start], program[start + 1]
+    slope = speed / width if depth < width else 0.0
+    v = speed * min(depth / width, 1.0)
+    if north * north + east * east > 25e6:
+        v = np.nan
+    return 0, v, 0, 0, 0, 0, 0, 0, 0, 0, 0, slope, 0, 0, 0
+
+
+@jit
+def nowhere(program, start, size, t, north, east, depth):
+    return (np.nan,) * 15
+
+
+@jit
+def short(program, start, size, t, north, east, depth):
+    return 0.0, 0.1, 0.0
+
+
+@jit
+def noisy(program, start, size, t, north, east, depth):
+    v = np.random.normal(0.0, program[start])  # noqa: NPY002
+    return 0, v, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0
+
+
+@jit
+def slanted(program, start, size, t, north, east, depth, r_t, r_north, r_east, r_depth):
+    speed, width = program[start], program[start + 1]
+    return 0, speed * depth / width, 0, 0, speed / width * r_depth, 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kernel": spoiled(jet, 10, -1.0)}, r"current 'jet' \(.*Jet\): dVe/dn, how its east "
+         r"velocity changes with north, is -?\S+ 1/s at t .* m deep, and differences of that "
+         r"velocity give -?[\d.e-]+: turn the sign of number 10 of the 15 that its kernel returns"),
+        ({"kernel": spoiled(jet, 10, 0.98)}, "correct number 10 of the 15"),
+        ({"kernel": nowhere}, "not a finite number anywhere within 30000 m"),
+        ({"kernel": short}, "returns 3 numbers, it must return 15"),
+        ({"kernel": noisy}, "gives another answer .* draw what is random in records"),
+        ({"kernel": None, "directional": slanted, "depends_on": ("time", "north")},
+         "dVe/dd.*: name 'depth' in its depends_on"),
+    ],
+)  # fmt: skip
+def test_derivatives_that_are_not_the_velocitys_are_refused_at_registering(changes, message):
+    with pytest.raises(CurrentError, match=message):
+        register(jet_class(**changes))
+    assert "jet" not in registry.kinds()
+
+
+def test_records_that_differ_from_call_to_call_are_refused():
+    def records(self, duration_s, origin):
+        return [self.record(np.random.default_rng().normal(), self.width)]
+
+    with pytest.raises(CurrentError, match=r"records\(\) of 'jet:speed=0\.3,width=5000' differ"):
+        register(jet_class(records=records))
+
+
+def test_what_no_example_shows_is_compared_when_it_is_compiled():
+    """The example leaves the drift at 0, where the wrong rate is 0 too."""
+
+    def records(self, duration_s, origin):
+        return [self.record(self.speed, self.width, 0.02 if self.width < 1e3 else 0.0)]
+
+    kind = register(jet_class(kernel=moving, records=records, payload_size=3))
+    try:
+        kind(speed=0.3).compile(3600.0)
+        with pytest.raises(CurrentError, match=r"dVe/dt.* m/s2 .*turn the sign of number 5 of"):
+            (Uniform(north=0.1) + kind(speed=0.3, width=500.0)).compile(3600.0)
+    finally:
+        registry.remove("jet")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"kernel": bent}, {"kernel": None, "directional": slanted, "depends_on": ("time", "depth")}],
+)
+def test_kinks_and_places_outside_of_the_domain_are_no_fault(changes):
+    register(jet_class(**changes))
+    registry.remove("jet")
 
 
 def test_a_class_that_only_overrides_velocity_is_refused():

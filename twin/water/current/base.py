@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import registry, text
+from twin.water.current import probe, registry, text
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
@@ -87,14 +87,20 @@ class Current(abc.ABC):
         """The flat float64 program for `sampler.sample`, the same bytes on every call.
 
         duration_s [s]: mission length; what is drawn or read covers it (later times hold the last
-        value). origin: the mission's start, `Origin()` when None. Raises CurrentError.
+        value). origin: the mission's start, `Origin()` when None. A kind of one's own is compared
+        with differences of its velocity, see `probe`. Raises CurrentError.
         """
         self._check_registered()
         if not (math.isfinite(duration_s) and duration_s > 0.0):
             raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
-        program = layout.program(self.records(float(duration_s), origin or Origin()))
+        records = self.records(float(duration_s), origin or Origin())
+        program = layout.program(records)
         if not np.isfinite(program).all():
             raise CurrentError(f"{self.kind}: the compiled current holds NaN or infinity")
+        for record in records:
+            kind = registry.of_code(record[0]) if record[0] >= registry.FIRST_FREE_CODE else None
+            if kind is not None:
+                probe.check(kind, record, float(duration_s))
         return program
 
     def _check_registered(self) -> None:

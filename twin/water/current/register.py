@@ -11,13 +11,14 @@ from typing import TypeVar
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry
+from twin.water.current import sampler as layout
+from twin.water.current.axes import Origin
 from twin.water.current.base import Current, CurrentSum
 
 C = TypeVar("C", bound=type[Current])
 
-FIRST_FREE_CODE = 65_536
-"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
-
+DAY = 86_400.0
+"""[s] of the missions for which examples are tried"""
 KERNEL_ARGUMENTS = 7
 DIRECTIONAL_ARGUMENTS = 11
 
@@ -25,7 +26,8 @@ DIRECTIONAL_ARGUMENTS = 11
 def register(cls: C) -> C:
     """Class decorator: from now on `cls.kind` can be parsed, described, compiled and flown.
 
-    Raises CurrentError naming what the class lacks, or what another kind has already.
+    What its usage shows is tried: see `twin.water.current.probe`. Raises CurrentError naming what
+    the class lacks, what another kind has already, or a derivative that is not its velocity's.
     """
     name = cls.kind
     where = f"current {name!r} ({cls.__qualname__})"
@@ -61,7 +63,7 @@ def register(cls: C) -> C:
         )
     code = cls.code
     if code is None:
-        code = FIRST_FREE_CODE + zlib.crc32(name.encode())
+        code = registry.FIRST_FREE_CODE + zlib.crc32(name.encode())
     registry.add(
         name,
         registry.Kind(
@@ -72,7 +74,32 @@ def register(cls: C) -> C:
             directional=directional,
         ),
     )
+    if code >= registry.FIRST_FREE_CODE:
+        try:
+            _try_examples(where, cls)
+        except CurrentError:
+            registry.remove(name)
+            raise
     return cls
+
+
+def _try_examples(where: str, cls: type[Current]) -> None:
+    """Compile what `usage` shows, which compares its derivatives with differences.
+
+    Examples that need a file, or are no settings but their form, are compared when they are flown.
+    """
+    for example in cls.usage:
+        try:
+            current = cls.parse(example.partition(":")[2])
+            drawn = [layout.program(current.records(DAY, Origin())) for _ in range(2)]
+        except CurrentError:
+            continue
+        if drawn[0].tobytes() != drawn[1].tobytes():
+            raise CurrentError(
+                f"{where}: records() of {example!r} differ from call to call: draw what is random"
+                " from a seed that is a setting, by numpy.random.default_rng(seed)"
+            )
+        current.compile(DAY)
 
 
 def _function(where: str, cls: type[Current], name: str, arguments: int) -> Compiled | None:

@@ -30,6 +30,10 @@ ENTRY_POINTS = "glider_twin.currents"
 """Group of entry points of distributions that bring kinds of current."""
 
 
+FIRST_FREE_CODE = 65_536
+"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """What the sampler, the command line and descriptions know of a kind."""
@@ -87,6 +91,11 @@ def find(name: str) -> Kind | None:
 def kinds() -> dict[str, Kind]:
     """Every kind registered so far, in the order of their codes."""
     return dict(sorted(_kinds.items(), key=lambda item: item[1].code))
+
+
+def of_code(code: float) -> Kind | None:
+    """The registered kind whose records begin with `code`; None when there is none."""
+    return next((kind for kind in _kinds.values() if kind.code == code), None)
 
 
 def names() -> list[str]:

@@ -1,0 +1,122 @@
+"""What the impulse of the added mass takes in water with a gradient, and what it leaves out.
+
+docs/physics/equations.md says why. Here one glide is flown with the right-hand side of the Fossen
+model and another account of the added mass, in plain NumPy.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin.fossen.equations import acceleration, mass_distribution
+from twin.fossen.forces import parameters_of
+from twin.fossen.matrices import quaternion_rate, rigid_body_mass, rotation_from_quaternion
+from twin.frames import euler_to_quaternion
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.current_text import parse_current
+from twin.water.current.sampler import sample_gradient
+
+VEHICLE = load_vehicle("glider")
+PARAMETERS = parameters_of(VEHICLE, np.zeros(1), np.array([VEHICLE.reference_density]))
+PARTS = np.array([0.02, 0.5, VEHICLE.pump_for_net_mass(0.3)])
+MASS, MOMENT, INERTIA = mass_distribution(PARAMETERS, PARTS)
+DISPLACED = MASS - 0.3
+ADDED = np.array(VEHICLE.added_mass)
+BOTH = np.linalg.inv(rigid_body_mass(MASS, MOMENT / MASS, INERTIA) + ADDED)
+DURATION, STEP = 300.0, 0.2
+CURRENTS = (
+    "geostrophic:surface=0.4,direction=90,scale=200",
+    "ekman:stress=0.2,lat=40,direction=20",
+)
+
+
+def skew(a: Any) -> Any:
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def turning(g: Any) -> Any:
+    """Rotation (3,) of the water that the gradient `g` in body axes is to a hull with wings."""
+    return np.array([g[2, 1], -g[2, 0], g[1, 0]])
+
+
+def of_impulse(velocity: Any, omega: Any, rates: Any, g: Any) -> Any:
+    """What the impulse h = M_A (velocity, rates) presses with, less what any account has."""
+    h = ADDED @ np.concatenate([velocity, rates])
+    force = np.concatenate(
+        [np.cross(omega, h[:3]) + g.T @ h[:3], np.cross(omega, h[3:]) + np.cross(velocity, h[:3])]
+    )
+    return -force
+
+
+def left_out(nu: Any, g: Any, change: Any) -> Any:
+    """Rate of the gradient, derivative of the energy by the attitude, strain of what is displaced.
+
+    `change` is the gradient's local rate and change along the path, in body axes.
+    """
+    omega = skew(nu[3:])
+    h = ADDED @ np.concatenate([nu[:3], nu[3:] - turning(g)])
+    tau = ADDED[:, 3:] @ turning(g @ omega - omega @ g + change)
+    tau[3:] -= [h[3:] @ turning(g @ skew(e) - skew(e) @ g) for e in np.eye(3)]
+    half = 0.5 * np.array([VEHICLE.hull_length, VEHICLE.hull_diameter, VEHICLE.hull_diameter])
+    q = (g @ g + change) * (0.2 * DISPLACED * half**2)  # an ellipsoid's second moments
+    tau[3:] += [q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]]
+    return tau
+
+
+def rate(program: Any, account: str, t: float, y: Any) -> Any:
+    """dy/dt of (position, quaternion, nu_r)."""
+    to_ned, nu = rotation_from_quaternion(y[3:7]), y[7:]
+    flow = np.array(sample_gradient(program, t, *y[:3]))
+    a = flow[6:].reshape(3, 3)
+    velocity = to_ned @ nu[:3] + flow[:3]
+    g = to_ned.T @ a @ to_ned
+    path, water = (to_ned.T @ (flow[3:6] + a @ v) for v in (velocity, flow[:3]))
+    density = PARAMETERS.reference_density
+    dnu = acceleration(
+        PARAMETERS, to_ned[2].copy(), y[2], nu, PARTS, DISPLACED, density, path, water, g
+    )
+    if account == "omega":
+        ours = of_impulse(nu[:3], nu[3:], nu[3:] - turning(g), g)
+        dnu = dnu + BOTH @ (of_impulse(nu[:3], nu[3:], nu[3:], g) - ours)
+    elif account == "complete":
+        ahead, behind = (
+            np.array(sample_gradient(program, t + s, *(y[:3] + s * velocity)))[6:].reshape(3, 3)
+            for s in (0.5, -0.5)
+        )
+        dnu = dnu + BOTH @ left_out(nu, g, to_ned.T @ (ahead - behind) @ to_ned)
+    return np.concatenate([velocity, quaternion_rate(y[3:7], nu[3:]), dnu])
+
+
+@functools.cache
+def track(current: str, account: str) -> Any:
+    """Places (n, 3) of a turning glide by RK4."""
+    program = parse_current(current).compile(2.0 * DURATION)
+    y = np.zeros(13)
+    y[2], y[3:7], y[7:10] = 20.0, euler_to_quaternion(0.0, -0.57, 0.4), (0.47, 0.0, 0.012)
+    places = [y[:3]]
+    for t in np.arange(1.0, DURATION, STEP):
+        k1 = rate(program, account, t, y)
+        k2 = rate(program, account, t + 0.5 * STEP, y + 0.5 * STEP * k1)
+        k3 = rate(program, account, t + 0.5 * STEP, y + 0.5 * STEP * k2)
+        k4 = rate(program, account, t + STEP, y + STEP * k3)
+        y = y + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        places.append(y[:3])
+    return np.array(places)
+
+
+def apart(current: str, account: str) -> float:
+    """Largest distance from the track of our models, as a percentage of its length."""
+    ours = track(current, "omega_r")
+    length = np.linalg.norm(np.diff(ours, axis=0), axis=1).sum()
+    return 100.0 * float(np.linalg.norm(track(current, account) - ours, axis=1).max()) / length
+
+
+@pytest.mark.parametrize("current", CURRENTS)
+def test_an_impulse_of_the_bodys_own_rate_is_another_model_and_what_is_left_out_is_small(current):
+    assert 0.08 < apart(current, "omega") < 0.2
+    assert 1e-4 < apart(current, "complete") < 0.04
+    assert apart(current, "omega") > 3.0 * apart(current, "complete")

@@ -1,0 +1,182 @@
+"""Probe: a kind of one's own must state the derivatives of the very velocity that it gives.
+
+The added mass takes the rate of the current and its gradient. With a wrong sign in one of them the
+vehicle flies on, wrongly, and nothing else would tell. Shipped kinds pass the same probe in the
+tests; theirs is not run again at every compile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from twin.errors import CurrentError
+from twin.water.current import sampler as layout
+from twin.water.current.registry import Kind
+from twin.water.current.sampler import Floats
+
+POINTS = 48
+FARTHEST, DEEPEST = 30_000.0, 1000.0
+"""[m] how far from the start, and how deep, places are looked at"""
+STEPS = ((0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3))
+"""[s, m, m, m] of the differences in time, north, east and depth: one of them must agree, for short
+ones drown in rounding and long ones in curvature"""
+TOLERANCE = 1e-3
+"""Part of the derivative by which the stated one may differ"""
+SMALL = 1e-6
+"""Part of the largest derivative along the same axis that is as good as none"""
+ROUNDING = 16.0 * np.finfo(float).eps
+"""Of the fastest velocity: what a difference of two may be off by"""
+
+AXES = ("time", "north", "east", "depth")
+COMPONENTS = ("north", "east", "down")
+
+
+def check(kind: Kind, record: Floats, duration_s: float) -> None:
+    """Raise CurrentError unless the derivatives that `record` of `kind` states are its velocity's.
+
+    Looks at places up to `FARTHEST` and `DEEPEST` at times up to `duration_s` [s]. A place where
+    the velocity is not finite lies outside of the current's domain; at a kink the derivative of
+    either side will do.
+    """
+    who = f"current {kind.cls.kind!r} ({kind.cls.__qualname__})"
+    evaluate = _evaluator(kind, record, who)
+    with np.errstate(all="ignore"):
+        points = list(_points(duration_s))
+        stated = np.array([evaluate(point) for point in points])
+        again = np.array([evaluate(point) for point in points])
+        inside = np.isfinite(stated[:, :3]).all(axis=1)
+        if not inside.any():
+            raise CurrentError(
+                f"{who}: its velocity is not a finite number anywhere within {FARTHEST:g} m of the"
+                f" start and {DEEPEST:g} m of depth, e.g. {_place(points[0])}: check its kernel"
+            )
+        if not np.array_equal(stated, again, equal_nan=True):
+            raise CurrentError(
+                f"{who} gives another answer when it is asked again for the same time and place:"
+                " keep nothing between calls, and draw what is random in records(), from a seed"
+                " that is a setting"
+            )
+        points = [point for point, known in zip(points, inside, strict=True) if known]
+        stated = stated[inside]
+        for axis in range(len(AXES)):
+            _compare(who, kind, evaluate, points, stated, axis)
+
+
+def _compare(
+    who: str,
+    kind: Kind,
+    evaluate: Callable[[Floats], Floats],
+    points: list[Floats],
+    stated: Floats,
+    axis: int,
+) -> None:
+    """Raise CurrentError where the derivative along `axis` is not that of the velocity."""
+    given = stated[:, slice(3, 6) if axis == 0 else slice(5 + axis, 15, 3)]
+    fastest = float(np.abs(stated[:, :3]).max())
+    good = np.zeros(given.shape, dtype=bool)
+    for step in STEPS[axis]:
+        measured = np.full((len(points), 3, 3), np.nan)  # points, sides, components
+        for row in np.flatnonzero(~good.all(axis=1)):
+            measured[row] = _differences(evaluate, points[row], stated[row, :3], axis, step)
+        known = np.isfinite(measured)
+        largest = np.abs(measured).max(initial=np.abs(given[np.isfinite(given)]).max(initial=0.0),
+                                       where=known)  # fmt: skip
+        error = np.abs(measured - given[:, None])
+        allowed = TOLERANCE * np.maximum(np.abs(measured), np.abs(given)[:, None])
+        agree = error <= allowed + SMALL * largest + ROUNDING * fastest / step
+        good |= agree.any(axis=1) | ~known.any(axis=1)  # unknown: outside of its domain
+    if good.all():
+        return
+    wrong = np.where(good, -1.0, np.abs(np.nan_to_num(given - measured[:, 1], nan=np.inf)))
+    row, part = np.unravel_index(np.argmax(wrong), wrong.shape)
+    ours, theirs = given[row, part], measured[row, 1, part]
+    turned = abs(ours + theirs) < 0.01 * abs(theirs)
+    raise CurrentError(
+        f"{who}: dV{COMPONENTS[part][0]}/d{AXES[axis][0]}, how its {COMPONENTS[part]} velocity"
+        f" changes with {AXES[axis]}, is {ours:.4g} {'m/s2' if axis == 0 else '1/s'} at"
+        f" {_place(points[row])}, and differences of that velocity give {theirs:.4g}:"
+        f" {_remedy(kind, axis, int(part), 'turn the sign of' if turned else 'correct')}"
+    )
+
+
+def _remedy(kind: Kind, axis: int, part: int, what: str) -> str:
+    if kind.directional is None:
+        number = 4 + part if axis == 0 else 6 + 3 * part + axis
+        return f"{what} number {number} of the 15 that its kernel returns"
+    if axis and AXES[axis] not in kind.cls.depends_on:
+        return f"name {AXES[axis]!r} in its depends_on"
+    return f"{what} number {4 + part} of the 6 that its directional function returns"
+
+
+def _evaluator(kind: Kind, record: Floats, who: str) -> Callable[[Floats], Floats]:
+    """Velocity (3), local rate (3) and gradient (9) at (t, north, east, depth), by plain Python."""
+    program = layout.program([record])
+    at = (program, 1 + layout.RECORD_HEADER, record.size - layout.RECORD_HEADER)
+    compiled = kind.kernel or kind.directional
+    assert compiled is not None
+    function = compiled.py_func
+
+    def call(count: int, *numbers: float) -> Floats:
+        try:
+            found = function(*at, *numbers)
+        except (ArithmeticError, ValueError):  # what compiled code makes inf or NaN of
+            return np.full(count, np.nan)
+        except Exception as error:
+            raise CurrentError(
+                f"{who}: its compiled function fails at {_place(np.array(numbers))}:"
+                f" {type(error).__name__}: {error}"
+            ) from error
+        values = np.ravel(np.asarray(found, dtype=np.float64))
+        if values.size != count:
+            raise CurrentError(
+                f"{who}: its compiled function returns {values.size} numbers, it must return"
+                f" {count}: velocity (3), "
+                + ("local rate (3) and gradient (9)" if count == 15 else "derivative (3)")
+            )
+        return values
+
+    if kind.directional is None:
+        return lambda point: call(15, *point)
+    taken = [axis in ("time", *kind.cls.depends_on) for axis in AXES]
+
+    def gathered(point: Floats) -> Floats:
+        ways = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]
+        slopes = [way[3:] if used else np.zeros(3) for way, used in zip(ways, taken, strict=True)]
+        return np.concatenate([ways[0][:3], slopes[0], np.ravel(np.transpose(slopes[1:]))])
+
+    return gathered
+
+
+def _points(duration_s: float) -> Iterator[Floats]:
+    """(t, north, east, depth) [s, m]: all directions and, by powers of ten, all distances."""
+    for i in range(1, POINTS + 1):
+        a, b, c, d = (i * root % 1.0 for root in (0.6180339887, 2**0.5, 3**0.5, 7**0.5))
+        distance = FARTHEST ** (1.1 * a - 0.1)
+        yield np.array(
+            [
+                b * duration_s,
+                distance * np.cos(2.0 * np.pi * c),
+                distance * np.sin(2.0 * np.pi * c),
+                0.5 * (2.0 * DEEPEST) ** d,
+            ]
+        )
+
+
+def _differences(
+    evaluate: Callable[[Floats], Floats], point: Floats, here: Floats, axis: int, step: float
+) -> Floats:
+    """Of the velocity along `axis` [m/s2 or 1/s]: behind, across and ahead, shape (3, 3)."""
+    before, after = point.copy(), point.copy()
+    before[axis], after[axis] = point[axis] - step, point[axis] + step
+    if axis in (0, 3):  # neither before the start nor above the water
+        before[axis] = max(before[axis], 0.0)
+    low, high = evaluate(before)[:3], evaluate(after)[:3]
+    behind, ahead = point[axis] - before[axis], after[axis] - point[axis]
+    return np.array([(here - low) / behind, (high - low) / (behind + ahead), (high - here) / ahead])
+
+
+def _place(point: Floats) -> str:
+    t, north, east, depth = point[:4]
+    return f"t {t:.4g} s, {north:.4g} m north, {east:.4g} m east, {depth:.4g} m deep"
