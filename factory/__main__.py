@@ -3,10 +3,12 @@
 import sys
 
 from twin.cli.program import Program, ProgramCommand
+from twin.extras import require_factory
 
 PROGRAM = Program(
     name="factory",
     summary="Data factory: randomised glider missions in bulk, in one zarr store.",
+    needs=require_factory,
     commands=(
         ProgramCommand(
             name="generate",

@@ -13,7 +13,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from twin.extras import require_learning, started_as
 from twin.lazy import attach
+
+if not started_as("learn"):  # the program says it without a traceback
+    require_learning()
 
 if TYPE_CHECKING:
     from learn.api import evaluate as evaluate

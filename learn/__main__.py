@@ -3,10 +3,12 @@
 import sys
 
 from twin.cli.program import Program, ProgramCommand
+from twin.extras import require_learning
 
 PROGRAM = Program(
     name="learn",
     summary="Networks for surge and sway, and the dead reckoning that uses them.",
+    needs=require_learning,
     commands=(
         ProgramCommand(
             name="fit",

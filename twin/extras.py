@@ -1,27 +1,83 @@
-"""Extras: optional packages, and the command that installs one that is missing."""
+"""Extras: optional packages, and the command that installs one that is missing.
+
+Likewise the package `factory`, whose name factory_boy has too: pip lets the one replace files of the
+other without a word.
+"""
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
+import sys
+from importlib import metadata
+from pathlib import Path
 
 from twin.errors import InputError
 
+AGAIN = "pip install --force-reinstall --no-deps glider-twin"
 
-def require(package: str, *, extra: str, purpose: str) -> None:
+
+def require(package: str, *, extra: str, purpose: str, load: bool = True) -> None:
     """Check that the packages of an extra are installed.
 
     Args:
       package: what will be imported.
       extra: the extra of this project that brings it.
       purpose: what it is for, the start of the message.
+      load: import it; without, only look for it, which is quick.
 
     Raises:
       InputError: it cannot be imported; the message says which command installs it.
     """
     try:
-        importlib.import_module(package)
+        if load:
+            importlib.import_module(package)
+        elif importlib.util.find_spec(package) is None:
+            raise ImportError("it is not installed")
     except ImportError as error:
         raise InputError(
             f"{purpose} needs the package {package}, which cannot be imported ({error}): "
             f'pip install "glider-twin[{extra}]"'
         ) from error
+
+
+def require_factory() -> None:
+    """Check that the package `factory` is this project's.
+
+    Raises:
+      InputError: it is another distribution's, or lost its first file to one.
+    """
+    spec = importlib.util.find_spec("factory")
+    origin = Path((spec and spec.origin) or "")
+    if origin.is_file() and "from twin.lazy import" in origin.read_text(errors="replace"):
+        return
+    if not origin.is_file():
+        raise InputError(
+            "the package factory has no __init__.py, as after pip uninstall factory_boy, which has "
+            f"a package of that name too: {AGAIN}"
+        )
+    others = set(metadata.packages_distributions().get("factory", ())) - {"glider-twin"}
+    if others:
+        owner = " and ".join(sorted(others))
+        raise InputError(
+            f"{origin} belongs to {owner}, which has a package factory as glider-twin has: pip "
+            f"uninstall {owner}, then {AGAIN}; or give each an environment of its own"
+        )
+    raise InputError(
+        f"{origin} is not glider-twin's factory and is found before it: rename that package, or "
+        "take its folder off PYTHONPATH"
+    )
+
+
+def require_learning() -> None:
+    """Check what `learn` stands on: the package `factory` and PyTorch.
+
+    Raises:
+      InputError: one of them is missing; the message says what to do.
+    """
+    require_factory()
+    require("torch", extra="learn", purpose="learn", load=False)
+
+
+def started_as(program: str) -> bool:
+    """Whether this process runs `program` or `python -m`, which report errors without traceback."""
+    return Path(sys.argv[0] if sys.argv else "").stem in (program, "-m")

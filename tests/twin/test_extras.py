@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import shutil
+import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
 
 from twin.errors import InputError
-from twin.extras import require
+from twin.extras import require, require_factory
 from twin.show.render.encode import Encoder
 from twin.suite.requirement import require_dm_control
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("package", "extra"), [("onnx", "onnx"), ("imageio_ffmpeg", "video")])
@@ -49,3 +55,44 @@ def test_the_suite_names_the_command_that_installs_dm_control(
     with pytest.raises(InputError, match=r"twin\.suite needs dm_control") as caught:
         require_dm_control()
     assert 'pip install --no-deps "dm-control>=1.0.50,<2"' in str(caught.value)
+
+
+FOREIGN = '"""Of somebody else."""\nfrom .base import Factory\n'
+
+
+def shadowed(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """A Python process that finds the packages of this folder first."""
+    path = os.pathsep.join((str(folder), str(ROOT)))
+    known = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(
+        [sys.executable, *words], cwd=folder, env=known, capture_output=True, text=True
+    )
+
+
+@pytest.fixture
+def overwritten(tmp_path: Path) -> Path:
+    """A folder with this project's `factory` whose first file another package has replaced."""
+    shutil.copytree(ROOT / "factory", tmp_path / "factory")
+    (tmp_path / "factory" / "__init__.py").write_text(FOREIGN)
+    (tmp_path / "factory" / "base.py").write_text("class Factory:\n    pass\n")
+    return tmp_path
+
+
+def test_a_factory_of_somebody_else_is_named(overwritten: Path) -> None:
+    where = overwritten / "factory" / "__init__.py"
+    for words in (("-m", "factory", "info"), ("-m", "learn", "compare")):
+        done = shadowed(overwritten, *words)
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert f"{where} is not glider-twin's factory and is found before it" in done.stderr
+    done = shadowed(overwritten, "-c", "import learn")
+    assert done.returncode == 1
+    assert f"{where} is not glider-twin's factory" in done.stderr.splitlines()[-1]
+
+
+def test_a_factory_that_lost_its_first_file_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    require_factory()
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: ModuleSpec(name, None))
+    with pytest.raises(InputError, match=r"has no __init__\.py, as after .* factory_boy") as caught:
+        require_factory()
+    assert str(caught.value).endswith("pip install --force-reinstall --no-deps glider-twin")

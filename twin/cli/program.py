@@ -22,7 +22,7 @@ import contextlib
 import os
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,6 +73,9 @@ class Program:
 
     commands: tuple[ProgramCommand, ...]
     """Its subcommands, in the order of the help."""
+
+    needs: Callable[[], None] = lambda: None
+    """Called before a command is imported; raises when something is not installed."""
 
     def help(self) -> str:
         """The text of `--help`."""
@@ -141,6 +144,7 @@ class Program:
             raise InputError(unknown_name("command", first, by_name))
         from twin.cli.options import parse_options
 
+        self.needs()
         chosen = by_name[first].load()
         try:
             options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
@@ -168,7 +172,7 @@ def _programs_with(command: str) -> list[str]:
 
     found = []
     for name in PROGRAMS:
-        with contextlib.suppress(ImportError):
+        with contextlib.suppress(ImportError, InputError):  # `learn` without its extra
             program: Program = import_module(f"{name}.__main__").PROGRAM
             found += [name] * any(command == one.name for one in program.commands)
     return found
