@@ -20,7 +20,7 @@ PROGRAM = Program(
         ),
         ProgramCommand(
             name="finish",
-            summary="complete a store that was made in parts, or say which are missing",
+            summary="complete a store that was made in parts, or list the missing ones",
             loader="factory.commands.finish:Finish",
         ),
         ProgramCommand(

@@ -14,7 +14,7 @@ from twin.cli.options import StoreArgument
 @dataclass(frozen=True, kw_only=True)
 class Finish(JsonOption):
     """Complete a store that `factory generate --shard` made in parts: the same bytes as those of a
-    single run. While parts are missing, says which, as Slurm's --array takes them.
+    single run. Lists missing parts as Slurm's --array takes them.
 
     Example:
 

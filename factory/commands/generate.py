@@ -69,7 +69,7 @@ class Generate(JsonOption):
     that share --out, and `factory finish` completes the store [default: the task of a Slurm job
     array, where this is one]"""
     resume: bool = False
-    """complete a store that an earlier run left incomplete; start it if there is none"""
+    """complete a store that an earlier run left incomplete; start it if it is missing"""
     overwrite: bool = False
     """replace an existing store, once the new one is complete"""
 

@@ -28,7 +28,7 @@ class WriteReference(JsonOption):
     out: Path = Path("data/reference.zarr")
     """the store"""
     compare: bool = False
-    """fly nothing: compare the store that is there"""
+    """compare an existing store without flying"""
     workers: int | None = None
     """processes [default: the CPUs that this process may use]"""
     resume: bool = False
@@ -46,7 +46,7 @@ class WriteReference(JsonOption):
         wanted = reference_set(self.name)
         if self.compare and (self.overwrite or self.resume or self.workers is not None):
             raise InputError(
-                "--compare flies nothing: leave out --workers, --resume and --overwrite"
+                "--compare does not fly: leave out --workers, --resume and --overwrite"
             )
         if wanted.physics != PHYSICS_VERSION:
             raise InputError(

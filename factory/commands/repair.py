@@ -17,8 +17,8 @@ SHOWN = 10
 @dataclass(frozen=True, kw_only=True)
 class Repair(JsonOption):
     """Make a damaged store whole again: what the list of checksums finds damaged is made again from
-    the recipe, bit for bit, and only the damaged missions are flown. Of logs, nothing can be made
-    again: says what is lost.
+    the recipe, bit for bit, and only the damaged missions are flown. Logs cannot be made
+    again: what is lost is reported.
 
     Example:
 

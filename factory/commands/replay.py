@@ -13,7 +13,7 @@ from twin.cli.options import StoreArgument
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayMission(JsonOption):
-    """Fly stored missions again from what the store says and compare every byte.
+    """Fly stored missions again from what the store holds and compare every byte.
 
     Example:
 

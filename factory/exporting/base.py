@@ -84,7 +84,7 @@ class Exporter:
                 f"exporter name {self.name!r}: use small letters, digits, - and _, such as 'og1'"
             )
         if not self.title:
-            raise InputError(f"exporter {self.name!r}: title is empty; say what it writes")
+            raise InputError(f"exporter {self.name!r}: title is empty; state what it writes")
         if not re.fullmatch(r"[.-][a-z0-9._-]+", self.ending):
             raise InputError(
                 f"exporter {self.name!r}: ending {self.ending!r} must be like '.parquet' for a "

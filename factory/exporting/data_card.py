@@ -135,7 +135,7 @@ def _what(run: MissionStore, missions: Sequence[int], rows: int, metadata: Metad
     if run.logged:
         made = f"Logged by {run.attributes.get(PLATFORM, 'an unknown vehicle')}"
         if isinstance(run, LogStore) and run.simulated:
-            made += " (the logs themselves say that they are of a simulation)"
+            made += " (the logs are marked as those of a simulation)"
     else:
         made = f"**Simulated**: no vehicle has measured this. Vehicle model: {run.vehicle.name}"
     lines = [
@@ -165,7 +165,7 @@ def _splits(run: MissionStore, missions: Sequence[int]) -> str:
 def _licence(text: str, identifier: str) -> str:
     if identifier == UNKNOWN:
         said = (
-            "Not stated: nobody said under which licence these data may be used. Ask who made them "
+            "Not stated: the licence of these data is unknown. Ask who made them "
             "before you publish or build on them."
         )
     else:

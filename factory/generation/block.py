@@ -172,7 +172,8 @@ class Block:
             if isinstance(error, StoreError):
                 raise
             raise StoreError(
-                f"{what} is not a block ({type(error).__name__}): remove it, then use --resume"
+                f"{what} is not a block ({type(error).__name__}): remove it and continue with "
+                "--resume"
             ) from error
 
     def __enter__(self) -> Self:

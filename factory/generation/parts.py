@@ -87,7 +87,7 @@ def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
     except (KeyError, ValueError) as error:
         raise InputError(
             f"{SLURM_TASK}={environment[SLURM_TASK]} without a usable {SLURM_COUNT} and "
-            f"{SLURM_FIRST} ({error}): say --shard i/n"
+            f"{SLURM_FIRST} ({error}): give --shard i/n"
         ) from error
 
 
@@ -151,7 +151,7 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
         return summary_of(recipe, store, started, flown=[], failed=failures_in(store)), recipe
     if not places:
         raise StoreError(
-            f"nothing was begun for {store}: run its parts first, `factory generate --shard 0/8 "
+            f"{store} was not begun: run its parts first, `factory generate --shard 0/8 "
             f"--out {store}` and so on"
         )
     if len(places) > 1:

@@ -197,7 +197,7 @@ def _local(store: str | StorePath) -> Path:
     path = store_path(store)
     if not isinstance(path, Path):
         raise StoreError(
-            f"{path} lies in an object storage, where nothing can be repaired in one step: copy it "
+            f"{path} lies in an object storage, where no repair is one step: copy it "
             "to this machine, repair the copy and put that in its place"
         )
     return path
@@ -245,7 +245,7 @@ def lost(store: str | StorePath) -> list[str] | None:
     if not has_checksums(path):
         raise StoreError(
             f"store {path} has no list of checksums, an older glider-twin wrote it: `factory "
-            "verify` checks its values, and what is damaged must be made again"
+            "verify` checks what it holds, and what is damaged must be made again"
         )
     if (path / RECIPE_COPY / METADATA).is_file() or _generated(path):
         return None

@@ -48,7 +48,7 @@ def check_target(
     check_ending(store)
     local = isinstance(store, Path)
     if isinstance(store, Path) and store.is_symlink() and not store.exists():
-        raise StoreError(f"{store} is a link to nothing; choose another --out")
+        raise StoreError(f"{store} is a link to a missing target; choose another --out")
     present, complete = _present(store), is_complete(store)
     others = begun(store)
     older = begun_within(store)
@@ -176,14 +176,13 @@ def _settings(store: StorePath) -> dict[str, Any]:
     check_version(attributes, store)
     if is_logged(attributes):
         raise StoreError(
-            f"store {store} holds logs of real vehicles, there is nothing to resume: choose "
-            "another --out"
+            f"store {store} holds logs of real vehicles and cannot be resumed: choose another --out"
         )
     try:
         settings: dict[str, Any] = json.loads(attributes[SETTINGS])
     except (ValueError, KeyError) as error:
         raise StoreError(
-            f"store {store} does not say what it was made with; it is damaged or not the factory's "
+            f"store {store} lacks the settings that made it; it is damaged or not the factory's "
             f"({type(error).__name__})"
         ) from error
     return settings

@@ -59,7 +59,7 @@ class ExportNetwork(JsonOption):
                 }
                 for parity in checked.values()
             ],
-            title="what the exported model says beside what the trained network says, over the "
+            title="values of the exported model beside those of the trained network, over the "
             f"{first.samples} samples of mission {first.mission}; a difference above "
             f"{TOLERANCE * 1e3:g} mm/s would have been refused",
             digits=3,

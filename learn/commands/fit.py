@@ -107,7 +107,7 @@ class Fit(JsonOption):
     """what is learned: the truth of a simulated store, or what its Doppler log measured, cleaned
     [default: truth]"""
     known_current: str | None = None
-    """--labels dvl: what is taken off bottom track. none: nothing is known, only water track is
+    """--labels dvl: what is taken off bottom track. none: it is unknown, only water track is
     learned from; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
     [default: none]"""
     smoothing: Annotated[str | None, SMOOTHING] = None
@@ -140,7 +140,7 @@ class Fit(JsonOption):
     tensorboard: bool = False
     """write TensorBoard events into the run too (needs the package tensorboard)"""
     resume: bool = False
-    """continue the run of this --name and its settings; start it if there is none"""
+    """continue the run of this --name and its settings; start it if it is missing"""
     overwrite: bool = False
     """replace the run of this --name once the new one is trained; --overwrite --resume continues
     such a replacement"""

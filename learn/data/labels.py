@@ -76,7 +76,7 @@ class LabelConfig:
             north = east = math.nan
         if not (math.isfinite(north) and math.isfinite(east)):
             raise InputError(
-                f"known current {self.known_current!r} is invalid: give {CURRENT_WORDS}"
+                f"known current {self.known_current!r} is unknown: give {CURRENT_WORDS}"
             ) from None
         return north, east
 

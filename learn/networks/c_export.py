@@ -266,8 +266,9 @@ def find_compiler() -> tuple[str, ...]:
     command = tuple(shlex.split(os.environ.get("CC", ""))) or ("cc",)
     if shutil.which(command[0]) is None:
         raise InputError(
-            f"the C compiler {command[0]!r} is missing. The exported code is compared by it with "
-            "the networks: install one, such as gcc, or name it in the environment variable CC"
+            f"the C compiler {command[0]!r} is missing, with which the exported code is "
+            "compared with the networks: install one, such as gcc, or name it in the environment "
+            "variable CC"
         )
     return command
 

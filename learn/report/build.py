@@ -117,7 +117,7 @@ def _doppler(page: Page, rows: list[result_tables.Row], figures: Mapping[str, An
 def _over_ground(page: Page, evaluated: RunEvaluation) -> None:
     rows = result_tables.dive_rows(evaluated.figures)
     if not rows:
-        page.say("No mission has two dives between GPS fixes, so nothing is known of a current.")
+        page.say("No mission has two dives between GPS fixes, so the current is unknown.")
         return
     page.section("Over ground between GPS fixes")
     page.table(

@@ -106,12 +106,12 @@ class RunOrigin:
         elif truth is not None and SPEED in truth and "true_surge" not in truth:
             found.append(
                 "The logs hold the speed through the water alone: surge was learned from it, and "
-                "sway as zero, so that sway is no estimate."
+                "sway as zero, so that sway is not estimated."
             )
         else:
             found.append(
                 "They learned from those samples alone where the logs hold a velocity through the "
-                "water; elsewhere nothing was learned and nothing is known of their errors."
+                "water; elsewhere nothing was learned, and their errors are unknown."
             )
         return found
 
@@ -190,7 +190,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         "## What they are not",
         "",
         *(f"- {shown(line)}" for line in origin.limits()),
-        "- They know nothing of the current. A steady current leaves no trace in the inputs.",
+        "- They do not know the current. A steady current leaves no trace in the inputs.",
         f"- Sensor errors that the training {origin.rows} lacked are not covered.",
         "",
     ]

@@ -48,13 +48,13 @@ def build_log_page(
         page.say(study.sentence)
     if rows := result_tables.track_rows(found, "ground"):
         page.section("Dead reckoning")
-        page.table(rows, "Over ground from fix to fix, nothing known of the current.")
+        page.table(rows, "Over ground from fix to fix, the current unknown.")
     rows, drawn = result_tables.dive_rows(found), dive_figure(test.evaluation)
     if rows and drawn is not None:
         page.table(
             rows,
             "Error at the fix that ends a dive, in % of its path through the water by depth rate "
-            "and pitch. Between fixes nothing is known, so that a track that is corrected "
+            "and pitch. Between fixes the truth is unknown, so that a track that is corrected "
             "afterwards shows no error.",
         )
         page.figure("dives", drawn, "Every dive a dot, the median a bar.")

@@ -247,7 +247,7 @@ def _ground_verdicts(evaluation: Figures) -> list[str]:
         )
     else:
         sentences.append(
-            f"Over ground with nothing known of the current and no fixes the current decides: "
+            f"Over ground, with the current unknown and without fixes, the current decides: "
             f"{mine:.3g} % for the networks, {best:.3g} % for the true surge and sway. A steady "
             "current leaves no trace in what a vehicle feels of the water, so that no method can "
             "know it without sight of the bottom or a fix."

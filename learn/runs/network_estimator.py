@@ -200,8 +200,8 @@ class NetworkFlight(FlightEstimator):
         known = self._predictions[store.path]
         if log.index not in known:
             raise StoreError(
-                f"run {self.run.name} has no velocities of mission {log.index} of {store.path}; "
-                "leave it out with --missions"
+                f"run {self.run.name} lacks mission {log.index} of {store.path}; leave "
+                "it out with --missions"
             )
         one = known[log.index]
         time = log.period * np.arange(len(log.depth))

@@ -55,7 +55,7 @@ def choose_residence(
     whole, streamed = (together * max(column) for column in zip(*sizes, strict=True))
     networks = f"{together} networks at a time" if together > 1 else "one network at a time"
     limit = (
-        f"{allowed / GB:.2g} GB (half of the memory that is free; change it with --memory)"
+        f"{allowed / GB:.2g} GB (half of the memory that is free; --memory changes it)"
         if memory is None
         else f"the {memory:g} GB of --memory"
     )

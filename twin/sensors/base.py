@@ -293,13 +293,15 @@ SENSORS: Registry[type[Sensor]] = Registry(
 
 
 def table() -> str:
-    """The shipped sensors as a markdown table, as docs/reference/sensors.md shows it."""
-    rows = ["| sensor | reads | measures | a mission draws |", "|---|---|---|---|"]
+    """The shipped sensors as a markdown table, as docs/reference/sensors.md shows it.
+
+    Units and drawn constants are in the data dictionary.
+    """
+    rows = ["| sensor | reads | measures |", "|---|---|---|"]
     for name in SENSORS.shipped():
         sensor = SENSORS[name]
         reads = [f"`{signal}`" for signal in sensor.reads] or ["`true_PART` of each moving part"]
-        writes = [f"`{entry.name}` [{entry.units}]" for entry in sensor.writes]
-        draws = [f"`{constant}` [{unit}]" for constant, unit in sensor.draws.items()]
-        cells = (reads, writes or ["`measured_PART` in its unit"], draws or ["nothing"])
+        writes = [f"`{entry.name}`" for entry in sensor.writes]
+        cells = (reads, writes or ["`measured_PART`"])
         rows.append(f"| `{name}` | {' | '.join(', '.join(cell) for cell in cells)} |")
     return "\n".join(rows) + "\n"

@@ -103,7 +103,7 @@ def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dic
     if not run.logged:
         said["data"] = SIMULATED
     if NOMINAL in first.place:
-        said["nominal"] = f"nobody said its {first.place[NOMINAL]}: the default stands"
+        said["nominal"] = f"{first.place[NOMINAL]} unknown: the default stands"
     return {
         **said,
         "missions": " ".join(map(str, missions)),

@@ -46,7 +46,7 @@ class McapSamples:
         moments = where[DATETIME].astype("datetime64[ms]")
         if np.isnat(moments).any():
             raise StoreError(
-                f"store {run.path} does not say when mission {mission} began, and messages have "
+                f"store {run.path} lacks the start time of mission {mission}, and messages have "
                 "dates: make it again with a start time"
             )
         self.time: NDArray[np.int64] = moments.astype(np.int64) * NANOSECONDS

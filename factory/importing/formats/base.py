@@ -94,7 +94,7 @@ class Importer:
             )
         for field in ("vehicle", "files", "channels", "suffixes", "marks"):
             if not getattr(self, field) and not (field == "marks" and self.takes_mapping):
-                raise InputError(f"importer {self.name!r}: {field} is empty; say what it is")
+                raise InputError(f"importer {self.name!r}: {field} is empty; state what it is")
         wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
         if wrong:
             raise InputError(

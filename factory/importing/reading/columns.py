@@ -154,8 +154,8 @@ def _header(file: TextIO) -> tuple[list[str], str]:
     line = file.readline(LONGEST_HEADER)
     if len(line) == LONGEST_HEADER:
         raise InputError(
-            f"{file.name} has a first line of more than {LONGEST_HEADER} characters: it is not a "
-            "table of columns"
+            f"{file.name} has a first line of more than {LONGEST_HEADER} characters: it is "
+            "not a table of columns"
         )
     delimiter = max(",;\t", key=line.count)
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter

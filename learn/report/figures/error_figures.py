@@ -27,7 +27,7 @@ MISSION_DASHES = ((0, ()), (0, (7, 4)), (0, (1.5, 3)))
 MISSION_COLOURS = (style.TRUTH, style.PALETTE["orange"], style.PALETTE["black"])
 CAPTION = (
     "North and east error of the networks' dead-reckoned track, measured attitude, no fixes: "
-    "through the water, and over ground with nothing known of the current."
+    "through the water, and over ground with an unknown current."
 )
 STEADY_CAPTION = (
     " Through the water a steady current changes nothing, so that the lines cover each other; over "

@@ -180,7 +180,7 @@ class DopplerTrack(ReportFigure):
         assert shown is not None
         return (
             f"Tracks over ground without fixes, {shown.label}: the networks' is the one through "
-            "the water, since they know nothing of the current."
+            "the water, since they do not know the current."
         )
 
 

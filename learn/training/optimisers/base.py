@@ -96,7 +96,7 @@ def check_optimiser(name: str, kind: type[Optimiser]) -> type[Optimiser]:
     if not issubclass(kind, MinibatchOptimiser | FullBatchOptimiser):
         raise InputError(
             f"optimiser {name!r} ({place_of(kind)}) must derive from MinibatchOptimiser or "
-            "FullBatchOptimiser, which say how the trainer calls it"
+            "FullBatchOptimiser, which define how the trainer calls it"
         )
     if unknown := [word for word in kind.settings if word not in SETTINGS]:
         raise InputError(

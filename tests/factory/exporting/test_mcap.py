@@ -259,6 +259,6 @@ def test_what_has_no_date_or_takes_no_option_is_told(
     nowhere = sample_coordinates(run, 0)
     nowhere["datetime"] = np.full(len(nowhere["datetime"]), np.datetime64("NaT"))
     monkeypatch.setattr("factory.exporting.mcap.samples.sample_coordinates", lambda *_: nowhere)
-    with pytest.raises(StoreError, match="does not say when mission 0 began"):
+    with pytest.raises(StoreError, match="lacks the start time of mission 0"):
         mcap.MCAP.export(run, [0], tmp_path / "b")
     assert list(tmp_path.iterdir()) == []

@@ -119,7 +119,7 @@ def test_slurm_counts_parts_as_the_first_array_did(
 
 def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) -> None:
     made, store = recipe(), tmp_path / "missions.zarr"
-    with pytest.raises(StoreError, match="nothing was begun"):
+    with pytest.raises(StoreError, match="was not begun"):
         finish(store)
     generate_part(made, store, StorePart(0, 2))
     with pytest.raises(InputError, match="was begun in 2 parts, 0 to 1"):

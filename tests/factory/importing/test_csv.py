@@ -262,7 +262,7 @@ def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
         assert logs.vehicle.part_names == ("propeller", "rudder", "elevator")
     del data["model"], data["signals"]["measured_propeller"]
     data["signals"] = {"commanded_ruder": data["signals"]["commanded_rudder"]}
-    with pytest.raises(InputError, match=r"unknown signal 'commanded_ruder'.*say whose: model"):
+    with pytest.raises(InputError, match=r"signal 'commanded_ruder'.*name the vehicle: model"):
         bring(folder, data)
 
 
@@ -299,7 +299,7 @@ def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
         (mine(time={"column": "stamp", "start": "yesterday"}), "start must be a time such as"),
         (mine(time={"column": "stamp", "start_from_name": "^2023"}), "one group in brackets"),
         (mine(ignored={"theta": "why"}), "column 'theta' is measured_pitch and ignored"),
-        (mine(ignored={"ax": ""}), "ignored.ax must say why"),
+        (mine(ignored={"ax": ""}), "ignored.ax needs a reason"),
         (mine(corrections=[{"files": "*", "signal": "measured_roll", "reason": "x", "sign": -1}]),
          "unknown mapped signal 'measured_roll'"),
         (mine(corrections=[{"files": "*", "signal": "measured_pitch", "reason": "x"}]),
@@ -322,8 +322,8 @@ def test_a_wrong_mapping_is_refused(data: dict[str, Any], message: str) -> None:
         (with_signals(measured_pitch={"column": "teta", "unit": "rad"}),
          "log.csv: measured_pitch: unknown column 'teta': did you mean 'theta'"),
         (mine(time={"column": "stamps"}), "time: unknown column 'stamps': did you mean 'stamp'"),
-        (mine(time={"column": "stamp", "unit": "ms"}), "no unix time: say in [time] when"),
-        (mine(time={"column": "stamp", "unit": "iso"}), "holds numbers: say unit"),
+        (mine(time={"column": "stamp", "unit": "ms"}), "not unix time: give in [time] when"),
+        (mine(time={"column": "stamp", "unit": "iso"}), "holds numbers: write unit"),
         (mine(time={"column": "stamp", "unit": "ms", "start_from_name": r"^(\d{8})_"}),
          "its name does not fit start_from_name"),
         (with_signals(measured_dvl_surge={"column": "vx", "unit": "m/s"}),

@@ -274,7 +274,7 @@ def test_another_vehicles_gps_is_refused(tmp_path: Path) -> None:
     time = FLIGHT.time
     latitude, longitude = FLIGHT.position(time)
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT, m_lat=latitude + 3.0, m_lon=longitude)
-    with pytest.raises(InputError, match=r"km from where unit1 has it"):
+    with pytest.raises(InputError, match=r"km from the vehicle's place in unit1"):
         import_logs("slocum", [flight_table, gps_table])
     gps = gps_columns(FLIGHT)
     gps["time"] = gps["time"] + 1e7

@@ -217,12 +217,9 @@ def test_a_current_that_the_store_has_not_is_asked_for():
     [
         ({"source": "gps"}, r"unknown source of labels 'gps'.*dvl, truth"),
         ({"smoothing": "gausian"}, r"unknown smoothing 'gausian': did you mean 'gaussian'"),
-        (
-            {"known_current": "still"},
-            r"known current 'still' is invalid: give none, store or N",
-        ),
-        ({"known_current": "0.1"}, "is invalid: give"),
-        ({"known_current": "0,nan"}, "is invalid: give"),
+        ({"known_current": "still"}, r"current 'still' is unknown: give none, store or NORTH"),
+        ({"known_current": "0.1"}, "is unknown: give none"),
+        ({"known_current": "0,nan"}, "is unknown: give none"),
     ],
 )
 def test_unknown_words_are_named(settings, message):

@@ -257,7 +257,7 @@ def test_the_card_of_a_run_on_logs_speaks_of_logs(
     assert "(test dives of that store)" in card
     assert "over the samples that have a truth" in card
     # this log knows the speed only
-    assert "sway as zero, so that sway is no estimate" in card
+    assert "sway as zero, so that sway is not estimated" in card
     later = learn.fit(store, folder=tmp_path / "later", start=run.folder, epochs=1, members=1)
     card = (later.folder / "README.md").read_text().replace("\\", "")  # escapes of markdown
     assert f"weights to start from: run {run.folder}, trained on {store}, logs" in card

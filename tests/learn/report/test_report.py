@@ -314,7 +314,7 @@ def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     card = model_card(run, judged.figures, "test")
     assert card.startswith("---\n")
     assert "leaks" in card
-    assert "know nothing of the current" in card
+    assert "do not know the current" in card
     assert "| networks |" in card
     assert "simulated missions (preset paper)" in card
     assert "trained on samples of what they are judged on" not in card

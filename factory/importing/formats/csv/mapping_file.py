@@ -155,7 +155,7 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     ignored = table(label, "ignored", data.get("ignored", {}))
     for pattern, why in ignored.items():
         if not isinstance(why, str) or not why.strip():
-            raise InputError(f"{label}: ignored.{pattern} must say why, as a text, not {why!r}")
+            raise InputError(f"{label}: ignored.{pattern} needs a reason, as a text, not {why!r}")
         mapped = [n for n, s in signals.items() if fnmatch.fnmatchcase(s.column, pattern)]
         if mapped:
             raise InputError(
@@ -166,14 +166,14 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     if dvl_lock is not None:
         one_of(label, "dvl_lock", dvl_lock, tuple(LOCKS))
         if "measured_dvl_mode" in signals:
-            raise InputError(f"{label}: dvl_lock and measured_dvl_mode say the same; give one")
+            raise InputError(f"{label}: dvl_lock and measured_dvl_mode mean the same; give one")
         if "measured_dvl_surge" not in signals:
             raise InputError(f"{label}: dvl_lock needs measured_dvl_surge; map it, or leave it out")
     deployment, word = _deployment(label, data.get("deployment", "file"))
     rows, minutes = _rows(label, data.get("rows", "dives"))
     if rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
         raise InputError(
-            f'{label}: rows = "dives" needs measured_depth or measured_pressure; map one, or say '
+            f'{label}: rows = "dives" needs measured_depth or measured_pressure; map one, or write '
             'rows = "file", rows = "gaps" or a number of minutes'
         )
     return Mapping(
@@ -220,7 +220,7 @@ def _signal(label: str, name: str, entry: object, model: str | None) -> Signal:
                 "latitude and longitude of the vehicle's own track"
             )
         hint = "" if model else (
-            '; for controls of a vehicle\'s parts say whose: model = "tethys" or an own vehicle.xml'
+            '; for controls of parts name the vehicle: model = "tethys" or an own vehicle.xml'
         )  # fmt: skip
         raise InputError(f"{label}: {unknown_name('signal', name, allowed)}{hint}")
     if isinstance(entry, str):
@@ -282,7 +282,7 @@ def _clock(label: str, entry: object) -> Clock:
     if unit not in CLOCK_UNITS:
         raise InputError(f"{label}: {unknown_name('unit of time', unit, CLOCK_UNITS)}")
     if "start" in values and "start_from_name" in values:
-        raise InputError(f"{label}: start and start_from_name both say when; give one")
+        raise InputError(f"{label}: start and start_from_name both set the start; give one")
     start = moment(label, values["start"]) if "start" in values else None
     pattern = values.get("start_from_name")
     if pattern is not None:

@@ -93,7 +93,7 @@ def _account(
         if not signal.optional:
             raise InputError(
                 f"{path.name}: {name}: {unknown_name('column', signal.column, present)}; correct "
-                f"{mapping.name}, or say optional = true"
+                f"{mapping.name}, or write optional = true"
             )
         tally.add("missing", name, 1, f"column {signal.column}, which the mapping calls optional")
     used = {signal.column for signal, _ in signals.values()} | {mapping.time.column}
@@ -121,7 +121,7 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
         if clock.column not in table.texts or clock.unit != ISO:
             raise InputError(
                 f"{path.name}: time column {clock.column!r} holds "
-                f"{'text' if clock.column in table.texts else 'numbers'}: say unit = "
+                f"{'text' if clock.column in table.texts else 'numbers'}: write unit = "
                 f'"{ISO if clock.column in table.texts else "s"}" in [time]'
             )
         time = parse_stamps(table.texts[clock.column])
@@ -146,8 +146,8 @@ def _whole(time: Array, path: Path, tally: Tally) -> Array:
     except InputError as error:
         low, high = float(np.nanmin(time)), float(np.nanmax(time))
         raise InputError(
-            f"{path.name}: time runs from {low:g} to {high:g} s, no unix time: say in [time] when "
-            "the clock was 0, start = 2022-06-25T08:00:00Z or start_from_name = '^(\\d{8})_'"
+            f"{path.name}: time runs from {low:g} to {high:g} s, not unix time: give in [time] "
+            "when the clock was 0, start = 2022-06-25T08:00:00Z or start_from_name = '^(\\d{8})_'"
         ) from error
 
 

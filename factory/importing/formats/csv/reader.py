@@ -54,8 +54,8 @@ def read_tables(
         kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
         hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
-            f"{paths[0].name}: csv tables need a --mapping, a TOML file that names the column of "
-            "each signal (docs/howto/import_tables.md shows one), or a shipped one "
+            f"{paths[0].name}: csv tables need a --mapping, a TOML file that gives each column's "
+            "signal (docs/howto/import_tables.md shows one), or a shipped one "
             f"({', '.join(shipped_names())}){hint}"
         )
     mapping = load_mapping(options.mapping)

@@ -82,7 +82,7 @@ def check_values(
         )
         raise InputError(
             f"{subject} is to be {name} and is {shares} of its samples: a sentinel? Name it as the "
-            f"file has it, sentinels = [{', '.join(words)}], or say what is possible, in m/s, "
+            f"file has it, sentinels = [{', '.join(words)}], or give what is possible, in m/s, "
             "possible = [LOW, HIGH]"
         )
     raise InputError(
@@ -169,7 +169,7 @@ def _check_scale(
         tally.add("suspect", name, len(log.channel(name)), f"{log.deployment}: {found}")
         return
     raise InputError(
-        f"{', '.join(log.files)}: {name} has {found}: not a velocity in m/s: {what} Correct the "
+        f"{', '.join(log.files)}: {name} has {found}, not a velocity in m/s: {what} Correct the "
         "unit, or leave the file or the column out"
     )
 

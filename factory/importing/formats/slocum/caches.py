@@ -152,7 +152,7 @@ class CacheShelf:
         if (len(listed), used) != total:
             raise InputError(
                 f"cache file {name}.cac is not the one of {path.name}: it lists {used} of "
-                f"{len(listed)} sensors, the header lists {total[1]} of {total[0]}"
+                f"{len(listed)} sensors, the header has {total[1]} of {total[0]}"
             )
         self._checked[(name, *total)] = None
 

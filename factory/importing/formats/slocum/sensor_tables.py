@@ -330,7 +330,7 @@ def _same_place(
         tally.add("repaired", subject, len(fixes), "latitude and longitude were swapped")
         return LoggedFixes(fixes.time, fixes.longitude, fixes.latitude)
     raise InputError(
-        f"{subject}: its fixes are {away / 1e3:.0f} km from where {parts.name} has it; "
+        f"{subject}: its fixes are {away / 1e3:.0f} km from the vehicle's place in {parts.name}; "
         "they are another vehicle's"
     )
 
