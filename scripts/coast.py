@@ -1,4 +1,4 @@
-"""Makes `twin/show/figures/coast.npz`, the coast that maps draw, from a TopoJSON of the world's land.
+"""Makes `twin/show/figures/coast.npz`, the coast that maps draw, from the world's land as TopoJSON.
 
     python scripts/coast.py land-50m.json
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 import yaml
 from examples import script
+from packaging.requirements import Requirement
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN

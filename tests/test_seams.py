@@ -14,7 +14,13 @@ from examples import ROOT, script
 from twin.seams.plugins import imported
 from twin.water.current.registry import kinds as current_kinds
 
-NO_KINDS = {"twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up"}
+NO_KINDS = {
+    "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
+    "twin.navigation.estimators.ekf:EkfSteps": "the steps of the baseline of that file",
+    "twin.navigation.estimators.dvl:DvlSteps": "the steps of the baseline of that file",
+    "twin.navigation.estimators.onboard:OnboardSteps": "the steps of the baseline of that file",
+    "twin.navigation.estimators.steady_flight:SteadyFlightSteps": "the steps of that baseline",
+}
 """Classes derived from a seam's base that are no kind of their own, and why"""
 WIDER = {"learn.MinibatchOptimiser": "learn.training.optimisers.base.Optimiser"}
 """The class behind what a page tells users to derive from"""

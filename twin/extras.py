@@ -1,7 +1,7 @@
 """Extras: optional packages, and the command that installs one that is missing.
 
-Likewise the package `factory`, whose name factory_boy has too: pip lets the one replace files of the
-other without a word.
+Likewise the package `factory`, a name that factory_boy has too: pip lets the one replace files of
+the other without a word.
 """
 
 from __future__ import annotations

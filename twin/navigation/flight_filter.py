@@ -1,8 +1,8 @@
 """Flight filter: what a glider's flight model gets wrong, estimated while it flies.
 
 The steady balance of forces (`twin.identify.start_values`) says at every sample how fast the depth
-must change. What it changes in truth corrects seven constants of the mission, from which speed and flow
-angles follow:
+must change. What it changes in truth corrects seven constants of the mission, from which speed and
+flow angles follow:
 
     (ln of the factors on K_D0 and K_alpha, pitch error of the forward and of the downward
      accelerometer [rad], ballast [kg], compressibility of the hull [1/Pa], ln of that on K_D)

@@ -185,7 +185,9 @@ def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
 
 def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
     """What to change when `positions` of the parts, shape (parts,), give no steady motion."""
-    slides, turned, resting = [], [], []
+    slides: list[str] = []
+    turned: list[str] = []
+    resting: list[str] = []
     for part, position, rest in zip(vehicle.parts, positions, vehicle.rest, strict=True):
         if isinstance(part, BatterySlide):
             slides.append(part.name)

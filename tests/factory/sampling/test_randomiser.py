@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from factory.sampling.vehicle_errors import field, table
+from factory.sampling.randomiser import field, table
 from twin import suite
 from twin.errors import InputError, VehicleError
 from twin.physics.model_block import header

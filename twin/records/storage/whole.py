@@ -59,8 +59,8 @@ def whole_folder(
 ) -> Iterator[Path]:
     """Write a folder; the context yields an empty one, which becomes `path` when it ends well.
 
-    Every file then has its checksum in `twin.records.storage.checksums`' list. When the context ends
-    with an error, `path` is as it was.
+    Every file then has its checksum in `twin.records.storage.checksums`' list. When the context
+    ends with an error, `path` is as it was.
 
     Args:
       overwrite: take the place of what is there, which stays until the new folder is complete.

@@ -1,1 +1,0 @@
-"""Stores of missions and of logs, read back."""

@@ -1,1 +1,0 @@
-"""Navigation: dead reckoning, and the methods that it is compared with."""
