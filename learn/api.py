@@ -22,7 +22,7 @@ from learn.training.settings import FitConfig, fit_settings
 from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError, unknown_name
 from twin.extras import require
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 if TYPE_CHECKING:
     from learn.evaluation.evaluation import Watch as EvaluationWatch

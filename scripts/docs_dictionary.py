@@ -44,7 +44,7 @@ from twin.logs.flight_dataset import (  # noqa: E402
     PER_DIVE,
 )
 from twin.physics.true_signals import energy_variables, part_variables  # noqa: E402
-from twin.records import schema  # noqa: E402
+from twin.records import coordinates, schema  # noqa: E402
 from twin.records.attributes import (  # noqa: E402
     ATTEMPT,
     AXES,
@@ -56,7 +56,6 @@ from twin.records.attributes import (  # noqa: E402
 from twin.records.mission_dataset import STATE, STATE_ATTRIBUTES, STATES  # noqa: E402
 from twin.records.schema import MISSION, TIME, Variable  # noqa: E402
 from twin.records.schema.limits import recorded_limits, simulated_limits  # noqa: E402
-from twin.records.storage import store_place  # noqa: E402
 from twin.sensors.base import SENSORS  # noqa: E402
 from twin.vehicle.assets import shipped_files  # noqa: E402
 from twin.vehicle.parts.base import PARTS  # noqa: E402
@@ -177,9 +176,9 @@ def place_section() -> str:
         row(MISSION, OF_MISSION, AXES[MISSION]),
         row(TIME, f"({TIME})", AXES[TIME]),
         row(SEGMENT, f"({SEGMENT})", PLANNED[SEGMENT]),
-        *(row(name, OF_MISSION, store_place.ATTRIBUTES[name]) for name in store_place.PLACE),
-        row(store_place.NOMINAL, OF_MISSION, store_place.NOMINAL_ATTRIBUTES),
-        *(row(name, OF_SAMPLE, store_place.ATTRIBUTES[name]) for name in store_place.COORDINATES),
+        *(row(name, OF_MISSION, coordinates.ATTRIBUTES[name]) for name in coordinates.PLACE),
+        row(coordinates.NOMINAL, OF_MISSION, coordinates.NOMINAL_ATTRIBUTES),
+        *(row(name, OF_SAMPLE, coordinates.ATTRIBUTES[name]) for name in coordinates.COORDINATES),
     ]
     return (
         "## Place and time\n\nThe axes, and where and when missions start and samples are, in UTC "
@@ -391,7 +390,7 @@ def import_section() -> str:
             row(name, OF_MISSION, {"units": units, "long_name": long_name})
             for name, (units, long_name) in NUMBERS.items()
         ),
-        row(store_place.METHOD, OF_MISSION, store_place.METHOD_ATTRIBUTES),
+        row(coordinates.METHOD, OF_MISSION, coordinates.METHOD_ATTRIBUTES),
     ]
     payload = [
         row(
@@ -421,7 +420,7 @@ def flight_section() -> str:
     copied = [
         row(name, OF_SAMPLE, described(schema.VARIABLES[stored])) for stored, name in COPIED.items()
     ]
-    when = row(store_place.DATETIME, OF_SAMPLE, store_place.ATTRIBUTES[store_place.DATETIME])
+    when = row(coordinates.DATETIME, OF_SAMPLE, coordinates.ATTRIBUTES[coordinates.DATETIME])
     rows: Sequence[tuple[str, ...]] = [
         *(row(n, f"({n})" if n == TIME else OF_MISSION, said) for n, said in OF_FLIGHTS.items()),
         when,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from twin.errors import InputError
 from twin.records.storage.checksums import is_listed
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file, whole_folder
 from twin.seams import Registry, imported, instance_of
 

@@ -14,10 +14,10 @@ from factory.exporting.metadata import Metadata
 from factory.generation.generated_store import GeneratedStore
 from twin.cli.text_table import counted
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SPLITS, TITLE
+from twin.records.coordinates import NOMINAL, NOMINAL_WORDS
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
-from twin.records.storage.store_place import NOMINAL, NOMINAL_WORDS
 from twin.version import __version__
 
 UNKNOWN, OTHER = "unknown", "other"

@@ -16,9 +16,9 @@ import numpy as np
 from factory.exporting.base import Advance, Exporter, no_progress
 from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SCENARIO, TITLE
+from twin.records.coordinates import ATTRIBUTES, DATETIME, LATITUDE, LONGITUDE
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import ATTRIBUTES, DATETIME, LATITUDE, LONGITUDE
 from twin.records.timeseries import sample_coordinates
 
 if TYPE_CHECKING:

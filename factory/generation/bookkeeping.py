@@ -20,9 +20,9 @@ from factory.sampling.kinds import kinds_for
 from factory.sampling.mission_water import mission_place
 from factory.sampling.recipe import Recipe
 from twin.records import attributes as names
+from twin.records.coordinates import ATTRIBUTES, PLACE, place_arrays
 from twin.records.schema import MISSION
 from twin.records.storage.sharded import flag_attributes
-from twin.records.storage.store_place import ATTRIBUTES, PLACE, place_arrays
 
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""

@@ -27,18 +27,18 @@ from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records import attributes as names
 from twin.records.attributes import SPLITS
-from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.storage.object_storage import files_at
-from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     ATTRIBUTES,
     COORDINATE_DTYPES,
     COORDINATES,
     DATETIME,
     FLOWN,
     PLACE,
-    StorePath,
 )
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.storage.object_storage import files_at
+from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
+from twin.records.storage.store_path import StorePath
 from twin.records.storage.stored_files import FileSum
 from twin.version import __version__
 

@@ -32,7 +32,7 @@ from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import LocalFiles
 from twin.records.storage.whole import check_empty, copy_into
 

@@ -37,11 +37,12 @@ from twin.records.attributes import (
     SETTINGS,
     VEHICLE_MJCF,
 )
+from twin.records.coordinates import read_place
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 from twin.records.storage.store_arrays import read_array
-from twin.records.storage.store_place import StorePath, read_place
+from twin.records.storage.store_path import StorePath
 from twin.sensors import SensorSuite
 
 ROWS = 65_536
@@ -287,7 +288,7 @@ class StoredFlight(MissionStore):
         return ["none"] * len(self)
 
     def place(self, mission: int) -> dict[str, float | str]:
-        """Where and when it began; see `twin.records.storage.store_place`."""
+        """Where and when it began; see `twin.records.coordinates`."""
         return read_place(self.dataset.isel({MISSION: mission}))
 
 

@@ -32,7 +32,7 @@ from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 from twin.records.presence import begun, is_complete
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 
 SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (
     "SLURM_ARRAY_TASK_ID",

@@ -39,10 +39,11 @@ from factory.sampling.drawn_plan import samples_in
 from factory.sampling.recipe import Recipe, read_recipe, recipe_document
 from twin.errors import StoreError
 from twin.records import attributes as names
+from twin.records.coordinates import COORDINATE_DTYPES, COORDINATES
 from twin.records.schema import VARIABLES
 from twin.records.storage.checksums import damaged_files, has_checksums, read_checksums
 from twin.records.storage.sharded import DTYPE, METADATA, fill_value, read_rows
-from twin.records.storage.store_place import COORDINATE_DTYPES, COORDINATES, StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import FileSum, LocalFiles
 
 

@@ -28,7 +28,7 @@ from twin.errors import StoreError
 from twin.records.presence import RECIPE, begun, generating
 from twin.records.storage.disk import sweep
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_place import StorePath, Url
+from twin.records.storage.store_path import StorePath, Url
 from twin.records.storage.stored_files import Files
 
 DIGITS = 16

@@ -25,7 +25,7 @@ from twin.records.presence import (
 )
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import take_place
 from twin.records.store import check_ending, check_version
 

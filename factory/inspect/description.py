@@ -17,7 +17,7 @@ from twin.records.attributes import DURATION, SPLITS
 from twin.records.logged import LogStore
 from twin.records.presence import is_unfinished
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from twin.cli.text_table import counted
 from twin.records.attributes import DIVE_DURATION
+from twin.records.coordinates import METHODS
 from twin.records.logged import LogStore
-from twin.records.storage.store_place import METHODS
 from twin.show import style
 from twin.show.dates import DAY, LABEL, draw_dates
 from twin.show.figures.map import (

@@ -17,7 +17,7 @@ from twin.frames import euler_to_matrix
 from twin.records.reader import MissionStore
 from twin.records.schema import TIME
 from twin.records.storage.checksums import damaged_files, has_checksums, read_checksums
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 Block = Mapping[str, NDArray[np.float32]]
 MISSIONS_AT_ONCE = 16

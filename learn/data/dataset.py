@@ -20,7 +20,7 @@ from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
 from twin.records.storage.sharded import fast_reading
 from twin.records.storage.store_arrays import check_filled
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]
 

@@ -6,7 +6,7 @@ from twin.errors import StoreError
 from twin.navigation.features import FLIGHT, GLIDER_PARTS, INPUT_SETS
 from twin.navigation.settings import can_estimate
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 
 def parts_of(store: str | StorePath) -> dict[str, float | None]:

@@ -19,7 +19,7 @@ from learn.data.store_checks import no_doppler_labels, no_truth
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 Floats = NDArray[np.float32]
 Places = NDArray[np.int64]

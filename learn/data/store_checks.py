@@ -19,7 +19,7 @@ from learn.data.logs import SPEED
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 
 def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:

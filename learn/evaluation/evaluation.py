@@ -27,7 +27,7 @@ from twin.navigation.dead_reckoning import Array
 from twin.navigation.estimators.baseline import BASELINES, Baseline, Estimate, check_estimate
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

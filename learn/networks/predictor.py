@@ -24,7 +24,7 @@ from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
 
 Floats = NDArray[np.float32]

@@ -24,7 +24,7 @@ from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED, sources
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 

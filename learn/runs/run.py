@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import SAMPLE_PERIOD
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.whole import whole_file
 from twin.version import __version__
 

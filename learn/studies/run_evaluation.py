@@ -13,7 +13,7 @@ from learn.runs.run import Run
 from twin.cli.console import to_json
 from twin.navigation.estimators.baseline import Estimate
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 
 def evaluate_run(

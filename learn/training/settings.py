@@ -22,7 +22,7 @@ from learn.training.optimisers.registry import OPTIMISERS
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import INPUT_SETS, select_features
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 
 FREE = ("device", "threads")
 """Settings of a training with which another machine may go on."""

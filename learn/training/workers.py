@@ -26,7 +26,7 @@ from learn.training.resources import Resources, train
 from learn.training.settings import TrainingJob
 from learn.training.trainer import TrainingReport
 from twin.errors import TwinError
-from twin.records.storage.store_place import store_path
+from twin.records.storage.store_path import store_path
 
 POLL_S = 0.2
 """[s] between looks for reports"""

@@ -26,7 +26,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from twin.cli.mistakes import explain
 from twin.cli.option_texts import option_owner, option_text
 from twin.errors import InputError, TwinError
-from twin.records.storage.store_place import StorePath, Url, store_path
+from twin.records.storage.store_path import StorePath, Url, store_path
 
 if TYPE_CHECKING:
     from twin.cli.endings import Runnable

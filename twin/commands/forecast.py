@@ -160,7 +160,7 @@ class ForecastSurfacings(JsonOption):
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
-        from twin.records.storage.store_place import unix_seconds
+        from twin.records.coordinates import unix_seconds
         from twin.vehicle.vehicle import load_vehicle
         from twin.water.current.axes import Origin
 

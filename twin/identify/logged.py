@@ -13,7 +13,7 @@ from twin.errors import StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
 from twin.records.logged import log_rows
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

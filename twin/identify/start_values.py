@@ -16,7 +16,7 @@ from twin.errors import InputError
 from twin.identify.logged import check_channels
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.vehicle.assets import vehicle_names
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.geodesy import from_tangent_plane, position, wrap_longitude
+from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
 from twin.records.logged import numbers
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import START_LATITUDE, START_LONGITUDE
 
 Array = NDArray[np.float64]
 

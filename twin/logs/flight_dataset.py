@@ -25,15 +25,10 @@ from twin.records.attributes import (
     START_TIME,
     TITLE,
 )
+from twin.records.coordinates import DATETIME, padded, sample_variables, unix_milliseconds
 from twin.records.logged import start_times
 from twin.records.presence import FLIGHT_TITLE, is_derived
 from twin.records.schema import MISSION, TIME
-from twin.records.storage.store_place import (
-    DATETIME,
-    padded,
-    sample_variables,
-    unix_milliseconds,
-)
 from twin.records.storage.whole import (
     check_file_target,
     check_folder_target,

@@ -33,7 +33,7 @@ from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag
 from twin.records.attributes import DEPLOYMENT
 from twin.records.logged import start_times
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]

@@ -16,15 +16,10 @@ from twin.errors import InputError
 from twin.geodesy import offset
 from twin.logs.depth_averaged_current import DiveCurrent
 from twin.logs.flight_estimate import MissionFlight, estimate_flight
+from twin.records.coordinates import METHOD, METHODS, START_LATITUDE, START_LONGITUDE
 from twin.records.logged import AVERAGED, MEASURED, LoggedTrajectory, LogStore
 from twin.records.schema import VARIABLES
-from twin.records.storage.store_place import (
-    METHOD,
-    METHODS,
-    START_LATITUDE,
-    START_LONGITUDE,
-    StorePath,
-)
+from twin.records.storage.store_path import StorePath
 from twin.records.store import read_trajectory
 from twin.records.trajectory import actuator_names
 from twin.vehicle.vehicle import Vehicle

@@ -17,12 +17,7 @@ from twin.physics.model_block import header, table
 from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
 from twin.physics.true_signals import from_log
-from twin.records.storage.store_place import (
-    NOMINAL,
-    START_LATITUDE,
-    START_LONGITUDE,
-    START_TIME,
-)
+from twin.records.coordinates import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME
 from twin.records.trajectory import Trajectory
 from twin.water.current.axes import DEFAULT_TIME
 

@@ -25,17 +25,17 @@ from twin.records.attributes import (
     START_TIME,
     says_simulated,
 )
-from twin.records.reader import MissionStore
-from twin.records.schema import VARIABLES
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     LATITUDE,
     LONGITUDE,
     METHOD,
     METHODS,
     START_LATITUDE,
     START_LONGITUDE,
-    StorePath,
 )
+from twin.records.reader import MissionStore
+from twin.records.schema import VARIABLES
+from twin.records.storage.store_path import StorePath
 from twin.records.trajectory import Trajectory, actuator_names
 from twin.water.current.axes import HIGHEST_LATITUDE
 

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import StoreError
 from twin.records.attributes import AXES, N_SAMPLES, OF_MISSIONS, SIMULATED_ATTRIBUTES
-from twin.records.schema import MISSION, TIME, VARIABLES, variable
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     COORDINATES,
     FLOWN,
     NOMINAL,
@@ -29,6 +28,7 @@ from twin.records.storage.store_place import (
     place_arrays,
     sample_variables,
 )
+from twin.records.schema import MISSION, TIME, VARIABLES, variable
 from twin.records.trajectory import Trajectory
 from twin.vehicle.consumption import ENERGY
 

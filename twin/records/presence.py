@@ -17,7 +17,7 @@ from twin.records.attributes import TITLE, is_missions
 from twin.records.storage.checksums import check_readable, is_listed
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -42,7 +42,7 @@ from twin.records.storage.store_arrays import (
     gone_arrays,
     read_array,
 )
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.store import open_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption

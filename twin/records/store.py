@@ -22,6 +22,7 @@ import numpy as np
 from twin.bounded import check_dataset
 from twin.errors import StoreError, WriteError, quoted
 from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
+from twin.records.coordinates import read_place
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
 from twin.records.presence import (
     flight_message,
@@ -41,7 +42,7 @@ from twin.records.storage.store_arrays import (
     mission_samples,
     read_array,
 )
-from twin.records.storage.store_place import StorePath, read_place, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.whole import check_folder_target, recover, whole_folder
 from twin.records.trajectory import Trajectory
 

@@ -19,10 +19,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, StoreError
 from twin.geodesy import from_tangent_plane, position, wrap_longitude
 from twin.records.attributes import COMMENT
-from twin.records.logged import LogStore
-from twin.records.reader import MissionStore
-from twin.records.schema import MISSION, TIME
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     ATTRIBUTES,
     DATETIME,
     FLOWN,
@@ -37,6 +34,9 @@ from twin.records.storage.store_place import (
     unix_milliseconds,
     unix_seconds,
 )
+from twin.records.logged import LogStore
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION, TIME
 from twin.records.store import open_store
 from twin.records.trajectory import sample_times
 

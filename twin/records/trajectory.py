@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, UnknownName
 from twin.lazy import resolve
-from twin.records.storage.store_place import START_LATITUDE, START_LONGITUDE
+from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
 
 if TYPE_CHECKING:
     import xarray as xr

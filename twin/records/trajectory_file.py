@@ -10,10 +10,7 @@ import numpy as np
 from twin.bounded import check_dataset
 from twin.errors import InputError, StoreError
 from twin.records.attributes import N_SAMPLES, SCHEMA, SIMULATED_ATTRIBUTES
-from twin.records.mission_dataset import STATES, mission_dataset, signal_names, stored_columns
-from twin.records.schema import MISSION, TIME, variable
-from twin.records.storage.store_arrays import check_mission
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     DATETIME,
     FLOWN,
     LATITUDE,
@@ -25,6 +22,9 @@ from twin.records.storage.store_place import (
     unix_milliseconds,
     unix_seconds,
 )
+from twin.records.mission_dataset import STATES, mission_dataset, signal_names, stored_columns
+from twin.records.schema import MISSION, TIME, variable
+from twin.records.storage.store_arrays import check_mission
 from twin.records.storage.whole import whole_file
 from twin.records.store import declare_signals, read_trajectory, write_netcdf, write_store
 from twin.records.trajectory import Trajectory

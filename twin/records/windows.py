@@ -24,7 +24,7 @@ from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
 from twin.records.storage.disk import Places, buffers
 from twin.records.storage.sharded import fast_reading
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]
 Missions = dict[int, Floats]

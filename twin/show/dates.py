@@ -11,7 +11,7 @@ from matplotlib.dates import AutoDateLocator
 from matplotlib.ticker import Formatter, Locator
 
 from twin.records.attributes import is_logged
-from twin.records.storage.store_place import START_TIME, unix_seconds
+from twin.records.coordinates import START_TIME, unix_seconds
 from twin.records.trajectory import Trajectory
 from twin.show import style
 

@@ -16,10 +16,10 @@ from factory.exporting.mcap.cdr import encode
 from factory.exporting.mcap.samples import McapSamples
 from factory.exporting.mcap.topics import Topic, topics
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
+from twin.records.coordinates import NOMINAL
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
-from twin.records.storage.store_place import NOMINAL
 from twin.version import __version__
 
 if TYPE_CHECKING:

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from factory.exporting.mcap.cdr import orientation
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane, offset, position
-from twin.records.reader import MissionStore
-from twin.records.schema import MISSION
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     DATETIME,
     LATITUDE,
     LONGITUDE,
@@ -18,6 +16,8 @@ from twin.records.storage.store_place import (
     START_LONGITUDE,
     read_place,
 )
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
 from twin.records.timeseries import FIXES, sample_coordinates
 
 Array = NDArray[np.float64]

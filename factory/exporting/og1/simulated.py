@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from factory.generation.generated_store import GeneratedStore, StoredFlight
 from factory.sampling.mission_water import mission_place
 from twin.errors import StoreError
-from twin.records.schema import MISSION
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     NOMINAL,
     START_LATITUDE,
     START_LONGITUDE,
     START_TIME,
     read_place,
 )
+from twin.records.schema import MISSION
 from twin.version import __version__
 from twin.water.current.axes import DEFAULT_TIME, Origin
 

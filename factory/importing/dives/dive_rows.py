@@ -25,8 +25,7 @@ from twin.records.attributes import (
     SPLITS,
     TITLE,
 )
-from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     ATTRIBUTES,
     DATETIME,
     LATITUDE,
@@ -41,6 +40,7 @@ from twin.records.storage.store_place import (
     sample_variables,
     unix_milliseconds,
 )
+from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.trajectory import sample_times
 from twin.version import __version__
 

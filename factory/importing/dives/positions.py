@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from factory.importing.dives.segments import SURFACE, LogSegment
 from twin.geodesy import position, wrap_longitude
-from twin.records.storage.store_place import rounded_degrees
+from twin.records.coordinates import rounded_degrees
 from twin.water.current.axes import HIGHEST_LATITUDE
 
 ATTACK = 3.0
@@ -141,7 +141,7 @@ class Positions:
     longitude: Array
     """[degree], (time,)"""
     method: str
-    """One of `twin.records.storage.store_place.METHODS`"""
+    """One of `twin.records.coordinates.METHODS`"""
 
 
 def row_positions(

@@ -17,7 +17,7 @@ from factory.generation.generated_store import GeneratedStore
 from factory.inspect.flown_again import replay_mission
 from factory.sampling.recipe import make_recipe
 from twin.geodesy import from_tangent_plane
-from twin.records.storage.store_place import COORDINATES, NO_TIME, PLACE
+from twin.records.coordinates import COORDINATES, NO_TIME, PLACE
 
 OFF_MONTEREY = (36.8, -122.4)
 

@@ -24,7 +24,7 @@ from learn.data.dataset import load_missions
 from twin.errors import InputError, StoreError, WriteError
 from twin.records.storage.checksums import content_hash, store_hash
 from twin.records.storage.object_storage import ObjectFiles, files_at
-from twin.records.storage.store_place import Url, store_path
+from twin.records.storage.store_path import Url, store_path
 from twin.records.storage.whole import check_folder_target
 from twin.records.store import open_store
 from twin.records.windows import Windows

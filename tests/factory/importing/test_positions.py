@@ -12,8 +12,8 @@ from logs import Flight, write_slocum
 from factory.importing import import_logs
 from factory.importing.dives.positions import row_positions
 from twin.geodesy import offset
+from twin.records.coordinates import METHODS
 from twin.records.logged import LogStore
-from twin.records.storage.store_place import METHODS
 from twin.records.store import write_store
 
 FLIGHT = Flight()

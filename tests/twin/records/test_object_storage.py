@@ -17,7 +17,7 @@ from s3 import PACKAGES, s3_server
 from twin.errors import InputError
 from twin.records.storage import object_storage
 from twin.records.storage.object_storage import ObjectFiles, files_at
-from twin.records.storage.store_place import Url
+from twin.records.storage.store_path import Url
 
 pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
 

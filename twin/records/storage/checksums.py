@@ -27,7 +27,7 @@ from twin.records.attributes import N_SAMPLES, SPLIT
 from twin.records.schema import TIME
 from twin.records.storage.disk import write_whole
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_place import StorePath, store_path
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import Files, FileSum, LocalFiles, file_sum
 
 LIST = "checksums.json"

@@ -22,7 +22,7 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.extras import require
-from twin.records.storage.store_place import StorePath, Url, store_path
+from twin.records.storage.store_path import StorePath, Url, store_path
 from twin.records.storage.stored_files import Files, FileSum, LocalFiles
 
 RETRIES, RETRY_S = 8, 60

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.checksums import ZARR_LIST, check_readable, list_text
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 from twin.records.storage.stored_files import Files, FileSum
 
 if TYPE_CHECKING:

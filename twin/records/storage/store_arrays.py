@@ -11,7 +11,7 @@ from twin.records.attributes import N_SAMPLES
 from twin.records.schema import TIME
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_place import StorePath
+from twin.records.storage.store_path import StorePath
 
 if TYPE_CHECKING:
     import xarray as xr

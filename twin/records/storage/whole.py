@@ -38,7 +38,7 @@ from twin.records.storage.disk import (
     temporary_name,
 )
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_place import Url, store_path
+from twin.records.storage.store_path import Url, store_path
 from twin.records.storage.stored_files import Files
 
 if TYPE_CHECKING:

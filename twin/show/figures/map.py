@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.coordinates import NOMINAL
 from twin.records.logged import AVERAGED, source_of
-from twin.records.storage.store_place import NOMINAL
 from twin.records.trajectory import Trajectory
 from twin.show import style
 from twin.show.figures.base import FigureKind

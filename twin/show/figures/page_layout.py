@@ -19,17 +19,17 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from twin.cli.text_table import MISSING, format_number
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
-from twin.records.logged import log_rows, numbers
-from twin.records.reader import MissionStore
-from twin.records.schema import MISSION
-from twin.records.storage.checksums import LIST
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     NOMINAL,
     START_LATITUDE,
     START_LONGITUDE,
     START_TIME,
     read_place,
 )
+from twin.records.logged import log_rows, numbers
+from twin.records.reader import MissionStore
+from twin.records.schema import MISSION
+from twin.records.storage.checksums import LIST
 from twin.records.storage.whole import check_folder_target, whole_folder
 
 DPI = 200

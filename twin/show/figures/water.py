@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
-from twin.records.storage.store_place import START_LATITUDE, START_LONGITUDE
 from twin.records.trajectory import Trajectory
 from twin.show import style
 from twin.show.figures.base import FigureKind

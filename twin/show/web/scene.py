@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.geodesy import convergence, meridian_radius, normal_radius
-from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
-from twin.records.storage.store_place import (
+from twin.records.coordinates import (
     NOMINAL,
     START_LATITUDE,
     START_LONGITUDE,
     START_TIME,
     unix_seconds,
 )
+from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, seabed
 from twin.show.render.canvas import frame_of

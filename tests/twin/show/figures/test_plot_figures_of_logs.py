@@ -19,9 +19,9 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, VehicleError
 from twin.geodesy import offset
 from twin.logs import estimate_flight, logged_trajectory
+from twin.records.coordinates import METHOD, METHODS
 from twin.records.logged import LoggedTrajectory, LogStore
 from twin.records.reader import MissionStore
-from twin.records.storage.store_place import METHOD, METHODS
 from twin.records.store import write_store
 from twin.show.dates import DateFormatter, DateLocator
 from twin.show.figures import FIGURES, figure

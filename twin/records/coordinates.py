@@ -3,26 +3,21 @@
 A store has the coordinates `datetime`, `latitude` and `longitude` of every sample and
 `start_time`, `start_latitude` and `start_longitude` of every mission, all in UTC and degrees WGS84.
 The starts are the origins of the missions' frames. Stores of earlier versions lack some or all.
-
-Store path: where a store lies, a path of this machine or the address of an object storage.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path, PurePath, PurePosixPath
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, unknown_name
 from twin.geodesy import from_tangent_plane, wrap_longitude
 from twin.records.schema import MISSION
 
 if TYPE_CHECKING:
     import xarray as xr
-
 
 Array = NDArray[np.float64]
 
@@ -248,50 +243,3 @@ def read_place(one: xr.Dataset) -> dict[str, float | str]:
     if NOMINAL in one and (flag := int(one[NOMINAL].values)):
         place[NOMINAL] = NOMINAL_WORDS[flag]
     return place
-
-
-SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
-"""What may stand before :// in an address, and whose it is"""
-MARK = "://"
-
-
-class Url(PurePosixPath):
-    """An address such as s3://bucket/folder/missions.zarr, with the names and parents of paths.
-
-    It is no path of this machine: what opens files refuses it.
-    """
-
-    def __str__(self) -> str:
-        """With both slashes, which paths make one of."""
-        return super().__str__().replace(":/", MARK, 1)
-
-    def __fspath__(self) -> NoReturn:
-        raise TypeError(f"{self} is not a path of this machine")
-
-
-StorePath: TypeAlias = Path | Url
-
-
-def store_path(place: str | PurePath) -> StorePath:
-    """The path or address that a text means. A `Path` made of an address is taken for it.
-
-    Raises:
-      InputError: an address of a kind that nobody can read, or one that names no store.
-    """
-    if isinstance(place, Path | Url) and place.parts[:1] not in [(f"{s}:",) for s in SCHEMES]:
-        return place
-    text = str(place) if MARK in str(place) else str(place).replace(":/", MARK, 1)
-    scheme, mark, rest = text.partition(MARK)
-    if not mark:
-        return Path(place)
-    if scheme not in SCHEMES:
-        raise InputError(
-            f"{place}: {unknown_name('kind of address', scheme, SCHEMES)}; without {MARK} it is "
-            "a path of this machine"
-        )
-    if len(Url(text).parts) < 3 or ".." in rest.split("/"):
-        raise InputError(
-            f"{place} names no store: give the bucket and a name in it, such as "
-            f"{scheme}{MARK}BUCKET/missions.zarr"
-        )
-    return Url(text)
