@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from learn.networks.registry import NETWORKS as NETWORKS
     from learn.report.contents import Contents as Contents
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.figures.base import REPORT_FIGURES as REPORT_FIGURES
     from learn.report.figures.base import ReportFigure as ReportFigure
+    from learn.report.figures.registry import REPORT_FIGURES as REPORT_FIGURES
     from learn.runs.run import Run as Run
     from learn.runs.run import newest_run as newest_run
     from learn.runs.run import open_run as open_run
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
     from learn.training.schedule import TrainingConfig as TrainingConfig
     from learn.training.settings import FitConfig as FitConfig
     from learn.training.settings import fit_settings as fit_settings
-    from twin.navigation.estimators.baseline import BASELINES as BASELINES
     from twin.navigation.estimators.baseline import Baseline as Baseline
     from twin.navigation.estimators.baseline import Estimate as Estimate
+    from twin.navigation.estimators.registry import BASELINES as BASELINES
 
 _PLACES = {
-    "BASELINES": "twin.navigation.estimators.baseline:BASELINES",
+    "BASELINES": "twin.navigation.estimators.registry:BASELINES",
     "NETWORKS": "learn.networks.registry:NETWORKS",
     "OPTIMISERS": "learn.training.optimisers.registry:OPTIMISERS",
-    "REPORT_FIGURES": "learn.report.figures.base:REPORT_FIGURES",
+    "REPORT_FIGURES": "learn.report.figures.registry:REPORT_FIGURES",
     "Baseline": "twin.navigation.estimators.baseline:Baseline",
     "Contents": "learn.report.contents:Contents",
     "Estimate": "twin.navigation.estimators.baseline:Estimate",

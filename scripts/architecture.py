@@ -84,7 +84,7 @@ SEAMS = (
     Seam("velocity estimator", "twin.navigation.estimators.base:VELOCITY_ESTIMATORS",
          "twin.navigation.estimators.base.VelocityEstimator",
          "howto/navigation.md#an-estimator-of-ones-own"),
-    Seam("baseline", "twin.navigation.estimators.baseline:BASELINES", "learn.Baseline",
+    Seam("baseline", "twin.navigation.estimators.registry:BASELINES", "learn.Baseline",
          "howto/extending.md#a-baseline"),
     Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
          "howto/dm_control.md"),
@@ -98,7 +98,7 @@ SEAMS = (
          "reference/networks.md#one-of-your-own"),
     Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
          "learn.MinibatchOptimiser", "reference/networks.md#one-of-your-own"),
-    Seam("figure of the report", "learn.report.figures.base:REPORT_FIGURES",
+    Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
          "learn.ReportFigure", "reference/networks.md#one-of-your-own"),
 )  # fmt: skip
 

@@ -16,7 +16,8 @@ from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import Evaluation
 from learn.evaluation.score import ReferenceVelocity
 from twin.navigation.dead_reckoning import Array, sample_times
-from twin.navigation.estimators.baseline import BASELINES, Estimate
+from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.registry import BASELINES
 from twin.show.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true velocities"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 from learn.report.contents import Contents
-from learn.report.figures.base import REPORT_FIGURES
+from learn.report.figures.registry import REPORT_FIGURES
 from twin.show.figures.page_layout import Page
 
 

@@ -14,7 +14,8 @@ from learn.evaluation.judged_tracks import TrackCollector
 from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
-from twin.navigation.estimators.baseline import BASELINES, Estimate
+from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.registry import BASELINES
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
 from twin.vehicle.vehicle import load_vehicle

@@ -351,7 +351,7 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
         refined(steps[0])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("twin.forecast.surfacing_forecast", interrupted)
+    monkeypatch.setattr("twin.forecast.forecast", interrupted)
     out = tmp_path / "next"
     words = ["forecast", "--from", "36.8,-122.4,2026-11-22T12:00", "--goto", "37,-122.4"]
     assert PROGRAM.main([*words, "--members", "24", "--out", str(out)]) == 130

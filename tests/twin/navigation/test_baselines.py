@@ -15,7 +15,7 @@ from twin.navigation.dead_reckoning import (
     water_track,
 )
 from twin.navigation.estimators import ekf, ekf_kernels
-from twin.navigation.estimators.baseline import BASELINES, bridge, hold, smooth
+from twin.navigation.estimators.baseline import bridge, hold, smooth
 from twin.navigation.estimators.dvl import spikes
 from twin.navigation.estimators.ekf import Ekf, EkfNoise
 from twin.navigation.estimators.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
@@ -23,6 +23,7 @@ from twin.navigation.estimators.pitch_plus_alpha import (
     PitchPlusAlpha,
     steady_angle_of_attack,
 )
+from twin.navigation.estimators.registry import BASELINES
 from twin.navigation.estimators.steady_flight import SteadyFlight
 from twin.vehicle.vehicle import load_vehicle
 

@@ -19,7 +19,7 @@ from twin.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.records.schema import VARIABLES
-from twin.seams import Registry, check_class, place_of
+from twin.seams import check_class, place_of
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle
 
@@ -204,23 +204,6 @@ def bridge(values: Array, valid: Mask, outside: float = 0.0, *, held: bool = Fal
         return np.full(len(values), outside)
     after = values[valid][-1] if held else outside
     return np.interp(index, index[valid], values[valid], left=outside, right=after)
-
-
-BASELINES: Registry[Any] = Registry(
-    "baseline",
-    group="glider_twin.baselines",
-    shipped={
-        "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlpha",
-        "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlight",
-        "onboard": "twin.navigation.estimators.onboard:OnboardReckoning",
-        "ekf": "twin.navigation.estimators.ekf:Ekf",
-        "dvl": "twin.navigation.estimators.dvl:Dvl",
-    },
-    check="twin.navigation.estimators.baseline:check_baseline",
-    check_shipped=False,
-)
-"""Every baseline, a subclass of `Baseline`, by the name that tables
-use."""
 
 
 class ByBaseline(VelocityEstimator):
