@@ -16,7 +16,7 @@ from learn.networks.predictor import groups_by_length
 from learn.training.feed import recalled_columns
 from learn.training.settings import FitConfig
 from twin.errors import InputError
-from twin.records.storage.disk import buffers
+from twin.records.storage.buffers import buffers
 
 GB = 1e9
 SHARE = 0.5

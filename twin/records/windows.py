@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, StoreError, unknown_name
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
-from twin.records.storage.disk import Places, buffers
+from twin.records.storage.buffers import Places, buffers
 from twin.records.storage.sharded import fast_reading
 from twin.records.storage.store_path import StorePath, store_path
 

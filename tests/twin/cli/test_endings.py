@@ -17,7 +17,7 @@ COMMAND = """
 import os, sys, time
 from dataclasses import dataclass
 from pathlib import Path
-from twin.cli.program import Command, Program
+from twin.cli.program import ProgramCommand, Program
 from twin.records.storage.whole import whole_folder
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class Write:
             time.sleep(60)
         return 0
 
-command = Command(name="write", summary="", loader="__main__:Write")
+command = ProgramCommand(name="write", summary="", loader="__main__:Write")
 sys.exit(Program(name="twin", summary="", commands=(command,)).main(sys.argv[1:]))
 """
 

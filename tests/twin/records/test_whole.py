@@ -132,7 +132,7 @@ def test_an_interrupt_says_how_to_go_on(tmp_path):
 KILLED = """
 import os, sys, time
 from pathlib import Path
-from twin.records import whole
+from twin.records.storage import whole
 target, how = Path(sys.argv[1]), sys.argv[2]
 if how == "between":
     whole.exchange = lambda one, other: False

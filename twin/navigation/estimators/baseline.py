@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.registry import BASELINES
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.records.schema import VARIABLES
 from twin.seams import check_class, place_of

@@ -10,7 +10,7 @@ import pytest
 from pictures import needs_gl
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = re.compile(r"!\[[^\]]+\]\(((?:docs/)?gallery/[^)]+)\)")
 LARGEST, LARGEST_SUM = 300_000, 1_700_000

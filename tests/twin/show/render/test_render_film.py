@@ -160,7 +160,7 @@ print(context.available_backend(), round(float(frame.std())))
 def painted_by(backend):
     chosen = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY")
     environment = {k: v for k, v in os.environ.items() if k not in chosen}
-    environment["PYTHONPATH"] = str(Path(__file__).parents[2])
+    environment["PYTHONPATH"] = str(Path(__file__).parents[3])
     words = [sys.executable, "-W", "always::ResourceWarning", "-c", PAINT, backend]
     return subprocess.run(words, env=environment, capture_output=True, text=True, timeout=120)
 

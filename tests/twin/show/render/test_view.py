@@ -29,7 +29,7 @@ def store(tmp_path_factory):
 
 
 def environment(**more: str) -> dict[str, str]:
-    tests = str(Path(__file__).parents[2])
+    tests = str(Path(__file__).parents[3])
     unwanted = (*DISPLAYS, "MUJOCO_GL", "PYOPENGL_PLATFORM")
     kept = {name: value for name, value in os.environ.items() if name not in unwanted}
     return {**kept, "PYTHONPATH": tests, **more}
