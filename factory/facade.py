@@ -17,7 +17,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.reading.tally import ImportReport
-    from twin.records.storage.whole import AnyStore
+    from twin.records.storage.zarr_copy import AnyStore
     from twin.sensors import SensorSuite
 
 

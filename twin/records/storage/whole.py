@@ -9,21 +9,18 @@ A folder takes the place of another one by an exchange of names. Where the file 
 the old one is moved aside into the hidden folder, and then the new one takes its name. A kill
 between these two leaves both there, whole: `recover` finishes the second step. The next writer
 calls it, and readers do when nothing is under the name.
-
-Zarr copy: the files of a store into any zarr store that a program has opened.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
-from twin.errors import StoreError, WriteError
+from twin.errors import WriteError
 from twin.records.storage.checksums import is_listed, write_checksums
 from twin.records.storage.disk import (
     dead,
@@ -37,14 +34,10 @@ from twin.records.storage.disk import (
     temporaries,
     temporary_name,
 )
-from twin.records.storage.sharded import METADATA
 from twin.records.storage.store_path import Url, store_path
-from twin.records.storage.stored_files import Files
 
 if TYPE_CHECKING:
-    from zarr.abc.store import Store
-
-    AnyStore: TypeAlias = Store
+    pass
 
 
 REPLACED = ".replaced"
@@ -276,29 +269,3 @@ def take_place(content: Path, target: Path, aside: Path) -> None:
     else:
         content.rename(target)  # onto an empty folder too
     sync_folder(target.parent)
-
-
-def check_empty(store: AnyStore) -> None:
-    """Raise StoreError unless a store is empty and open for writing."""
-    if store.read_only:
-        raise StoreError(f"{store} is read-only: open it for writing")
-    if not asyncio.run(store.is_empty("")):
-        raise StoreError(f"{store} holds something already: missions go into an empty store")
-
-
-def copy_into(files: Files, store: AnyStore) -> None:
-    """Copy all keys: metadata of an array before its chunks, which some stores ask for, and those
-    of the whole first of all."""
-    asyncio.run(_copy(files, store))
-
-
-async def _copy(files: Files, store: AnyStore) -> None:
-    from zarr.core.buffer import default_buffer_prototype
-
-    buffer = default_buffer_prototype().buffer
-
-    def place(key: str) -> tuple[bool, int, str]:
-        return not key.endswith(METADATA), key.count("/"), key
-
-    for key in sorted(files.all_keys(), key=place):
-        await store.set(key, buffer.from_bytes(files.read(key)))
