@@ -18,7 +18,6 @@ import os
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from twin.errors import WriteError
 from twin.records.storage.checksums import is_listed, write_checksums
@@ -35,10 +34,6 @@ from twin.records.storage.disk import (
     temporary_name,
 )
 from twin.records.storage.store_path import Url, store_path
-
-if TYPE_CHECKING:
-    pass
-
 
 REPLACED = ".replaced"
 """Where in the hidden folder the old content waits while the new one takes its name."""
