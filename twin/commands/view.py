@@ -85,7 +85,7 @@ class ViewMission:
 
     def _open(self, console: Console) -> int:
         """The window."""
-        from twin.show.render.graphics import require_screen
+        from twin.show.render.screen import require_screen
 
         require_screen()
         os.environ["MUJOCO_GL"] = "glfw"  # a window: MuJoCo must not look for EGL's functions

@@ -10,7 +10,7 @@ import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, unknown_name
-from twin.show.render.graphics import NoScreen
+from twin.show.render.screen import NoScreen
 from twin.suite.environment import Environment
 from twin.suite.policies import POLICIES, Policy
 from twin.suite.registry import TASKS

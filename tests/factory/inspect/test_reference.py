@@ -62,7 +62,7 @@ def test_unusable_requests_say_what_to_do(tmp_path: Path, monkeypatch) -> None:
     with pytest.raises(InputError, match="did you mean 'field-2h'"):
         sets.reference_set("field-2")
     console = reference.Console("factory")
-    there = reference.Reference(name="field-2h", out=tmp_path / "none.zarr", compare=True)
+    there = reference.WriteReference(name="field-2h", out=tmp_path / "none.zarr", compare=True)
     with pytest.raises(InputError, match=r"is not there: leave --compare out"):
         there.run(console)
     with pytest.raises(InputError, match=r"leave out --workers, --resume and --overwrite"):

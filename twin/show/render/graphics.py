@@ -1,20 +1,11 @@
-"""Graphics: MuJoCo's renderer on one model and one offscreen context.
-
-Screen: whether a window can be opened here, and what to do where it cannot.
-"""
+"""Graphics: MuJoCo's renderer on one model and one offscreen context."""
 
 from __future__ import annotations
-
-import os
-import sys
-import warnings
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import TwinError
-from twin.preload import preload_triton
 from twin.show.render.camera import View
 from twin.show.render.context import new_context, release
 from twin.show.render.shapes import Shape
@@ -128,42 +119,3 @@ def shown(*groups: int) -> mujoco.MjvOption:
     option.geomgroup[list(groups)] = 1
     option.sitegroup[:] = 0
     return option
-
-
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Environment variables that name a screen on Linux"""
-WAY_OUT = (
-    "`twin view --web` shows it in a browser, `twin render STORE --html dive.html` writes such a "
-    "page, `twin render` draws pictures and videos; `xvfb-run -a` (Debian package xvfb) gives the "
-    "command a virtual screen"
-)
-
-
-class NoScreen(TwinError):
-    """A window is wanted and there is no screen for it."""
-
-
-def require_screen() -> None:
-    """Open and close a hidden window.
-
-    Raises:
-      NoScreen: there is no screen, or it cannot show OpenGL; the message says what to do.
-    """
-    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in DISPLAYS):
-        raise NoScreen(f"no screen ({' and '.join(DISPLAYS)} are not set): {WAY_OUT}")
-    preload_triton()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GLFW reports as warnings what is raised below
-        try:
-            import glfw
-        except ImportError as error:
-            raise NoScreen(f"no window library ({error}): {WAY_OUT}") from error
-        named = next((os.environ[name] for name in DISPLAYS if os.environ.get(name)), "here")
-        if not glfw.init():
-            raise NoScreen(f"the screen {named} cannot be opened: {WAY_OUT}")
-        glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
-        window = glfw.create_window(64, 64, "probe", None, None)
-        glfw.default_window_hints()
-        if not window:
-            raise NoScreen(f"the screen {named} shows no OpenGL: {WAY_OUT}")
-        glfw.destroy_window(window)

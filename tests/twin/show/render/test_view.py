@@ -14,9 +14,9 @@ from pictures import short_scenario, short_subject, write_short_store
 
 from twin.__main__ import PROGRAM
 from twin.physics.simulation import simulate
-from twin.show.render.graphics import DISPLAYS
 from twin.show.render.playback import poses
 from twin.show.render.rendered_flight import Live, Replay
+from twin.show.render.screen import DISPLAYS
 
 linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="other systems have a screen"
