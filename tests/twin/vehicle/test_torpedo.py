@@ -166,7 +166,7 @@ def test_the_survey_is_flown_and_summarised(capsys, survey):
 
 @pytest.mark.parametrize("command", ["simulate", "view"])
 def test_the_gliders_mission_names_the_one_that_suits(capsys, command, monkeypatch):
-    monkeypatch.setattr("twin.show.render.graphics.require_screen", lambda: None)
+    monkeypatch.setattr("twin.show.render.screen.require_screen", lambda: None)
     chosen = ("default",) if command == "simulate" else ("--plan", "default")
     code, _, err = call(capsys, command, *chosen, "--vehicle", TORPEDO)
     assert code == 2
