@@ -184,7 +184,7 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(
     (tmp_path / "mine.toml").write_text(TABLE_MAPPING)
     read = [bare / "factory", "import", "csv", "log.csv", "--mapping", "mine.toml"]
     _run([*read, "--out", "log.zarr"], tmp_path)
-    _run([bare / "twin", "plot", "run.zarr", "--out", "figures"], tmp_path)
+    _run([bare / "twin", "plot", "run.zarr", "--out", "figure.png"], tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.data_card import card, split_name, write_card
 from factory.exporting.metadata import Metadata
-from factory.exporting.parquet import FlatTable
+from factory.exporting.parquet.flat_table import FlatTable
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
 

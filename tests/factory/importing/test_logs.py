@@ -17,7 +17,7 @@ from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.parquet import export_parquet
+from factory.exporting.parquet.flat_table import export_parquet
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
 from factory.inspect.logs_page import (

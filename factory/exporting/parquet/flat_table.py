@@ -1,7 +1,4 @@
-"""Parquet: a store as one flat table for tools that know no arrays.
-
-A store written as one Parquet table with a row for every sample.
-"""
+"""A store written as one Parquet table with a row for every sample."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from factory.exporting.base import Advance, Exporter, no_progress
+from factory.exporting.base import Advance, no_progress
 from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SCENARIO, TITLE
 from twin.records.coordinates import ATTRIBUTES, DATETIME, LATITUDE, LONGITUDE
@@ -23,20 +20,6 @@ from twin.records.timeseries import sample_coordinates
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
-
-
-def _write(run: MissionStore, missions: Sequence[int], path: Path, advance: Advance) -> list[Path]:
-
-    return [export_parquet(run, missions, path, advance)]
-
-
-PARQUET = Exporter(
-    name="parquet",
-    title="one flat Parquet table, a row for every sample",
-    ending=".parquet",
-    write=_write,
-    extra="parquet",
-)
 
 
 def export_parquet(

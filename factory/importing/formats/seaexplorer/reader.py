@@ -1,6 +1,10 @@
-"""SeaExplorer: what the import knows of Alseamar's SeaExplorer gliders.
+"""Reader of SeaExplorer logs: navigation (gli) and payload (pld), with commas or semicolons.
 
-Reader of SeaExplorer logs: navigation (gli) and payload (pld), with commas or semicolons.
+Native: degrees, magnetic heading with the declination beside it, depth in m, positions as NMEA
+ddmm.mmm, ballast in cm3 (+ = lighter), pitch mass in mm forward, roll mass in degree (+ rolls to
+starboard). A position is a GPS fix only in state 116 (at the surface, transmitting) and when it
+differs from the row before: the log repeats the last one. Beam velocities of a payload's AD2CP
+are not a velocity through the water without the transform and a reference layer: they are left out.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import TABLES, Importer, ReadOptions, WrongFormat
+from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.reading.columns import (
     Table,
     parse_stamps,
@@ -40,27 +44,6 @@ from twin.errors import InputError
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
     from factory.importing.reading.tally import Tally
-
-
-def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-
-    return read_seaexplorer(paths, options, tally)
-
-
-SEAEXPLORER = Importer(
-    name="seaexplorer",
-    vehicle="SeaExplorer glider",
-    files=".gli and .pld logs, plain or gzip, comma or semicolon",
-    channels="attitude, ballast, both masses, declination, fixes; CTD of the payload. Beam "
-    "velocities of an AD2CP are left out: without their transform and a reference layer they are "
-    "no velocity through the water",
-    suffixes=TABLES,
-    # the vehicle numbers its files: sea035.12.gli.sub.36
-    name_words=frozenset({"gli", "pld1"}),
-    marks=frozenset({"NavState", "BallastPos", "PLD_REALTIMECLOCK", "NAV_RESOURCE"}),
-    period=5.0,
-    read=_read,
-)
 
 
 Array = NDArray[np.float64]

@@ -1,6 +1,10 @@
-"""LRAUV: what the import knows of MBARI's long-range AUVs.
+"""Reader of LRAUV logs: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and csv files of its simulator.
 
-Reader of LRAUV logs: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and csv files of its simulator.
+Every variable has a time of its own: in a .mat a group of time (days since year 0), value and
+units; in a .nc4 a coordinate NAME_time. Names are CF's standard names; values in a csv carry
+their unit as text. Angles of rudder and elevator have the signs that the vehicle writes, which
+are those of `tethys`: a positive elevator pitches the nose down. Positions that follow a
+surfacing may be reset to GPS already.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import Importer, ReadOptions, WrongFormat
+from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.reading.columns import parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.reading.deployment_log import (
     EMPTY,
@@ -36,28 +40,6 @@ from twin.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
     from factory.importing.reading.tally import Tally
-
-
-def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-
-    return read_lrauv(paths, options, tally)
-
-
-LRAUV = Importer(
-    name="lrauv",
-    vehicle="long-range AUV",
-    files=".mat (v7.3), .nc4, simulator csv",
-    channels="depth, attitude, temperature, fixes, on-board track; buoyancy, mass, rudder, "
-    "elevator, propeller and their commands by the names of the parts of `tethys`",
-    suffixes=frozenset({".mat", ".nc", ".nc4", ".csv", ".gz"}),
-    marks=frozenset(
-        {"EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",
-         "platform_buoyancy_position", "platform_mass_position"}
-    ),
-    period=2.0,
-    read=_read,
-    lacks=frozenset({"measured_rotation"}),
-)  # fmt: skip
 
 
 Array = NDArray[np.float64]

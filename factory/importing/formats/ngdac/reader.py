@@ -1,6 +1,8 @@
-"""NGDAC: what the import knows of profile files of the U.S. IOOS National Glider DAC.
+"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
 
-Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
+CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
+fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
+or ddmm.mmm). The current of a segment, `u` and `v` at `time_uv`, stands in each of its profiles.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import Importer, ReadOptions, WrongFormat
+from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.reading.columns import stacked, tidy
 from factory.importing.reading.deployment_log import (
     EMPTY,
@@ -40,25 +42,6 @@ from twin.errors import InputError
 if TYPE_CHECKING:
     from factory.importing.reading.deployment_log import DeploymentLog
     from factory.importing.reading.tally import Tally
-
-
-def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-
-    return read_ngdac(paths, options, tally)
-
-
-NGDAC = Importer(
-    name="ngdac",
-    vehicle="any glider",
-    files="IOOS NGDAC netCDF, a profile a file; all of a deployment together",
-    channels="depth, CTD, the file's track, reported current; attitude and fixes where the file "
-    "keeps the vehicle's own sensors",
-    suffixes=frozenset({".nc"}),
-    marks=frozenset({"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv"}),
-    period=5.0,
-    read=_read,
-    lacks=frozenset({"measured_pump", "measured_shift", "measured_rotation"}),
-)
 
 
 Array = NDArray[np.float64]
