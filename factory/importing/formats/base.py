@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.reading.deployment_log import OtherKind
+from factory.importing.reading.other_kind import OtherKind
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
 from twin.seams import Registry, instance_of

@@ -1,7 +1,6 @@
 """The log of one deployment: channels at their native rates, in the schema's names and units.
 
 One file after the other: what cannot be read is reported and left out, the rest is read.
-OtherKind: a file of another kind than the logs that are read; offload folders hold some.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.reading.other_kind import OtherKind
 from factory.importing.reading.tally import Tally, summarise
 from twin.errors import InputError
 
@@ -144,10 +144,6 @@ class DeploymentLog:
         names = ("measured_depth", "measured_pressure", "measured_pitch")
         used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
         return min(c.time[0] for c in used), max(c.time[-1] for c in used)
-
-
-class OtherKind(InputError):
-    """A file without logs of this kind; a folder is read without it, and that is not an error."""
 
 
 Result = TypeVar("Result")

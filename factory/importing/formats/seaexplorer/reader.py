@@ -31,9 +31,9 @@ from factory.importing.reading.deployment_log import (
     Channel,
     DeploymentLog,
     LoggedFixes,
-    OtherKind,
     each_file,
 )
+from factory.importing.reading.other_kind import OtherKind
 from factory.importing.reading.payload import payload_channels, payload_names
 from factory.importing.reading.tally import Tally, leave_out, note_empty, note_unread
 from factory.importing.repairs.angles import reference_declination
