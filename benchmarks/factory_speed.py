@@ -31,7 +31,7 @@ import numpy as np
 
 from benchmarks.watched import Watched
 from factory.commands.generate import raw_bytes
-from factory.inspect.description import stored_bytes
+from factory.description import stored_bytes
 from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
 from twin.fossen import FossenModel, FossenState

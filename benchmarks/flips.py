@@ -21,8 +21,8 @@ from shutil import copytree
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from factory.inspect.store_check import check_files
-from learn.runs.run import DESCRIPTION, open_run
+from factory.store_check import check_files
+from learn.run import DESCRIPTION, open_run
 from twin.cli.text_table import format_table
 from twin.errors import InputError
 from twin.records.storage.checksums import LIST, has_checksums

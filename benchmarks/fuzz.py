@@ -26,7 +26,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from twin.errors import TwinError
-from twin.vehicle.assets import asset_path
+from twin.vehicle.presets import asset_path
 
 LONGEST_S = 10.0
 """[s] one case may take, on a machine that does other things beside"""
@@ -149,7 +149,7 @@ def mission_table(data: Any) -> None:
 
 def slocum(text: str) -> None:
     """A Slocum mission file."""
-    from twin.mission.slocum import read_slocum
+    from twin.mission.slocum_mission import read_slocum
 
     reading = read_slocum(_file("m.mi", text))
     assert all("\n" not in note for note in reading.notes)
@@ -222,8 +222,8 @@ def preset(text: str) -> None:
 
 def sniffed(data: bytes) -> None:
     """The kind of log that a file looks like, and its names as each importer asks for them."""
+    from factory.importing.columns import read_table
     from factory.importing.formats.base import sniff
-    from factory.importing.reading.columns import read_table
 
     for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
         path = _file(name, data)
@@ -243,7 +243,7 @@ def metadata(text: str) -> None:
 
 def payload(text: str) -> None:
     """`--payload`"""
-    from factory.importing.reading.payload import parse_payload
+    from factory.importing.payload import parse_payload
 
     parse_payload([text])
 

@@ -110,8 +110,8 @@ def run(
 
     from learn.data.dataset import TARGETS as CHANNELS
     from learn.data.dataset import load_missions
-    from learn.data.parts import input_groups
     from learn.data.preparation import prepare
+    from learn.data.store_checks import input_groups
     from learn.networks.predictor import Predictor
     from learn.training.schedule import TrainingConfig
     from learn.training.trainer import Trainer

@@ -18,8 +18,8 @@ from pathlib import Path
 import torch
 
 from learn.data.dataset import Selection
-from learn.data.parts import input_groups
 from learn.data.preparation import prepare
+from learn.data.store_checks import input_groups
 from learn.networks.base import build_network
 from learn.networks.c_export import export_c
 from learn.networks.config import NetworkConfig

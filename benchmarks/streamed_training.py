@@ -67,8 +67,8 @@ def train(options: argparse.Namespace) -> dict[str, object]:
     """Train one network of surge; figures of it."""
     import zarr  # noqa: F401  imported before the memory of the libraries is read
 
-    from learn.data.parts import parts_of
     from learn.data.preparation import training_lengths
+    from learn.data.store_checks import parts_of
     from learn.networks.config import NetworkConfig
     from learn.training.resources import train as train_job
     from learn.training.schedule import TrainingConfig

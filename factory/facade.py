@@ -16,8 +16,8 @@ from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from factory.importing.reading.tally import ImportReport
-    from twin.records.storage.zarr_copy import AnyStore
+    from factory.importing.tally import ImportReport
+    from twin.records.storage.store_arrays import AnyStore
     from twin.sensors import SensorSuite
 
 

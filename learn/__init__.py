@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from learn.networks.registry import NETWORKS as NETWORKS
     from learn.report.contents import Contents as Contents
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.figures.base import ReportFigure as ReportFigure
-    from learn.report.figures.registry import REPORT_FIGURES as REPORT_FIGURES
-    from learn.runs.run import Run as Run
-    from learn.runs.run import newest_run as newest_run
-    from learn.runs.run import open_run as open_run
-    from learn.training.optimisers.base import FullBatchOptimiser as FullBatchOptimiser
-    from learn.training.optimisers.base import MinibatchOptimiser as MinibatchOptimiser
-    from learn.training.optimisers.registry import OPTIMISERS as OPTIMISERS
+    from learn.report.figure_registry import REPORT_FIGURES as REPORT_FIGURES
+    from learn.report.report_figure import ReportFigure as ReportFigure
+    from learn.run import Run as Run
+    from learn.run import newest_run as newest_run
+    from learn.run import open_run as open_run
+    from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
+    from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
+    from learn.training.optimiser_registry import OPTIMISERS as OPTIMISERS
     from learn.training.schedule import TrainingConfig as TrainingConfig
     from learn.training.settings import FitConfig as FitConfig
     from learn.training.settings import fit_settings as fit_settings
@@ -47,27 +47,27 @@ if TYPE_CHECKING:
 _PLACES = {
     "BASELINES": "twin.navigation.estimators.registry:BASELINES",
     "NETWORKS": "learn.networks.registry:NETWORKS",
-    "OPTIMISERS": "learn.training.optimisers.registry:OPTIMISERS",
-    "REPORT_FIGURES": "learn.report.figures.registry:REPORT_FIGURES",
+    "OPTIMISERS": "learn.training.optimiser_registry:OPTIMISERS",
+    "REPORT_FIGURES": "learn.report.figure_registry:REPORT_FIGURES",
     "Baseline": "twin.navigation.estimators.baseline:Baseline",
     "Contents": "learn.report.contents:Contents",
     "Estimate": "twin.navigation.estimators.baseline:Estimate",
     "FitConfig": "learn.training.settings:FitConfig",
-    "FullBatchOptimiser": "learn.training.optimisers.base:FullBatchOptimiser",
-    "MinibatchOptimiser": "learn.training.optimisers.base:MinibatchOptimiser",
+    "FullBatchOptimiser": "learn.training.optimiser:FullBatchOptimiser",
+    "MinibatchOptimiser": "learn.training.optimiser:MinibatchOptimiser",
     "Network": "learn.networks.base:Network",
     "NetworkConfig": "learn.networks.config:NetworkConfig",
     "Prediction": "learn.networks.predictor:Prediction",
-    "ReportFigure": "learn.report.figures.base:ReportFigure",
-    "Run": "learn.runs.run:Run",
+    "ReportFigure": "learn.report.report_figure:ReportFigure",
+    "Run": "learn.run:Run",
     "RunEvaluation": "learn.report.contents:RunEvaluation",
     "TrainingConfig": "learn.training.schedule:TrainingConfig",
     "evaluate": "learn.api:evaluate",
     "export": "learn.api:export",
     "fit": "learn.api:fit",
     "fit_settings": "learn.training.settings:fit_settings",
-    "newest_run": "learn.runs.run:newest_run",
-    "open_run": "learn.runs.run:open_run",
+    "newest_run": "learn.run:newest_run",
+    "open_run": "learn.run:open_run",
 }
 """Where each public name is."""
 

@@ -10,11 +10,11 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from learn.finishing import Say, finish
 from learn.report.contents import RunEvaluation
-from learn.runs.run import RUNS, Run, free_name, open_run
-from learn.runs.run_folder import training_folder
-from learn.studies.finishing import Say, finish
-from learn.studies.run_evaluation import evaluate_run
+from learn.run import RUNS, Run, free_name, open_run
+from learn.run_evaluation import evaluate_run
+from learn.run_folder import training_folder
 from learn.training import fitting
 from learn.training.fitting import Watch
 from learn.training.resources import Resources, training_resources

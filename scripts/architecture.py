@@ -73,8 +73,8 @@ SEAMS = (
          "howto/extending.md#a-hull-law"),
     Seam("mission segment", "twin.mission.segments.base:SEGMENTS",
          "twin.mission.segments.Segment", "howto/extending.md#a-mission-segment"),
-    Seam("kind of drawn segment", "factory.sampling.kinds.base:MISSION_KINDS",
-         "factory.sampling.kinds.MissionKind", "howto/extending.md#a-kind-of-drawn-segment"),
+    Seam("kind of drawn segment", "factory.sampling.mission_kind:MISSION_KINDS",
+         "factory.sampling.mission_kind.MissionKind", "howto/extending.md#a-kind-of-drawn-segment"),
     Seam("figure", "twin.show.figures.base:FIGURES", "twin.show.figures.FigureKind",
          "howto/render.md#twin-plot"),
     Seam("flight estimator", "twin.logs.estimators.base:ESTIMATORS",
@@ -96,9 +96,9 @@ SEAMS = (
          "reference/factory.md#exports"),
     Seam("network", "learn.networks.registry:NETWORKS", "learn.Network",
          "reference/networks.md#one-of-your-own"),
-    Seam("optimiser", "learn.training.optimisers.registry:OPTIMISERS",
+    Seam("optimiser", "learn.training.optimiser_registry:OPTIMISERS",
          "learn.MinibatchOptimiser", "reference/networks.md#one-of-your-own"),
-    Seam("figure of the report", "learn.report.figures.registry:REPORT_FIGURES",
+    Seam("figure of the report", "learn.report.figure_registry:REPORT_FIGURES",
          "learn.ReportFigure", "reference/networks.md#one-of-your-own"),
 )  # fmt: skip
 

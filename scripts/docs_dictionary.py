@@ -25,13 +25,13 @@ from factory.generation.bookkeeping import (  # noqa: E402
 )
 from factory.generation.completion import FAILED, FAILURE, PLANNED  # noqa: E402
 from factory.importing.dives.dive_rows import NUMBERS, OF_ROWS  # noqa: E402
-from factory.importing.reading.payload import KNOWN  # noqa: E402
+from factory.importing.payload import KNOWN  # noqa: E402
 from factory.sampling.distribution import (  # noqa: E402
     Choice,
     Parameter,
     parse_distribution,
 )
-from factory.sampling.kinds.base import propelled  # noqa: E402
+from factory.sampling.mission_kind import propelled  # noqa: E402
 from factory.sampling.parameters import parameter_table  # noqa: E402
 from twin.logs.flight_dataset import (  # noqa: E402
     COPIED,
@@ -57,8 +57,8 @@ from twin.records.mission_dataset import STATE, STATE_ATTRIBUTES, STATES  # noqa
 from twin.records.schema import MISSION, TIME, Variable  # noqa: E402
 from twin.records.schema.limits import recorded_limits, simulated_limits  # noqa: E402
 from twin.sensors.base import SENSORS  # noqa: E402
-from twin.vehicle.assets import shipped_files  # noqa: E402
 from twin.vehicle.parts.base import PARTS  # noqa: E402
+from twin.vehicle.presets import shipped_files  # noqa: E402
 from twin.vehicle.vehicle import Vehicle, load_vehicle  # noqa: E402
 
 INTRODUCTION = """\

@@ -50,7 +50,7 @@ AREAS = {
     "twin.gym": "Environments",
     "factory": "Data factory",
     "learn.api": "Train and judge",
-    "learn.runs": "Train and judge",
+    "learn.run": "Train and judge",
     "learn.training.settings": "Train and judge",
     "learn": "Kinds of your own",
 }

@@ -8,7 +8,7 @@ import os
 import hypothesis
 import pytest
 
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 
 
 def _loads(library: str) -> bool:

@@ -16,10 +16,16 @@ PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
         "__init__", "__main__", "arguments", "bounded", "errors", "extras", "facade", "frames",
-        "geodesy", "lazy", "numbers", "preload", "version",
+        "geodesy", "lazy", "numbers", "version",
     },
-    "factory": {"__init__", "__main__", "facade"},
-    "learn": {"__init__", "__main__", "api", "files"},
+    "factory": {
+        "__init__", "__main__", "description", "facade", "flown_again", "logs_page",
+        "missions_page", "soundness", "store_check", "verify_logs",
+    },
+    "learn": {
+        "__init__", "__main__", "api", "files", "finishing", "folds", "repeated_fits", "run",
+        "run_evaluation", "run_folder",
+    },
 }  # fmt: skip
 """Modules beside the folders of each package; everything else goes into a folder."""
 
@@ -78,9 +84,9 @@ NAMES_ACTUATORS = {
     "factory.importing": "formats of real vehicles' logs",
     "factory.exporting": "names in export formats",
     "factory.sampling": "what is drawn for a glider",
-    "factory.inspect": "figures of what was drawn",
+    "factory": "figures of what was drawn",
     "twin.navigation": "a glider's equations of motion; signals that networks see",
-    "learn.report.figures.training_data": "signals of a mission",
+    "learn.report.training_data": "signals of a mission",
 }  # fmt: skip
 """Packages and modules that may name an actuator, and why; others ask the vehicle for its parts."""
 OTHER_MEANINGS = {

@@ -25,7 +25,7 @@ from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 from twin.errors import InputError
-from twin.vehicle.assets import asset_path, assets_folder
+from twin.vehicle.presets import asset_path, assets_folder
 from twin.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -169,7 +169,7 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(
     assert _run([python, "-c", missing], tmp_path) == "[None, None]\n"
     for name in PACKAGES:
         assert _run([bare / name, "--version"], tmp_path) == f"{name} {__version__}\n"
-    code = "import twin.vehicle.assets as a; print(a.asset_path('glider.xml'))"
+    code = "import twin.vehicle.presets as a; print(a.asset_path('glider.xml'))"
     shipped = Path(_run([python, "-c", code], tmp_path).strip())
     assert shipped.is_relative_to(bare.parent)
     assert _files(shipped.parent) == _files(ROOT / "assets")

@@ -15,7 +15,7 @@ from examples import ROOT, blocks, files_of, needs_docs, run
 import factory
 import twin
 from factory.generation.generated_store import GeneratedStore
-from factory.inspect.soundness import verify_store
+from factory.soundness import verify_store
 from twin import suite
 from twin.errors import InputError
 from twin.records.schema import (

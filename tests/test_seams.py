@@ -22,7 +22,7 @@ NO_KINDS = {
     "twin.navigation.estimators.steady_flight:SteadyFlightSteps": "the steps of that baseline",
 }
 """Classes derived from a seam's base that are no kind of their own, and why"""
-WIDER = {"learn.MinibatchOptimiser": "learn.training.optimisers.base.Optimiser"}
+WIDER = {"learn.MinibatchOptimiser": "learn.training.optimiser.Optimiser"}
 """The class behind what a page tells users to derive from"""
 SEAMS = script("architecture").SEAMS
 

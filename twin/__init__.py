@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from twin.sensors.suite import SensorSuite as SensorSuite
     from twin.show.figures.base import figure as figure
     from twin.show.figures.base import figure_names as figure_names
-    from twin.vehicle.assets import vehicle_names as vehicle_names
+    from twin.vehicle.presets import vehicle_names as vehicle_names
     from twin.vehicle.vehicle import Vehicle as Vehicle
     from twin.vehicle.vehicle import load_vehicle as load_vehicle
     from twin.water.current.axes import Origin as Origin
@@ -129,7 +129,7 @@ _PLACES = {
     "simulate_many": "twin.physics.simulation:simulate_many",
     "timeseries": "twin.records.timeseries:timeseries",
     "trim": "twin.physics.settle:trim",
-    "vehicle_names": "twin.vehicle.assets:vehicle_names",
+    "vehicle_names": "twin.vehicle.presets:vehicle_names",
 }
 """Where each public name is."""
 

@@ -17,7 +17,7 @@ from benchmarks.real_logs.folds import fit_fold
 from benchmarks.real_logs.row import Row
 from benchmarks.real_logs.source import Deployment, gather
 from benchmarks.real_logs.surge_networks import Pretrained
-from learn.training.watchdog import end_with
+from learn.training.resources import end_with
 from twin.errors import TwinError
 
 Say = Callable[[str], None]

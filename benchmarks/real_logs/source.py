@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from factory.importing import import_logs
-from factory.importing.reading.columns import Table, read_table
+from factory.importing.columns import Table, read_table
 from twin.errors import InputError, TwinError
 from twin.identify import Log, load_logs
 from twin.navigation.dead_reckoning import Array

@@ -69,8 +69,8 @@ class ImportLogs(JsonOption):
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
+        from factory.importing.deployment_log import OTHER_KIND, UNREADABLE
         from factory.importing.import_run import import_logs
-        from factory.importing.reading.deployment_log import OTHER_KIND, UNREADABLE
         from factory.importing.repairs.plausibility import DiveRules
         from twin.errors import InputError
         from twin.records.store import check_target, write_store

@@ -28,7 +28,7 @@ class Info(JsonOption):
 
     def _logs(self, logs: LogStore, console: Console) -> int:
         """A store of real logs: what was imported, and the report of it."""
-        from factory.inspect.description import deployment_rows, stored_bytes
+        from factory.description import deployment_rows, stored_bytes
 
         report = logs.report
         size = stored_bytes(self.store)
@@ -58,8 +58,8 @@ class Info(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print what the store holds."""
+        from factory.description import drawn_rows, split_rows, stored_bytes, unfinished
         from factory.generation.generated_store import open_missions
-        from factory.inspect.description import drawn_rows, split_rows, stored_bytes, unfinished
         from twin.records.logged import LogStore
 
         begun = unfinished(self.store)

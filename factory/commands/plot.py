@@ -41,7 +41,7 @@ class PlotStore(JsonOption):
     def run(self, console: Console) -> int:
         """Draw and save."""
         from factory.generation.generated_store import open_missions
-        from factory.inspect.missions_page import store_page
+        from factory.missions_page import store_page
         from twin.errors import InputError
         from twin.records.logged import LogStore
         from twin.records.storage.whole import whole_file
@@ -66,7 +66,7 @@ class PlotStore(JsonOption):
 
 def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
-    from factory.inspect.logs_page import deployment_page
+    from factory.logs_page import deployment_page
 
     names = list(dict.fromkeys(logs.deployments))
     pages = {}
@@ -79,7 +79,7 @@ def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
 
 def _current_errors(logs: LogStore) -> dict[str, dict[str, float]]:
     """Errors [m/s] of the depth-averaged currents of each deployment that has a profiler."""
-    from factory.inspect.logs_page import current_errors
+    from factory.logs_page import current_errors
 
     found = {
         name: current_errors(logs, logs.missions_of(name))

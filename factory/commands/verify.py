@@ -13,7 +13,7 @@ from twin.cli.options import StoreArgument
 from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
-    from factory.inspect.store_check import StoreReport
+    from factory.store_check import StoreReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Verify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
-        from factory.inspect.store_check import MAX_NAMED, StoreReport, check_files
+        from factory.store_check import MAX_NAMED, StoreReport, check_files
         from twin.records.storage.checksums import LIST
         from twin.records.storage.object_storage import files_at
 
@@ -69,9 +69,9 @@ class Verify(JsonOption):
     def _read(self, console: Console) -> tuple[str, StoreReport]:
         """What a mission is called, and what reading them shows."""
         from factory.generation.generated_store import is_flight, open_missions
-        from factory.inspect.soundness import verify_store
-        from factory.inspect.store_check import StoreReport
-        from factory.inspect.verify_logs import verify_logs
+        from factory.soundness import verify_store
+        from factory.store_check import StoreReport
+        from factory.verify_logs import verify_logs
         from twin.records.logged import LogStore
         from twin.records.reader import MissionStore
 

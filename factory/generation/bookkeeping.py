@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from factory.generation.attempts import FlownMission
 from factory.sampling.distribution import Choice, Fixed, Value
-from factory.sampling.kinds import kinds_for
+from factory.sampling.mission_kind import kinds_for
 from factory.sampling.mission_water import mission_place
 from factory.sampling.recipe import Recipe
 from twin.records import attributes as names

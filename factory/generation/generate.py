@@ -32,12 +32,12 @@ from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
 from twin.records.storage.object_storage import files_at
+from twin.records.storage.store_arrays import check_empty, copy_into
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import LocalFiles
-from twin.records.storage.zarr_copy import check_empty, copy_into
 
 if TYPE_CHECKING:
-    from twin.records.storage.zarr_copy import AnyStore
+    from twin.records.storage.store_arrays import AnyStore
 
 
 WAITING = 4

@@ -6,11 +6,11 @@ import filecmp
 from collections.abc import Sequence
 from pathlib import Path
 
+from factory.importing.columns import column_names
+from factory.importing.deployment_log import each_file
 from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat, likely_kind, sniff
-from factory.importing.reading.columns import column_names
-from factory.importing.reading.deployment_log import each_file
-from factory.importing.reading.netcdf import holds_arrays, variable_names
-from factory.importing.reading.tally import Tally, summarise
+from factory.importing.netcdf import holds_arrays, variable_names
+from factory.importing.tally import Tally, summarise
 from twin.bounded import check_regular
 from twin.errors import InputError
 from twin.records.storage.sharded import METADATA

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.deployment_log import UNREADABLE
 from factory.importing.dives.build import build
 from factory.importing.formats.base import (
     IMPORTERS,
@@ -20,17 +21,16 @@ from factory.importing.formats.base import (
     likely_kind,
 )
 from factory.importing.given_files import expand
-from factory.importing.reading.deployment_log import UNREADABLE
-from factory.importing.reading.payload import parse_payload
-from factory.importing.reading.tally import ImportReport, Tally, summarise
+from factory.importing.payload import parse_payload
 from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.tally import ImportReport, Tally, summarise
 from twin.errors import InputError
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from factory.importing.reading.deployment_log import DeploymentLog
+    from factory.importing.deployment_log import DeploymentLog
 
 
 def import_logs(
@@ -56,7 +56,7 @@ def import_logs(
       cache: folder of a Slocum's cache files [default: beside the logs].
       mapping: what the columns of csv tables are: a file, or the name of a shipped one.
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
-        beside those that are known (`factory.importing.reading.payload`).
+        beside those that are known (`factory.importing.payload`).
       keep_going: whether to go on where more than half of the files cannot be read.
 
     Raises:

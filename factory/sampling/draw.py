@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from factory.sampling.distribution import Distribution, Drawn, Fixed, Value
-from factory.sampling.kinds import MISSION_KINDS, MissionKind, kinds_for
-from factory.sampling.kinds.surveys import SURFACE, Streams
+from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for
 from factory.sampling.parameters import Table
+from factory.sampling.surveys import SURFACE, Streams
 from twin.errors import InputError, MissionError, unknown_name
 from twin.vehicle.vehicle import Vehicle
 

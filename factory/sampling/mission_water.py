@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from factory.sampling.distribution import number
 from factory.sampling.draw import Parameters
-from factory.sampling.kinds.surveys import SHALLOWEST_FLOOR_M
+from factory.sampling.surveys import SHALLOWEST_FLOOR_M
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records.coordinates import START_LATITUDE, START_LONGITUDE, START_TIME, flown_coordinates
 from twin.records.trajectory import sample_times

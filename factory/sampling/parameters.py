@@ -16,7 +16,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from factory.sampling.distribution import Distribution, Parameter, parse_distribution
-from factory.sampling.kinds.base import propelled
+from factory.sampling.mission_kind import propelled
 from factory.sampling.vehicle_parameters import (
     FLOOR,
     as_survey,

@@ -16,13 +16,13 @@ from pathlib import Path
 from factory.sampling.distribution import Distribution, Value
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.drawn_plan import TEST, Plan
-from factory.sampling.kinds import MISSION_KINDS
+from factory.sampling.mission_kind import MISSION_KINDS
 from factory.sampling.parameters import Table
 from twin.bounded import read_toml
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, Spiral, load_mission
 from twin.mission.segments import Profile
-from twin.vehicle.assets import asset_path, assets_folder
+from twin.vehicle.presets import asset_path, assets_folder
 from twin.vehicle.vehicle import Vehicle
 
 

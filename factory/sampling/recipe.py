@@ -25,7 +25,7 @@ from factory.sampling.drawn_plan import (
     plan_missions,
     stored_current,
 )
-from factory.sampling.kinds.base import propelled
+from factory.sampling.mission_kind import propelled
 from factory.sampling.parameters import Table, declared, override, parameter_table
 from factory.sampling.presets import (
     PRESETS,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from learn.runs.run import newest_run, open_run
+from learn.run import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.errors import InputError

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from learn.runs.run import DEFAULT_STORE, newest_run, open_run
+from learn.run import DEFAULT_STORE, newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
@@ -22,7 +22,7 @@ from twin.errors import InputError
 if TYPE_CHECKING:
     from learn.evaluation.score import ReferenceVelocity
     from learn.report.contents import RunEvaluation
-    from learn.runs.run import Run
+    from learn.run import Run
     from twin.navigation.estimators.baseline import Estimate
 
 
@@ -55,7 +55,7 @@ class Evaluate(JsonOption):
         from learn.evaluation.log_score import sentences
         from learn.files import check_file, check_folder
         from learn.report.result_tables import dive_rows, summary_rows, verdicts
-        from learn.studies.run_evaluation import is_log_store
+        from learn.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
         if self.tracks is not None and is_log_store(self.store):
@@ -118,11 +118,11 @@ class Evaluate(JsonOption):
         return EXIT_OK
 
     def _page(self, run: Run, found: RunEvaluation) -> Path:
+        from learn.finishing import provenance
         from learn.report.build import build_page
         from learn.report.contents import Contents
         from learn.report.log_page import build_log_page
-        from learn.studies.finishing import provenance
-        from learn.studies.run_evaluation import is_log_store
+        from learn.run_evaluation import is_log_store
 
         assert self.out is not None
         if is_log_store(self.store):

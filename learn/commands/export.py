@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from learn.runs.run import newest_run, open_run
+from learn.run import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 

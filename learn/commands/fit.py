@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from learn.networks.registry import NETWORKS
-from learn.runs.run import RUNS, free_name
-from learn.training.optimisers.registry import OPTIMISERS
+from learn.run import RUNS, free_name
+from learn.training.optimiser_registry import OPTIMISERS
 from learn.training.training_progress import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
@@ -24,8 +24,8 @@ from twin.errors import InputError, unknown_name
 from twin.seams import Registry
 
 if TYPE_CHECKING:
-    from learn.runs.run import Run
-    from learn.studies.folds import Unit
+    from learn.folds import Unit
+    from learn.run import Run
     from learn.training.resources import Resources
     from learn.training.settings import FitConfig, TrainingJob
     from learn.training.trainer import TrainingReport
@@ -150,7 +150,7 @@ class Fit(JsonOption):
         # must be said before numpy is imported: each network trains in one thread
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import train_and_finish
-        from learn.runs.run_folder import training_folder
+        from learn.run_folder import training_folder
         from learn.training.settings import fit_settings
 
         if self.resume and self.name is None:
@@ -166,7 +166,7 @@ class Fit(JsonOption):
             event_writer_type()
         units = [unit for unit in UNITS if getattr(self, f"leave_out_each_{unit}")]
         if units:
-            from learn.studies.folds import folds_with_labels
+            from learn.folds import folds_with_labels
 
             for unit in units:
                 folds_with_labels(config, unit)
@@ -222,7 +222,7 @@ class Fit(JsonOption):
         return RUNS / name
 
     def _ablate(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
-        from learn.studies.ablation import ablate, masked
+        from learn.repeated_fits import ablate, masked
 
         jobs = len(masked(config)) * len(config.jobs())
         with console.progress(total=jobs, label="ablation", unit="networks") as progress:
@@ -234,7 +234,7 @@ class Fit(JsonOption):
             ablate(run, config, resources, watch=see, say=progress.note)
 
     def _seeds(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
-        from learn.studies.seeds import other_seeds, train_seeds
+        from learn.repeated_fits import other_seeds, train_seeds
 
         jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
         with console.progress(total=jobs, label="seeds", unit="networks") as progress:
@@ -251,7 +251,7 @@ class Fit(JsonOption):
     def _leave_out(
         self, console: Console, run: Run, config: FitConfig, unit: Unit, resources: Resources
     ) -> None:
-        from learn.studies.folds import folds_with_labels, leave_out_each
+        from learn.folds import folds_with_labels, leave_out_each
 
         folds = folds_with_labels(config, unit)
         jobs = len(folds) * len(config.jobs())

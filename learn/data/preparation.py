@@ -13,9 +13,8 @@ from learn.data.dataset import TARGETS, Division, MissionSequence, Selection, an
 from learn.data.labels import LabelConfig, count_labels
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, NormalisationFit
-from learn.data.parts import parts_of
 from learn.data.sequences import Mirror, Sequences, SequenceSource, StreamedSequences
-from learn.data.store_checks import no_doppler_labels, no_truth
+from learn.data.store_checks import no_doppler_labels, no_truth, parts_of
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
 from twin.records.reader import MissionStore

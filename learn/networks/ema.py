@@ -16,9 +16,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
+from learn.networks.base import FixedMemory
 from learn.networks.c_step import CStep, perceptron
 from learn.networks.config import NetworkConfig
-from learn.networks.memory import FixedMemory
 from learn.networks.mlp import body_arrays
 from twin.errors import InputError
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
+from learn.networks.base import FixedMemory
 from learn.networks.c_step import CStep, perceptron, transposed
 from learn.networks.config import NetworkConfig
-from learn.networks.memory import FixedMemory
 
 
 class Memoryless(FixedMemory):

@@ -30,9 +30,8 @@ from torch import Tensor, nn
 from learn.data.dataset import MissionSequence
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
-from twin.extras import require
+from twin.extras import preload_triton, require
 from twin.navigation.features import feature, is_known
-from twin.preload import preload_triton
 from twin.records.storage.whole import whole_file
 
 TOLERANCE = 1e-5

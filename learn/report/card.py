@@ -15,7 +15,7 @@ from typing import Any
 from learn.data.logs import SPEED
 from learn.networks.registry import NETWORKS
 from learn.report.result_tables import summary_rows, verdicts
-from learn.runs.run import ORIGIN, TRUTH, Run
+from learn.run import ORIGIN, TRUTH, Run
 from twin.cli.console import one_line
 from twin.cli.text_table import format_number
 from twin.records.attributes import SOURCE_FORMAT, is_logged

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from learn.evaluation.log_score import sentences
 from learn.report import result_tables
 from learn.report.contents import RunEvaluation, Study
-from learn.report.figures.lines import learning_figure
-from learn.report.figures.velocities import dive_figure
+from learn.report.lines import learning_figure
+from learn.report.velocities import dive_figure
 from twin.show.figures.page_layout import Page
 
 if TYPE_CHECKING:
-    from learn.runs.run import Run
+    from learn.run import Run
 
 
 def build_log_page(

@@ -16,7 +16,7 @@ from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.networks.registry import NETWORKS
-from learn.runs.run import (
+from learn.run import (
     DESCRIPTION,
     FORMAT,
     LABELS,
@@ -32,10 +32,9 @@ from learn.runs.run import (
     versions,
     write_description,
 )
-from learn.runs.run_folder import RunFolder, training_folder
-from learn.training.memory import choose_residence
-from learn.training.optimisers.registry import OPTIMISERS
-from learn.training.resources import Resources
+from learn.run_folder import RunFolder, training_folder
+from learn.training.optimiser_registry import OPTIMISERS
+from learn.training.resources import Resources, choose_residence
 from learn.training.settings import FitConfig, TrainingJob
 from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks

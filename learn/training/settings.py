@@ -13,12 +13,11 @@ from typing import Any
 
 from learn.data.dataset import Division
 from learn.data.labels import LabelConfig
-from learn.data.parts import input_groups, parts_of
-from learn.data.store_checks import check_window
+from learn.data.store_checks import check_window, input_groups, parts_of
 from learn.networks.config import NetworkConfig
 from learn.networks.registry import NETWORKS
-from learn.runs.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
-from learn.training.optimisers.registry import OPTIMISERS
+from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
+from learn.training.optimiser_registry import OPTIMISERS
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import INPUT_SETS, select_features
@@ -294,7 +293,7 @@ def _check_uses(
     learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
-    from learn.networks.memory import FixedMemory
+    from learn.networks.base import FixedMemory
 
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":

@@ -23,11 +23,11 @@ from learn.networks.config import NetworkConfig
 from learn.networks.predictor import free_run, groups_by_length
 from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
-from learn.training.optimisers.base import FullBatchOptimiser, MinibatchOptimiser
-from learn.training.optimisers.registry import OPTIMISERS
+from learn.training.optimiser import FullBatchOptimiser, MinibatchOptimiser
+from learn.training.optimiser_registry import OPTIMISERS
 from learn.training.schedule import TrainingClock, TrainingConfig, step_size
 from twin.errors import InputError, StoreError
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 from twin.records.storage.buffers import Places, buffers
 
 TRAINING_PER_VALIDATION = 4.0

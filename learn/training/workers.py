@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from learn.networks.registry import NETWORKS
-from learn.runs.run_folder import resume_command
-from learn.training.optimisers.registry import OPTIMISERS
+from learn.run_folder import resume_command
+from learn.training.optimiser_registry import OPTIMISERS
 from learn.training.resources import Resources, train
 from learn.training.settings import TrainingJob
 from learn.training.trainer import TrainingReport

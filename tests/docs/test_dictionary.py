@@ -14,10 +14,10 @@ from simulated_logs import simulated_log
 import factory
 import twin
 from factory.importing.dives.dive_rows import NUMBERS
-from factory.importing.reading.payload import KNOWN
+from factory.importing.payload import KNOWN
 from twin.logs import write_flight
 from twin.records.schema import SIGNALS
-from twin.vehicle.assets import shipped_files
+from twin.vehicle.presets import shipped_files
 from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_docs

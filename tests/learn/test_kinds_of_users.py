@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import learn
 from learn.networks.onnx_export import StepModel
-from learn.report.figures.base import ReportFigure
+from learn.report.report_figure import ReportFigure
 from twin.errors import InputError
 from twin.navigation.estimators.baseline import Baseline, Estimate
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore, open_missions
-from factory.inspect.flown_again import replay_mission
-from factory.inspect.soundness import verify_store
-from factory.inspect.verify_logs import verify_logs
-from learn.runs.run import open_run
-from learn.studies.run_evaluation import evaluate_run
+from factory.soundness import verify_store
+from factory.verify_logs import verify_logs
+from learn.run import open_run
+from learn.run_evaluation import evaluate_run
 from twin.errors import StoreError
 from twin.identify import load_logs
 from twin.records.logged import LogStore

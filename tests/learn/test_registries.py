@@ -13,14 +13,14 @@ import torch
 
 import learn
 from learn.networks.base import Network
-from learn.report.figures.base import SECTIONS, ReportFigure
-from learn.training.optimisers.base import (
+from learn.report.report_figure import SECTIONS, ReportFigure
+from learn.training.optimiser import (
     SETTINGS,
     FullBatchOptimiser,
     MinibatchOptimiser,
     Optimiser,
 )
-from learn.training.optimisers.scg import ScaledConjugateGradient
+from learn.training.scg import ScaledConjugateGradient
 from twin.errors import InputError
 from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
 
@@ -242,7 +242,7 @@ class Stuck(FullBatchOptimiser):
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        (Whole, r"must be a class derived from learn\.training\.optimisers\.base\.Optimiser"),
+        (Whole, r"must be a class derived from learn\.training\.optimiser\.Optimiser"),
         (NoBuild, r"lacks build\(\)"),
         (Neither, r"must derive from MinibatchOptimiser or FullBatchOptimiser"),
         (OtherSettings, r"names setting 'momentum'; there are rate"),

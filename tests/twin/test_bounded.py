@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 
 from factory.exporting.metadata import parse_metadata
+from factory.importing.columns import column_names, read_table
 from factory.importing.formats.base import sniff
-from factory.importing.reading.columns import column_names, read_table
-from factory.importing.reading.netcdf import open_netcdf
+from factory.importing.netcdf import open_netcdf
 from factory.sampling.distribution import Choice, parse_distribution
 from factory.sampling.presets import read_changes
 from twin import bounded

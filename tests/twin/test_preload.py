@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy.random.bit_generator as any_library
 import pytest
 
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 from twin.show.render.context import available_backend
 
 ROOT = Path(__file__).parents[2]
@@ -73,7 +73,7 @@ new_context(64, 64)
     "by the user": """
 import mujoco
 mujoco.GLContext(64, 64).make_current()
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 preload_triton()
 """,
 }
@@ -129,7 +129,7 @@ def test_triton_is_opened_before_opengl(place: str, backend: str, stand_in: Path
 
 def test_a_library_that_does_not_load_is_left_alone(stand_in: Path) -> None:
     (stand_in / "triton" / "_C" / "libtriton.so").write_text("no library")
-    code = f"{REPORT}from twin.preload import preload_triton\npreload_triton()\nprint(opened)"
+    code = f"{REPORT}from twin.extras import preload_triton\npreload_triton()\nprint(opened)"
     assert "libtriton.so" in python(code, stand_in)
 
 

@@ -26,8 +26,8 @@ from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.physics.steady_motion import Trim
 from twin.records.trajectory import Trajectory
-from twin.vehicle.assets import vehicle_names
 from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import GaussMarkov

@@ -12,7 +12,7 @@ from twin.cli.console import Console, JsonOption
 from twin.cli.text_table import counted
 
 if TYPE_CHECKING:
-    from twin.hindcast import DeploymentHindcast
+    from twin.forecast import DeploymentHindcast
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class HindcastSurfacings(JsonOption):
 
     def run(self, console: Console) -> int:
         """Walk, score, say."""
-        from twin.hindcast import METHODS, hindcast
+        from twin.forecast import METHODS, hindcast
         from twin.records.logged import LogStore
 
         if self.out is not None:

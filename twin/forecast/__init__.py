@@ -1,19 +1,39 @@
-"""Forecast: where and when a glider surfaces next, how surely, and what it costs."""
+"""Forecast: where and when a glider surfaces next, how surely, and what it costs.
 
+Hindcast: a deployment walked through, each surfacing forecast from what was known before it.
+
+found = hindcast(["real.zarr"], train_fraction=0.4)
+found.scores.mean["forecast"], found.scores.mean["persistence"]
+"""
+
+from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast, hindcast
+from twin.forecast.forecast_leg import LoggedLeg, legs_of
 from twin.forecast.known import Known, known_from_logs, known_without_logs
 from twin.forecast.request import Request, mission_to
+from twin.forecast.scores import METHODS, Scores, scores_of
 from twin.forecast.surfacing import Surfacing
 from twin.forecast.surfacing_forecast import Forecast, forecast
+from twin.forecast.walk import HindcastSurfacing, walk
 from twin.navigation.dead_reckoning import Ellipse
 
 __all__ = [
+    "METHODS",
+    "DeploymentHindcast",
     "Ellipse",
     "Forecast",
+    "Hindcast",
+    "HindcastSurfacing",
     "Known",
+    "LoggedLeg",
     "Request",
+    "Scores",
     "Surfacing",
     "forecast",
+    "hindcast",
     "known_from_logs",
     "known_without_logs",
+    "legs_of",
     "mission_to",
+    "scores_of",
+    "walk",
 ]

@@ -17,8 +17,8 @@ from twin.identify.logged import check_channels
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
-from twin.vehicle.assets import vehicle_names
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}

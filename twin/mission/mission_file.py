@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from twin.errors import MissionError, unknown_name
 from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------

@@ -34,7 +34,7 @@ def load_mission(
 
     Args:
       mission: name or path.
-      vehicle: that flies a Slocum file, as `twin.mission.slocum.read_slocum` takes it.
+      vehicle: that flies a Slocum file, as `twin.mission.slocum_mission.read_slocum` takes it.
       above_floor: likewise.
 
     Raises:
@@ -45,7 +45,7 @@ def load_mission(
         return Mission.from_toml(_FOLDER / f"{text}.toml")
     path = Path(text)
     if path.suffix.lower() in (".mi", ".ma"):
-        from twin.mission.slocum import read_slocum
+        from twin.mission.slocum_mission import read_slocum
 
         reading = read_slocum(path, vehicle, above_floor=above_floor)
         for note in reading.notes:

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast
+from twin.forecast.scores import METHODS, Scores
+from twin.forecast.walk import NINETY, HindcastSurfacing
 from twin.geodesy import position
-from twin.hindcast.deployment_hindcast import DeploymentHindcast, Hindcast
-from twin.hindcast.scores import METHODS, Scores
-from twin.hindcast.walk import NINETY, HindcastSurfacing
 from twin.navigation.dead_reckoning import Ellipse, outline
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates, moment_of

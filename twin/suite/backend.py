@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 
 _VARIABLE = "MUJOCO_GL"
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")

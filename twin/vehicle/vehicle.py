@@ -20,14 +20,22 @@ from numpy.typing import NDArray
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
 from twin.vehicle.assembly import MovingMass, read_masses, read_parts, read_steering
-from twin.vehicle.assets import assets_folder, shipped_files, unknown_vehicle, vehicle_text
 from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.parts import Part, Pump
 from twin.vehicle.parts.base import LOSSES
 from twin.vehicle.parts.pump import CUBIC_CM
-from twin.vehicle.presets import PRESETS, SEPARATOR, apply_preset, split_preset
+from twin.vehicle.presets import (
+    PRESETS,
+    SEPARATOR,
+    apply_preset,
+    assets_folder,
+    shipped_files,
+    split_preset,
+    unknown_vehicle,
+    vehicle_text,
+)
 
 Array = NDArray[np.float64]
 

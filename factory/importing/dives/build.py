@@ -13,13 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives.dive_checks import complete, standing
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
 from factory.importing.dives.segments import LogSegment, cut
-from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.reading.tally import (
+from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes, tell_read
+from factory.importing.repairs.plausibility import DiveRules, check_signs
+from factory.importing.repairs.seawater import depth_of, pressure_of
+from factory.importing.repairs.surface_offset import zeroed
+from factory.importing.tally import (
     ImportReport,
     Tally,
     likely_replacements,
@@ -27,10 +31,6 @@ from factory.importing.reading.tally import (
     tell_unread,
     unread,
 )
-from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes, tell_read
-from factory.importing.repairs.plausibility import DiveRules, check_signs
-from factory.importing.repairs.seawater import depth_of, pressure_of
-from factory.importing.repairs.surface_offset import zeroed
 from twin.errors import InputError
 from twin.geodesy import offset
 from twin.records.attributes import (

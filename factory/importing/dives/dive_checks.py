@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from factory.importing.deployment_log import DeploymentLog
 from factory.importing.dives.segments import LogSegment
-from factory.importing.reading.deployment_log import DeploymentLog
-from factory.importing.reading.tally import Tally
+from factory.importing.tally import Tally
 
 _SILENT = 120.0
 """[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.deployment_log import Array, DeploymentLog
 from factory.importing.dives.positions import CURRENT_METHOD, Positions
 from factory.importing.dives.segments import PHASES, LogSegment
-from factory.importing.reading.deployment_log import Array, DeploymentLog
 from twin.records.attributes import (
     COMMENT,
     CONVENTIONS,

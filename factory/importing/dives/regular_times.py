@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
-from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.reading.tally import Tally
 from factory.importing.repairs.gps_fixes import nearest
 from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.tally import Tally
 from twin.geodesy import offset
 from twin.records.schema import VARIABLES
 

@@ -7,15 +7,15 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import (
+from factory.importing.deployment_log import (
     NO_FIXES,
     Channel,
     DeploymentLog,
     LoggedFixes,
 )
-from factory.importing.reading.tally import Tally
 from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes
 from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.tally import Tally
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]

@@ -11,21 +11,21 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.reading.other_kind import OtherKind
+from factory.importing.other_kind import OtherKind
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
 from twin.seams import Registry, instance_of
 
 if TYPE_CHECKING:
-    from factory.importing.reading.deployment_log import DeploymentLog
-    from factory.importing.reading.payload import PayloadSignal
-    from factory.importing.reading.tally import Tally
+    from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.payload import PayloadSignal
+    from factory.importing.tally import Tally
 
 
 TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
-"""Suffixes of tables, which `factory.importing.reading.columns.read_table` reads."""
+"""Suffixes of tables, which `factory.importing.columns.read_table` reads."""
 ARRAYS = frozenset({".nc", ".nc4", ".mat"})
-"""Suffixes of netCDF and HDF5 files, which `factory.importing.reading.netcdf` opens."""
+"""Suffixes of netCDF and HDF5 files, which `factory.importing.netcdf` opens."""
 SHORTEST, LONGEST = 0.05, 120.0
 """[s] Periods that a store of logs can have."""
 
@@ -164,8 +164,8 @@ def sniff(path: str | Path) -> str | None:
     Raises:
       InputError: the file cannot be read.
     """
-    from factory.importing.reading.columns import column_names
-    from factory.importing.reading.netcdf import holds_arrays, variable_names
+    from factory.importing.columns import column_names
+    from factory.importing.netcdf import holds_arrays, variable_names
 
     path = Path(path)
     try:

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import EMPTY, Channel, LoggedFixes
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
+from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import Channel
 from factory.importing.repairs.plausibility import (
     FASTEST,
     SLOWEST,
@@ -18,6 +17,7 @@ from factory.importing.repairs.plausibility import (
     stale,
     unreachable,
 )
+from factory.importing.tally import Tally
 from twin.errors import InputError
 
 Array = NDArray[np.float64]

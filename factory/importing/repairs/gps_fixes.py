@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
 from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.tally import Tally
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import Channel, DeploymentLog
+from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.repairs.gps_fixes import coasting, nearest
 from factory.importing.repairs.plausibility import DiveRules
 from factory.importing.repairs.seawater import pressure_of
+from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,9 @@ import yaml
 from hubs import read_with
 from logs import Flight, write_slocum
 
-from factory.exporting import EXPORTERS, ExportOptions
+from factory.exporting import EXPORTERS, ExportOptions, dataset_folder
 from factory.exporting.data_card import licence_identifier
-from factory.exporting.huggingface import dataset_folder
-from factory.exporting.lerobot.statistics import Total, episode_statistics
+from factory.exporting.lerobot_features import Total, episode_statistics
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from twin.errors import InputError
@@ -239,8 +238,8 @@ def test_lerobot_files_are_those_of_the_format(
 def test_large_data_sets_go_on_in_further_files(
     run: GeneratedStore, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("factory.exporting.lerobot.episodes.FILE_MB", 0)
-    monkeypatch.setattr("factory.exporting.lerobot.episodes.AT_A_TIME", 2)
+    monkeypatch.setattr("factory.exporting.lerobot_episodes.FILE_MB", 0)
+    monkeypatch.setattr("factory.exporting.lerobot_episodes.AT_A_TIME", 2)
     EXPORTERS["lerobot"].export(run, range(len(run)), tmp_path / "many")
     files = sorted((tmp_path / "many/data").glob("*/*.parquet"))
     whole = pq.read_table(folders["lerobot"] / "data/chunk-000/file-000.parquet")

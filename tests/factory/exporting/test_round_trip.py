@@ -14,9 +14,9 @@ from simulated_logs import simulated_flight
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import GeneratedStore, open_exportable
 from factory.importing import import_logs
+from factory.importing.deployment_log import Channel
 from factory.importing.formats.og1.derived import oxygen_per_volume
-from factory.importing.reading.deployment_log import Channel
-from factory.importing.reading.tally import Tally
+from factory.importing.tally import Tally
 from twin.physics.true_signals import declare_parts
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore

@@ -14,13 +14,13 @@ from clusters import dask_cluster, free_port, worker
 from trees import contents
 
 import factory
+from factory.description import unfinished
 from factory.generation import cluster
 from factory.generation.block import fly_block
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
 from factory.generation.pool import Job
 from factory.generation.site import Site
-from factory.inspect.description import unfinished
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError, TwinError
 

@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 import zarr
 
+from factory.flown_again import replay_mission
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
-from factory.inspect.flown_again import replay_mission
 from factory.sampling.recipe import make_recipe
 from twin.geodesy import from_tangent_plane
 from twin.records.coordinates import COORDINATES, NO_TIME, PLACE

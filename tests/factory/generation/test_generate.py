@@ -24,16 +24,16 @@ import factory.generation.block
 import factory.generation.generate
 import twin.records.storage.stored_files
 from benchmarks.faults.here import Here
+from factory.description import unfinished
+from factory.flown_again import replay_failure
 from factory.generation.block import fly_block
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.manifest import LEAST_SHARD
 from factory.generation.pool import Job
 from factory.generation.site import Site, generating, locked
-from factory.inspect.description import unfinished
-from factory.inspect.flown_again import replay_failure
-from factory.inspect.soundness import verify_store
 from factory.sampling.recipe import Recipe
+from factory.soundness import verify_store
 from twin.errors import InputError, StoreError, TwinError
 from twin.records.store import open_store
 

@@ -12,14 +12,14 @@ from clusters import dask_cluster
 from s3 import s3_server
 
 from factory.__main__ import main
+from factory.description import unfinished
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.generation.rebuild import repair
-from factory.inspect.description import unfinished
-from factory.inspect.store_check import check_files
 from factory.sampling.recipe import Recipe
+from factory.store_check import check_files
 from learn.data.dataset import load_missions
 from twin.errors import InputError, StoreError, WriteError
 from twin.records.storage.checksums import content_hash, store_hash

@@ -12,8 +12,8 @@ from trees import contents
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.rebuild import lost, repair
-from factory.inspect.store_check import check_files
 from factory.sampling.recipe import Recipe
+from factory.store_check import check_files
 from twin.errors import StoreError
 
 Recipes = Callable[..., Recipe]

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 import factory.generation.generate
+from factory.description import unfinished
 from factory.generation.generate import generate
 from factory.generation.manifest import MOST_IN_BLOCK
 from factory.generation.site import Site, generating, locked
-from factory.inspect.description import unfinished
 from factory.sampling.recipe import Recipe
 
 Recipes = Callable[..., Recipe]

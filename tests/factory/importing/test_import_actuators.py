@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from factory.importing.formats.seaglider.log_signals import ROLL_CNV, rotation_from_counts
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel
+from factory.importing.formats.seaglider_log_signals import ROLL_CNV, rotation_from_counts
 from factory.importing.formats.slocum.native_sensors import slocum_log
-from factory.importing.reading.deployment_log import EMPTY, NO_FIXES, Channel
-from factory.importing.reading.tally import Tally
+from factory.importing.tally import Tally
 
 
 def test_counts_become_a_rotation_about_the_centre_of_each_phase():

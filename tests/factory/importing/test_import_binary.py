@@ -9,9 +9,9 @@ import pytest
 from logs import Flight, gps_columns, pack, write_dbd, write_seaexplorer
 
 from factory.importing import import_logs
-from factory.importing.reading.deployment_log import LoggedFixes
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import LoggedFixes
 from factory.importing.repairs.angles import reference_declination
+from factory.importing.tally import Tally
 from twin.errors import InputError
 
 FLIGHT = Flight()

@@ -24,8 +24,8 @@ from logs import (
 from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
-from factory.importing.reading.deployment_log import OTHER_KIND
-from factory.importing.reading.netcdf import in_unit
+from factory.importing.deployment_log import OTHER_KIND
+from factory.importing.netcdf import in_unit
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

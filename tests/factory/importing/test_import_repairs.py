@@ -20,10 +20,10 @@ from logs import (
 )
 
 from factory.importing import import_logs
-from factory.importing.reading.columns import column_names, read_table, tidy
-from factory.importing.reading.tally import Tally
+from factory.importing.columns import column_names, read_table, tidy
 from factory.importing.repairs.angles import in_degrees
 from factory.importing.repairs.plausibility import unreachable
+from factory.importing.tally import Tally
 from twin.errors import InputError
 
 FLIGHT = Flight()

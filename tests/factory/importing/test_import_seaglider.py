@@ -10,8 +10,8 @@ import pytest
 from logs import SHARED, Flight, write_basestation, write_csv, write_seaglider
 
 from factory.importing import import_logs
+from factory.importing.columns import read_table
 from factory.importing.dives.regular_times import to_body
-from factory.importing.reading.columns import read_table
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)

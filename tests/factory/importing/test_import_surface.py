@@ -18,9 +18,9 @@ from logs import (
 )
 
 from factory.importing import import_logs
+from factory.importing.columns import read_table
+from factory.importing.deployment_log import Channel
 from factory.importing.dives.segments import longest_stretch
-from factory.importing.reading.columns import read_table
-from factory.importing.reading.deployment_log import Channel
 from factory.importing.repairs.plausibility import DiveRules
 
 FLIGHT = Flight()

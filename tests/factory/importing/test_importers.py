@@ -31,8 +31,8 @@ from logs import (
 )
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
-from factory.importing.reading.columns import column_names
-from factory.importing.reading.netcdf import holds_arrays
+from factory.importing.columns import column_names
+from factory.importing.netcdf import holds_arrays
 from twin.errors import InputError
 from twin.records.schema import VARIABLES
 from twin.records.store import open_store

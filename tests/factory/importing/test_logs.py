@@ -16,11 +16,11 @@ from logs import LATITUDE, START, Flight, write_seaglider, write_slocum
 from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
+from factory.exporting.flat_table import export_parquet
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.parquet.flat_table import export_parquet
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
-from factory.inspect.logs_page import (
+from factory.logs_page import (
     OURS,
     THEIRS,
     averaged,
@@ -28,7 +28,7 @@ from factory.inspect.logs_page import (
     deployment_page,
     dive_figures,
 )
-from factory.inspect.verify_logs import verify_logs
+from factory.verify_logs import verify_logs
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

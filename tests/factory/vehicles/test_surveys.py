@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from factory.flown_again import replay_mission
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
-from factory.inspect.flown_again import replay_mission
-from factory.inspect.missions_page import store_page
-from factory.inspect.soundness import verify_store
+from factory.missions_page import store_page
+from factory.sampling.dives import SawToothKind
 from factory.sampling.draw import Parameters, kind_of, sensor_seed
 from factory.sampling.fly import Impossible, build_mission, build_scenario, fly
-from factory.sampling.kinds import MISSION_KINDS, MissionKind, kinds_for, register
-from factory.sampling.kinds.dives import SawToothKind
-from factory.sampling.kinds.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
+from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for, register
 from factory.sampling.mission_water import DEEPEST_FLOOR_M
 from factory.sampling.parameters import parameter_table
 from factory.sampling.recipe import Recipe, make_recipe
+from factory.sampling.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
 from factory.sampling.vehicle_errors import spread_vehicle
 from factory.sampling.vehicle_parameters import FLOOR
+from factory.soundness import verify_store
 from twin.errors import InputError
 from twin.sensors.dvl import MODES
 from twin.vehicle.vehicle import load_vehicle

@@ -12,18 +12,18 @@ import xarray as xr
 
 import factory
 from factory.__main__ import PROGRAM
+from factory.description import drawn_rows
+from factory.flown_again import replay_mission
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
-from factory.inspect.description import drawn_rows
-from factory.inspect.flown_again import replay_mission
-from factory.inspect.missions_page import store_page
-from factory.inspect.soundness import verify_store
+from factory.missions_page import store_page
 from factory.sampling.draw import draw_parameters
 from factory.sampling.fly import build_scenario
 from factory.sampling.parameters import declared, parameter_table
 from factory.sampling.recipe import make_recipe
 from factory.sampling.vehicle_errors import encoder_zeros, spread_vehicle
 from factory.sampling.vehicle_parameters import ADDED_MASS
+from factory.soundness import verify_store
 from twin.errors import InputError, VehicleError
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 

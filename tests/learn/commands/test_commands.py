@@ -12,7 +12,7 @@ from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import SEAL, write_json, write_sealed
 from learn.networks.config import NetworkConfig
-from learn.runs.run import DEFAULT_STORE, newest_run, open_run
+from learn.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fitting import fit
 from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
@@ -404,7 +404,7 @@ def test_a_baseline_that_cannot_run_has_null_figures(here, capsys, tmp_path):
 
 
 def test_the_papers_test_is_announced_only_where_it_is_flown(here):
-    from learn.studies.finishing import _paper_test
+    from learn.finishing import _paper_test
 
     said = []
     run = open_run("first")

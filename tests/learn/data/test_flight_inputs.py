@@ -7,7 +7,7 @@ import learn
 from factory.generation.generate import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import load_missions
-from learn.data.parts import input_groups
+from learn.data.store_checks import input_groups
 from twin.errors import InputError, StoreError
 from twin.navigation.features import FLIGHT, INPUT_SETS, leave_out, select_features
 from twin.navigation.flight_filter_kernels import CHANNELS

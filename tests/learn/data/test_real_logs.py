@@ -19,9 +19,9 @@ from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
+from learn.folds import folds_with_labels, leave_out_each
 from learn.networks.config import NetworkConfig
 from learn.report.card import RunOrigin
-from learn.studies.folds import folds_with_labels, leave_out_each
 from learn.training.fitting import fit
 from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig

@@ -16,8 +16,8 @@ from learn.__main__ import PROGRAM
 from learn.commands.fit import Fit
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
-from learn.runs.run import METRICS, Run, newest_run, open_run, read_description
-from learn.runs.run_folder import training_folder
+from learn.run import METRICS, Run, newest_run, open_run, read_description
+from learn.run_folder import training_folder
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
@@ -318,7 +318,7 @@ def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
 
 
 CHILD = (
-    "import sys, time; from learn.training.watchdog import end_with; end_with(int(sys.argv[1]));"
+    "import sys, time; from learn.training.resources import end_with; end_with(int(sys.argv[1]));"
 )
 CHILD += "print(1); sys.stdout.flush(); time.sleep(100)"
 PARENT = """

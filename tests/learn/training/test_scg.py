@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from learn.training.optimisers.scg import ScaledConjugateGradient, ScgConfig
+from learn.training.scg import ScaledConjugateGradient, ScgConfig
 from twin.errors import InputError
 
 

@@ -10,8 +10,8 @@ from learn_missions import write_synthetic_store
 import learn.training.workers as side_by_side
 from learn.__main__ import PROGRAM
 from learn.networks.config import NetworkConfig
-from learn.runs.run import METRICS, SEEDS, open_run
-from learn.studies.seeds import Seeds, other_seeds
+from learn.repeated_fits import Seeds, other_seeds
+from learn.run import METRICS, SEEDS, open_run
 from learn.training.fitting import TrainingStart, fit, fit_each
 from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
@@ -133,7 +133,7 @@ def test_seeds_are_trained_and_compared(store, tmp_path, monkeypatch, capsys):
             figures["surge_mse"] += 1.0
             return dict(figures)
 
-    monkeypatch.setattr("learn.studies.seeds.evaluate", lambda *_, **__: Found())
+    monkeypatch.setattr("learn.repeated_fits.evaluate", lambda *_, **__: Found())
     monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
     monkeypatch.setattr("learn.commands.fit.Fit._report", lambda *_: None)
     code = PROGRAM.main(

@@ -13,7 +13,7 @@ from learn_missions import write_synthetic_store
 from learn.data.preparation import prepare, training_lengths
 from learn.data.sequences import ahead
 from learn.networks.config import NetworkConfig
-from learn.training.memory import choose_residence, free_memory
+from learn.training.resources import choose_residence, free_memory
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from learn.training.trainer import Trainer, mean_squared_error
@@ -186,7 +186,7 @@ def test_a_store_larger_than_its_memory_is_streamed(tmp_path, monkeypatch):
     path = write_synthetic_store(tmp_path / "s.zarr", [300] * 4, [0, 0, 0, 1])
     many = np.full(40_000, 20_000)  # what the store says of its missions; nothing is read
     config = config_of(path, buffer=2**17)
-    monkeypatch.setattr("learn.training.memory.training_lengths", lambda *_: (many, many[:50]))
+    monkeypatch.setattr("learn.training.resources.training_lengths", lambda *_: (many, many[:50]))
     chosen = choose_residence([config], 2, 0.5)
     assert not chosen.resident
     assert "training data are streamed from the store" in chosen.told

@@ -16,9 +16,9 @@ from learn.__main__ import PROGRAM
 from learn.data.labels import LabelConfig
 from learn.report import result_tables
 from learn.report.contents import Contents
-from learn.report.figures.error_figures import doppler_error_figure
-from learn.report.figures.lines import BESIDE_DVL, ground_lines, with_bottom_lock
-from learn.runs.run import open_run
+from learn.report.error_figures import doppler_error_figure
+from learn.report.lines import BESIDE_DVL, ground_lines, with_bottom_lock
+from learn.run import open_run
 
 TORPEDO = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
 PLACE = {

@@ -14,9 +14,9 @@ from logs import SENTINEL, sailfish_columns, write_csv
 import learn
 from factory.importing import import_logs
 from learn.data.labels import LabelConfig
+from learn.finishing import finish
+from learn.folds import folds_with_labels, leave_out_each, read_folds
 from learn.networks.config import NetworkConfig
-from learn.studies.finishing import finish
-from learn.studies.folds import folds_with_labels, leave_out_each, read_folds
 from learn.training.fitting import fit
 from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig

@@ -7,7 +7,7 @@ import pytest
 from twin.__main__ import PROGRAM
 from twin.errors import MissionError
 from twin.mission import Surface, load_mission
-from twin.mission.slocum import read_slocum
+from twin.mission.slocum_mission import read_slocum
 from twin.vehicle.vehicle import load_vehicle
 
 FILES = {

@@ -20,7 +20,7 @@ from twin.physics.mujoco_model import compile_model
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate
 from twin.records.mission_dataset import summarise
-from twin.vehicle.assets import asset_path
+from twin.vehicle.presets import asset_path
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current.uniform import Uniform
 from twin.water.floor import Bathymetry, FlatFloor, GridFloor

@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.suite.autopilot import Autopilot
 from twin.suite.policies import POLICIES, Proportional
 from twin.suite.task import wrap_angle
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 
 NAMED = {
     "body": "nbody",

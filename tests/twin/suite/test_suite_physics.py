@@ -27,7 +27,7 @@ from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.show.render.context import available_backend
 from twin.suite.physics import MEASUREMENTS, Physics
-from twin.vehicle.assets import asset_path
+from twin.vehicle.presets import asset_path
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Profile, Uniform
 from twin.water.density import DensityProfile

@@ -8,8 +8,8 @@ import pytest
 
 from twin.errors import VehicleError
 from twin.physics.mujoco_model import compile_model
-from twin.vehicle.assets import assets_folder
 from twin.vehicle.file_limits import MOST_XML, check_file
+from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
 GLIDER = (assets_folder() / "glider.xml").read_text()

@@ -11,8 +11,7 @@ from twin.errors import VehicleError
 from twin.records.mission_dataset import mission_dataset
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
-from twin.vehicle.assets import asset_path, vehicle_names
-from twin.vehicle.presets import apply_preset, preset_names, split_preset
+from twin.vehicle.presets import apply_preset, asset_path, preset_names, split_preset, vehicle_names
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 TEXT = asset_path("tethys.xml").read_text(encoding="utf-8")

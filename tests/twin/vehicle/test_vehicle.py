@@ -12,7 +12,7 @@ import pytest
 from twin.errors import VehicleError
 from twin.frames import flip_vector
 from twin.physics.mujoco_model import compile_model
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 GLIDER = load_vehicle("glider")

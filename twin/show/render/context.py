@@ -14,7 +14,7 @@ import sys
 from typing import Protocol
 
 from twin.errors import TwinError
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 
 BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 """Debian packages of each backend, the preferred backend first."""

@@ -7,7 +7,7 @@ import sys
 import warnings
 
 from twin.errors import TwinError
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Environment variables that name a screen on Linux"""

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.preload import preload_triton
+from twin.extras import preload_triton
 from twin.show.render import camera, sea
 from twin.show.render.camera import View
 from twin.show.render.canvas import frame_of

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from factory.importing.formats.base import TABLES, Importer, ReadOptions
 
 if TYPE_CHECKING:
-    from factory.importing.reading.deployment_log import DeploymentLog
-    from factory.importing.reading.tally import Tally
+    from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.tally import Tally
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.csv.reader import read_tables
+    from factory.importing.formats.csv.table_reader import read_tables
 
     return read_tables(paths, options, tally)
 

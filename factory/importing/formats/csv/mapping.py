@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.netcdf import SECONDS
+from factory.importing.netcdf import SECONDS
 from twin.records.schema import VARIABLES
 
 Frame = Literal["FRD", "FLU"]
@@ -71,7 +71,7 @@ class Signal:
     column: str
     """Name of the column."""
     unit: str = ""
-    """As in `factory.importing.reading.netcdf`; may be left out where the signal has none."""
+    """As in `factory.importing.netcdf`; may be left out where the signal has none."""
     frame: Frame | None = None
     """Body axes of this column, instead of the file's."""
     sign: float = 1.0

@@ -32,7 +32,7 @@ from factory.importing.formats.csv.mapping import (
     Mapping,
     Signal,
 )
-from factory.importing.reading.netcdf import in_unit, known_units
+from factory.importing.netcdf import in_unit, known_units
 from twin.bounded import compile_pattern, read_toml
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES

@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
-from factory.importing.formats.csv.velocity_checks import check_values
-from factory.importing.reading.columns import (
+from factory.importing.columns import (
     Table,
     column_names,
     parse_stamps,
     read_table,
     unix_seconds,
 )
-from factory.importing.reading.netcdf import SECONDS, in_unit
-from factory.importing.reading.tally import Tally, leave_out, note_unread
+from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
+from factory.importing.formats.csv.velocity_checks import check_values
+from factory.importing.netcdf import SECONDS, in_unit
+from factory.importing.tally import Tally, leave_out, note_unread
 from twin.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]

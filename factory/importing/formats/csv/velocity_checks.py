@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.reading.deployment_log import Channel, DeploymentLog
-from factory.importing.reading.tally import Tally
+from factory.importing.deployment_log import Channel, DeploymentLog
+from factory.importing.tally import Tally
 from twin.errors import InputError
 from twin.geodesy import offset
 from twin.records.schema.limits import recorded_limits

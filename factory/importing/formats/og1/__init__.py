@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from factory.importing.formats.base import Importer, ReadOptions
 
 if TYPE_CHECKING:
-    from factory.importing.reading.deployment_log import DeploymentLog
-    from factory.importing.reading.tally import Tally
+    from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.tally import Tally
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.og1.reader import read_og1
+    from factory.importing.formats.og1.og1_reader import read_og1
 
     return read_og1(paths, options, tally)
 

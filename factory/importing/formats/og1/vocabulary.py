@@ -25,8 +25,8 @@ from factory.exporting.og1.terms import (
     VARIATION,
 )
 from factory.exporting.og1.variables import ENDING
-from factory.importing.reading.netcdf import as_array, attributes_of, text_of
-from factory.importing.reading.tally import Tally, leave_out
+from factory.importing.netcdf import as_array, attributes_of, text_of
+from factory.importing.tally import Tally, leave_out
 
 DIMENSION = "N_MEASUREMENTS"
 OURS = {name: stored for name, stored, _ in MEASURED} | {"DVL_MODE": "measured_dvl_mode"}

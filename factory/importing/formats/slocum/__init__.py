@@ -10,8 +10,8 @@ from factory.importing.formats.base import TABLES, Importer, ReadOptions
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 
 if TYPE_CHECKING:
-    from factory.importing.reading.deployment_log import DeploymentLog
-    from factory.importing.reading.tally import Tally
+    from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.tally import Tally
 
 
 def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:

@@ -19,6 +19,15 @@ from typing import Any
 
 import numpy as np
 
+from factory.importing.columns import tidy
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    each_file,
+    joined,
+)
 from factory.importing.formats.base import ReadOptions
 from factory.importing.formats.slocum.caches import (
     CacheShelf,
@@ -28,17 +37,8 @@ from factory.importing.formats.slocum.caches import (
     vehicle_of,
 )
 from factory.importing.formats.slocum.native_sensors import WANTED, slocum_log
-from factory.importing.reading.columns import tidy
-from factory.importing.reading.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    each_file,
-    joined,
-)
-from factory.importing.reading.payload import payload_names
-from factory.importing.reading.tally import Tally, leave_out, note_empty, note_unread
+from factory.importing.payload import payload_names
+from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 
 _CYCLE = b"d"

@@ -12,6 +12,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
 from factory.importing.formats.slocum.choices import PRESSURES, PUMPS, slocum_pressure, slocum_pump
 from factory.importing.formats.slocum.on_board import (
     ON_BOARD,
@@ -19,15 +26,7 @@ from factory.importing.formats.slocum.on_board import (
     on_board,
     on_board_places,
 )
-from factory.importing.reading.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
-from factory.importing.reading.payload import PayloadSignal, payload_channels
-from factory.importing.reading.tally import Tally
+from factory.importing.payload import PayloadSignal, payload_channels
 from factory.importing.repairs.angles import jointly_degrees, reference_declination, to_degrees
 from factory.importing.repairs.cleaning import (
     clean,
@@ -36,6 +35,7 @@ from factory.importing.repairs.cleaning import (
     to_dbar,
 )
 from factory.importing.repairs.seawater import ctd_channels, siemens
+from factory.importing.tally import Tally
 from twin.errors import InputError
 
 Array = NDArray[np.float64]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from factory.importing.deployment_log import DeploymentLog
 from factory.importing.formats.base import ReadOptions
 from factory.importing.formats.slocum.binary import read_slocum_binary
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 from factory.importing.formats.slocum.sensor_tables import read_slocum_tables
-from factory.importing.reading.deployment_log import DeploymentLog
-from factory.importing.reading.tally import Tally
+from factory.importing.tally import Tally
 from twin.errors import InputError
 
 

@@ -14,15 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.formats.slocum.native_sensors import (
-    WANTED,
-    gps_fixes,
-    native_variation,
-    slocum_log,
-)
-from factory.importing.reading.columns import Table, parse_stamps, read_table, tidy, unix_seconds
-from factory.importing.reading.deployment_log import (
+from factory.importing.columns import Table, parse_stamps, read_table, tidy, unix_seconds
+from factory.importing.deployment_log import (
     NO_FIXES,
     Channel,
     DeploymentLog,
@@ -30,9 +23,16 @@ from factory.importing.reading.deployment_log import (
     each_file,
     joined,
 )
-from factory.importing.reading.payload import payload_names
-from factory.importing.reading.tally import Tally, note_empty, note_unread
+from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.slocum.native_sensors import (
+    WANTED,
+    gps_fixes,
+    native_variation,
+    slocum_log,
+)
+from factory.importing.payload import payload_names
 from factory.importing.repairs.cleaning import clean
+from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 from twin.geodesy import offset
 

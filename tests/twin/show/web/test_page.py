@@ -37,7 +37,7 @@ from twin.show.web.channels import read_channels, thin
 from twin.show.web.page import LARGEST, ROWS, page
 from twin.show.web.scene import describe
 from twin.show.web.solid import pack, read_solid, smooth_normals, unpack
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 
 

@@ -1,0 +1,362 @@
+"""Tables of csv and parquet files: columns as numbers, rows in order of time, each time once."""
+
+from __future__ import annotations
+
+import dataclasses
+import gzip
+import io
+import math
+import warnings
+import zlib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.tally import Tally
+from twin.bounded import check_declared
+from twin.errors import InputError
+from twin.extras import require
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
+"""Words that mean no value (compared in lower case)."""
+CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
+"""SeaExplorer's time stamps."""
+LONGEST_HEADER = 2**20
+"""Characters of the line of column names; a Slocum's two thousand names have a tenth"""
+UNPACKED_BYTES = 2**25
+"""[byte] of text that any compressed table may have, however small it is: in memory it takes
+thirty times as much"""
+_SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
+"""Unix seconds from 1979 to 2103: what a log's time can be."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Columns of one file."""
+
+    path: Path
+    columns: Mapping[str, Array]
+    """Numbers; texts that are not numbers are in `texts`."""
+    texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
+
+    def has(self, *names: str) -> bool:
+        """True when all the columns are there."""
+        return all(name in self.columns for name in names)
+
+    def __len__(self) -> int:
+        every = [*self.columns.values(), *self.texts.values()]
+        return len(every[0]) if every else 0
+
+
+def read_table(path: Path) -> Table:
+    """Read a csv, csv.gz or parquet file.
+
+    Raises:
+      InputError: unreadable, empty or truncated, or pyarrow is missing.
+    """
+    if path.stat().st_size == 0:
+        raise InputError(f"{path} is empty")
+    if path.suffix.lower() == ".parquet":
+        return _parquet(path)
+    return _csv(path)
+
+
+def _opened_parquet(path: Path) -> Any:
+    require("pyarrow.parquet", extra="parquet", purpose=path.name)
+    parquet: Any = import_module("pyarrow.parquet")
+    try:
+        return parquet.ParquetFile(path)
+    except Exception as error:
+        raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
+
+
+def _parquet(path: Path) -> Table:
+    with _opened_parquet(path) as file:
+        try:
+            table = file.read()
+        except Exception as error:
+            raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
+    columns: dict[str, Array] = {}
+    texts: dict[str, NDArray[Any]] = {}
+    for name in table.column_names:
+        values = table[name].to_numpy()
+        if values.dtype.kind == "M":
+            seconds = values.astype("datetime64[ns]").astype(np.int64) / 1e9
+            columns[name] = np.where(np.isnat(values), np.nan, seconds)
+        elif values.dtype.kind in "fiub":
+            columns[name] = values.astype(np.float64)
+        else:
+            texts[name] = values
+    return Table(path, columns, texts)
+
+
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a csv, csv.gz or parquet file. Errors as `read_table`."""
+    if path.suffix.lower() == ".parquet":
+        with _opened_parquet(path) as parquet:
+            return [str(name) for name in parquet.schema_arrow.names]
+    try:
+        with _opened(path) as file:
+            return [name for name in _header(file)[0] if name]
+    except _UNREADABLE as error:
+        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+
+
+_UNREADABLE = (OSError, EOFError, zlib.error)
+"""What a file that is cut or damaged raises."""
+
+
+def _opened(path: Path) -> TextIO:
+    def opened() -> io.BufferedReader:
+        packed = path.suffix.lower() == ".gz"
+        return io.BufferedReader(_Unpacked(path)) if packed else path.open("rb")
+
+    with opened() as binary:
+        wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
+    encoding = "utf-16" if wide else "utf-8-sig"
+    return io.TextIOWrapper(opened(), newline="", encoding=encoding, errors="replace")
+
+
+class _Unpacked(io.RawIOBase):
+    """What a gzip file unpacks to; raises InputError where it is far more than the file's size."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._size, self._given = path, path.stat().st_size, 0
+        self._file = gzip.open(path, "rb")  # noqa: SIM115 - closed by `close`
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._file.read(len(buffer))
+        buffer[: len(data)] = data
+        self._given += len(data)
+        check_declared(self._given, self._size, str(self._path), free=UNPACKED_BYTES)
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def _header(file: TextIO) -> tuple[list[str], str]:
+    """Column names in the first line, and what separates them: a comma, semicolon or tab."""
+    line = file.readline(LONGEST_HEADER)
+    if len(line) == LONGEST_HEADER:
+        raise InputError(
+            f"{file.name} has a first line of more than {LONGEST_HEADER} characters: it is "
+            "not a table of columns"
+        )
+    delimiter = max(",;\t", key=line.count)
+    return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
+
+
+def _csv(path: Path) -> Table:
+    import pandas as pd
+
+    try:
+        with _opened(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be lost
+            names, delimiter = _header(file)
+            # a row may end with a separator, so that it has an empty cell more than the header
+            cells = range(len(names) + 1)
+            try:
+                frame = pd.read_csv(
+                    file, sep=delimiter, header=None, names=cells, dtype=str, na_filter=False,
+                    index_col=False,
+                )  # fmt: skip
+            except pd.errors.EmptyDataError:
+                frame = pd.DataFrame(columns=cells, dtype=str)
+    except _UNREADABLE as error:
+        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+    except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+        raise InputError(
+            f"{path} is not a table of {len(names)} columns: {_line(error)}"
+        ) from error
+    if len(names) < 2 or any(not name for name in names[1:-1]):
+        raise InputError(f"{path} does not begin with a line of column names")
+    beyond = np.flatnonzero(frame[len(names)].fillna("").str.strip() != "")
+    if beyond.size:
+        raise InputError(
+            f"{path}: row {beyond[0] + 1} of the values has more cells than the header has names"
+        )
+    # files that were appended to each other repeat their line of names
+    again = (frame[list(range(len(names)))] == names).all(axis=1)
+    frame = frame[~again]
+    columns: dict[str, Array] = {}
+    texts: dict[str, NDArray[Any]] = {}
+    for k, name in enumerate(names):
+        if not name:  # the index that pandas writes, or a separator at the end
+            continue
+        words = frame[k].str.strip()
+        numbers = _numbers(words)
+        if numbers is None and delimiter != ",":
+            numbers = _numbers(words.str.replace(_DECIMAL_COMMA, r"\1.\2", regex=True))
+        if numbers is None:
+            texts[name] = words.to_numpy(object)
+        else:
+            columns[name] = numbers
+    return Table(path, columns, texts)
+
+
+_DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"
+"""As many countries write numbers."""
+
+
+def _numbers(words: pd.Series[str]) -> Array | None:
+    """The words as numbers, or None when more than half of those with a value are none."""
+    there = ~words.str.lower().isin(MISSING)
+    numbers = words.where(there, "nan")
+    try:
+        return numbers.to_numpy(object).astype(np.float64)
+    except ValueError:
+        pass
+    values = np.array([_number(word) for word in numbers])
+    bad = np.isnan(values) & there.to_numpy() & (numbers.str.lower() != "nan").to_numpy()
+    return None if bad.sum() > 0.5 * there.sum() else values
+
+
+def _number(word: str) -> float:
+    """The number that a word is; NaN when it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
+
+
+def parse_stamps(words: NDArray[Any]) -> Array:
+    """Unix seconds of written times: ISO 8601 or day/month/year; NaN where there is none."""
+    out = np.full(len(words), np.nan)
+    for i, word in enumerate(words):
+        out[i] = _stamp(str(word))
+    return out
+
+
+def _stamp(word: str) -> float:
+    word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
+    try:
+        moment = datetime.fromisoformat(word)
+    except ValueError:
+        for layout in CSV_FORMATS:
+            try:
+                moment = datetime.strptime(word, layout)
+                break
+            except ValueError:
+                continue
+        else:
+            return math.nan
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
+    """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
+
+    Raises:
+      InputError: the numbers cannot be times of a log.
+    """
+    good = time[np.isfinite(time)]
+    if not good.size:
+        return time
+    middle = float(np.median(good))
+    for factor, offset, unit in (
+        (1.0, 0.0, ""),
+        (1e-3, 0.0, "milliseconds"),
+        (1e-6, 0.0, "microseconds"),
+        (1e-9, 0.0, "nanoseconds"),
+        (86400.0, -719529.0, "MATLAB days"),
+        (86400.0, 0.0, "days since 1970"),
+    ):
+        if _SECONDS_FROM <= (middle + offset) * factor <= _SECONDS_TO:
+            if unit:
+                tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
+            return (time + offset) * factor
+    raise InputError(
+        f"{subject}: time {middle:g} is not a unix time in seconds; logs begin in 1979 or later"
+    )
+
+
+def tidy(
+    time: Array, columns: Mapping[str, Array], subject: str, tally: Tally
+) -> tuple[Array, dict[str, Array]]:
+    """Sort by time and make times unique; repeated times become one row.
+
+    Rows without a time are left out. Everything is counted.
+    """
+    known = np.isfinite(time) & (time >= _SECONDS_FROM) & (time <= _SECONDS_TO)
+    tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
+    time = time[known]
+    late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
+    tally.add("sorted", subject, late.size, "rows earlier than one before them")
+    order = np.argsort(time, kind="stable")
+    unique, first = np.unique(time[order], return_index=True)
+    repeated = time.size - unique.size
+    out: dict[str, Array] = {}
+    for name, values in columns.items():
+        infinite = np.isinf(values)
+        tally.add("removed", name, int(infinite.sum()), "infinite")
+        out[name] = np.where(infinite, np.nan, values)[known][order]
+    if repeated:
+        out = _once(first, out, subject, tally)
+    return unique, out
+
+
+def _once(
+    first: NDArray[np.intp], columns: Mapping[str, Array], subject: str, tally: Tally
+) -> dict[str, Array]:
+    """Rows of one time as one row.
+
+    Where they agree, each column's first value; where they do not, the first row that has any,
+    alone: values of two rows that contradict each other are not mixed.
+
+    Args:
+      first: index of the first row of each time; rows are in order of time.
+    """
+    total = len(next(iter(columns.values()))) if columns else 0
+    group = np.zeros(total, np.intp)
+    group[first[1:]] = 1
+    group = np.cumsum(group)
+    clash = np.zeros(len(first), bool)
+    some = np.zeros(total, bool)
+    filled: dict[str, Array] = {}
+    for name, values in columns.items():
+        there = np.isfinite(values)
+        some |= there
+        best = np.lexsort((np.arange(total), ~there, group))
+        filled[name] = values[best][first]
+        differs = there & (values != filled[name][group])
+        clash[group[differs]] = True
+    leading = np.lexsort((np.arange(total), ~some, group))[first]
+    extra = np.bincount(group, minlength=len(first)) - 1
+    tally.add("repeated", subject, int(extra[~clash].sum()), "samples written twice: kept once")
+    tally.add(
+        "removed", subject, int(extra[clash].sum()),
+        "rows that repeat a time with other values: the first is kept",
+    )  # fmt: skip
+    return {
+        name: np.where(clash, values[leading], filled[name]) for name, values in columns.items()
+    }
+
+
+def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:
+    """The named columns of all pieces one after the other; NaN where a piece lacks one."""
+    present = [name for name in names if any(name in piece for piece in pieces)]
+    return {
+        name: np.concatenate(
+            [p.get(name, np.full(len(next(iter(p.values()))), np.nan)) for p in pieces]
+        )
+        for name in present
+    }
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,0 +1,204 @@
+"""The log of one deployment: channels at their native rates, in the schema's names and units.
+
+One file after the other: what cannot be read is reported and left out, the rest is read.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.other_kind import OtherKind
+from factory.importing.tally import Tally, summarise
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """One signal: finite values at strictly increasing times."""
+
+    time: Array
+    """[s] since 1970-01-01 UTC, shape (samples,)."""
+    values: Array
+    """In the unit of its name in `twin.records.schema`, shape (samples,)."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def spacing(self) -> float:
+        """[s] Median time between samples; NaN for fewer than two."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    def within(self, start: float, end: float) -> Channel:
+        """The samples from `start` to `end` [s], both included."""
+        first, last = np.searchsorted(self.time, [start, end], side="left")
+        if last < len(self.time) and self.time[last] == end:
+            last += 1
+        return Channel(self.time[first:last], self.values[first:last])
+
+    def at(self, times: Array) -> Array:
+        """Linear interpolation, the end values held outside; NaN for an empty channel."""
+        if not len(self):
+            return np.full(np.shape(times), np.nan)
+        return np.interp(times, self.time, self.values)
+
+
+EMPTY = Channel(np.zeros(0), np.zeros(0))
+
+
+def joined(pieces: Sequence[Channel]) -> Channel:
+    """Pieces of one channel in time order, repeated times once."""
+    if not pieces:
+        return EMPTY
+    time = np.concatenate([piece.time for piece in pieces])
+    values = np.concatenate([piece.values for piece in pieces])
+    unique, first = np.unique(time, return_index=True)
+    return Channel(unique, values[first])
+
+
+@dataclasses.dataclass(frozen=True)
+class LoggedFixes:
+    """GPS fixes in time order."""
+
+    time: Array
+    """[s] since 1970-01-01 UTC."""
+    latitude: Array
+    """[degree] north."""
+    longitude: Array
+    """[degree] east."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def keep(self, mask: NDArray[np.bool_]) -> LoggedFixes:
+        """The fixes where `mask` is true."""
+        return LoggedFixes(self.time[mask], self.latitude[mask], self.longitude[mask])
+
+    def within(self, start: float, end: float) -> LoggedFixes:
+        """The fixes from `start` to `end` [s], both included."""
+        return self.keep((self.time >= start) & (self.time <= end))
+
+
+NO_FIXES = LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentLog:
+    """One deployment of one vehicle.
+
+    `channels` are keyed by schema names (`measured_pitch` in degree ...). `auxiliary` holds what
+    rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
+    (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
+    (what the vehicle reported, m/s, at the time it became known), `waypoint_latitude`/`_longitude`
+    (where it was sent, degree), `true_latitude`/`_longitude` (of a simulated one, degree),
+    `velocity_north/_east/_down`
+    (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
+    that it is at the surface). A log that is on a grid already has
+    `measured_depth_original`, `measured_attitude_original`, `measured_ctd_original` (times of the
+    samples it was made of), `gap_stored` (1 where it is interpolated) and `phase_stored`.
+    """
+
+    deployment: str
+    """Name of the deployment; rows carry it."""
+    platform: str
+    """Make of the vehicle."""
+    channels: Mapping[str, Channel]
+    fixes: LoggedFixes
+    magnetic_variation: Channel
+    """[degree] east positive: true heading = magnetic heading + variation; may be empty."""
+    auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
+    files: tuple[str, ...] = ()
+    station: bool = False
+    """True when a shore station has zeroed the pressure and paired the fixes with the dives."""
+    simulated: bool = False
+    """True when the files say that no vehicle at sea recorded them."""
+    pieces: tuple[tuple[float, float], ...] | None = None
+    """[s] unix start and end of each row; None: a row is a dive, found by its depth."""
+    period: float | None = None
+    """[s] between the samples of a store, where the log asks for one."""
+    gridded: bool = False
+    """True when the samples are those of a store's grid already: its holes stay holes."""
+    held: frozenset[str] = frozenset()
+    """Channels that keep their last value between samples."""
+    said: str | None = None
+    """What people said of the deployment, as the text of a pyglider `deployment.yml`."""
+    model: str | None = None
+    """Vehicle file that stands for the vehicle; None: the one of its kind of log."""
+
+    def channel(self, name: str) -> Channel:
+        """A channel or an auxiliary one; empty when the log lacks it."""
+        return self.channels.get(name) or self.auxiliary.get(name) or EMPTY
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """[s] First and last time of any depth, pressure or attitude sample; without these, of
+        any sample."""
+        names = ("measured_depth", "measured_pressure", "measured_pitch")
+        used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
+        return min(c.time[0] for c in used), max(c.time[-1] for c in used)
+
+
+Result = TypeVar("Result")
+
+UNREADABLE = "unreadable file"
+"""Subject of the report's entries of files that could not be read."""
+OTHER_KIND = "file of another kind"
+"""Subject of those that are no logs of the kind, as offload folders hold them: no failure."""
+_NAMED = 2
+"""Files that an entry of several names"""
+
+
+def each_file(
+    paths: Sequence[Path], read: Callable[[Path], Result], tally: Tally
+) -> list[tuple[Path, Result]]:
+    """What `read` makes of each file that it can read, in order.
+
+    Files with the same reason are reported together.
+
+    Raises:
+      InputError: of the first file, when none can be read.
+    """
+    found: list[tuple[Path, Result]] = []
+    refused: list[tuple[Path, InputError]] = []
+    for path in paths:
+        try:
+            found.append((path, read(path)))
+        except InputError as error:
+            refused.append((path, error))
+    if refused and not found:
+        raise refused[0][1]
+    _tell(refused, len(paths), tally)
+    return found
+
+
+def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:
+    """Report the files that are left out, by reason."""
+    groups: dict[tuple[str, str], list[tuple[Path, InputError]]] = {}
+    for path, error in refused:
+        subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
+        groups.setdefault((subject, _reason(path, error)), []).append((path, error))
+    for (subject, reason), members in groups.items():
+        if len(members) == 1:
+            path, error = members[0]
+            why = str(error)
+            why = why if path.name in why else f"{path.name}: {why}"
+        else:
+            names = summarise([path.name for path, _ in members], _NAMED)
+            why = f"{len(members)} of {total} files: {reason} ({names})"
+        tally.add("left out", subject, len(members), why)
+
+
+def _reason(path: Path, error: InputError) -> str:
+    """What an error says, without the name of the file that it begins with."""
+    why = str(error)
+    for name in (str(path), path.name):
+        why = why.removeprefix(name)
+    return why.lstrip(": ")

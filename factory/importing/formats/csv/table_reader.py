@@ -1,0 +1,207 @@
+"""Reader of tables by a mapping: columns into signals of the schema, each column accounted for."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.columns import (
+    column_names,
+    stacked,
+    tidy,
+)
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
+from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions, likely_kind
+from factory.importing.formats.csv.mapping import (
+    HEADINGS,
+    LOCKS,
+    LOG_ONLY,
+    Mapping,
+    Signal,
+    row_times,
+)
+from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
+from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
+from factory.importing.formats.csv.velocity_checks import check_track
+from factory.importing.repairs.cleaning import LIMITS, clean
+from factory.importing.repairs.seawater import ctd_channels, pressure_of
+from factory.importing.tally import Tally, note_empty
+from twin.errors import InputError
+from twin.records.schema.limits import recorded_limits
+
+Array = NDArray[np.float64]
+
+
+def read_tables(
+    paths: Sequence[Path], options: ReadOptions, tally: Tally
+) -> list[DeploymentLog]:  # fmt: skip
+    """One log for each deployment that the mapping tells apart.
+
+    Raises:
+      InputError: no mapping, or one that does not fit the files; a velocity that is none.
+    """
+    if options.mapping is None:
+        kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
+        hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
+        raise InputError(
+            f"{paths[0].name}: csv tables need a --mapping, a TOML file that gives each column's "
+            "signal (docs/howto/import_tables.md shows one), or a shipped one "
+            f"({', '.join(shipped_names())}){hint}"
+        )
+    mapping = load_mapping(options.mapping)
+    groups: dict[str, list[LogPiece]] = {}
+    for path in paths:
+        for deployment, piece in pieces_of(path, mapping, tally):
+            groups.setdefault(deployment, []).append(piece)
+    every = [piece.columns for pieces in groups.values() for piece in pieces]
+    valued = {n for columns in every for n, values in columns.items() if np.isfinite(values).any()}
+    note_empty(KIND, (s.column for n, s in mapping.signals.items() if n not in valued), tally)
+    return [
+        _log(name, pieces, mapping, options.variation_deg, tally)
+        for name, pieces in groups.items()
+    ]  # fmt: skip
+
+
+def _log(
+    deployment: str,
+    pieces: Sequence[LogPiece],
+    mapping: Mapping,
+    variation_deg: float | None,
+    tally: Tally,
+) -> DeploymentLog:
+    """The pieces of one deployment as one log."""
+    names = [name for name in mapping.signals if any(name in p.columns for p in pieces)]
+    together = stacked([{"time": p.time, **p.columns} for p in pieces], ["time", *names])
+    time, columns = tidy(together.pop("time"), together, deployment, tally)
+    channels: dict[str, Channel] = {}
+    for name, values in columns.items():
+        signal = mapping.signals[name]
+        channel = _clean(name, signal, time, values, tally)
+        if len(channel):
+            channels[name] = channel
+        elif np.isfinite(values).any() or not signal.optional:
+            tally.add("missing", name, 1, f"{deployment} has no value of it")
+    if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
+        has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
+        channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
+        tally.add(
+            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
+        )
+    variation = channels.pop("magnetic_variation", EMPTY)
+    _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
+    fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
+    log = DeploymentLog(
+        deployment=deployment,
+        platform=mapping.vehicle,
+        channels={n: c for n, c in channels.items() if n not in LOG_ONLY},
+        fixes=fixes,
+        magnetic_variation=variation,
+        auxiliary={n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+        files=tuple(piece.path.name for piece in pieces),
+        pieces=row_times(mapping, time, [piece.time for piece in pieces]),
+        period=mapping.period_s or _spacing(time),
+        held=frozenset(n for n, s in mapping.signals.items() if s.held or _commands(n)),
+        model=mapping.model,
+    )
+    log = _with_water(log, channels.get("conductivity"), tally)
+    check_track(log, tally)
+    return log
+
+
+def _commands(name: str) -> bool:
+    return name.startswith("commanded_")
+
+
+def _spacing(time: Array) -> float | None:
+    """[s] Usual time between rows, to three digits; None for a single row."""
+    if len(time) < 2:
+        return None
+    return max(float(f"{np.median(np.diff(time)):.3g}"), SHORTEST)
+
+
+def _clean(name: str, signal: Signal, time: Array, values: Array, tally: Tally) -> Channel:
+    """The possible values of a signal; what the mapping and the schema exclude is counted."""
+    low, high = signal.possible or (-np.inf, np.inf)
+    if name not in LOG_ONLY and name not in LIMITS:
+        least, most = recorded_limits(name)
+        low, high = max(low, least), min(high, most)
+    with np.errstate(invalid="ignore"):
+        bad = np.isfinite(values) & ~((values >= low) & (values <= high))
+    tally.add("removed", name, int(bad.sum()), f"outside {low:g} to {high:g}")
+    return clean(name, time, np.where(bad, np.nan, values), tally)
+
+
+def _to_true_north(
+    deployment: str,
+    channels: dict[str, Channel],
+    mapping: Mapping,
+    variation: Channel,
+    variation_deg: float | None,
+    tally: Tally,
+) -> None:
+    """Turn magnetic headings to true ones, in place."""
+    for name in HEADINGS & set(channels):
+        if mapping.signals[name].north == "true":
+            continue
+        heading = channels[name]
+        if variation_deg is None and not len(variation):
+            raise InputError(
+                f"{deployment}: {name} is from magnetic north and the log has no variation: give "
+                "--variation-deg, or map magnetic_variation"
+            )
+        turn = variation.at(heading.time) if variation_deg is None else variation_deg
+        channels[name] = Channel(heading.time, np.mod(heading.values + turn, 360.0))
+        tally.add("note", name, len(heading), "turned from magnetic to true north")
+
+
+def _fixes(latitude: Channel, longitude: Channel, tally: Tally) -> LoggedFixes:
+    """GPS fixes: a position that a log repeats in every row is one fix, and at its beginning an
+    old one."""
+    both = np.intersect1d(latitude.time, longitude.time)
+    if not both.size:
+        return NO_FIXES
+    north = latitude.values[np.isin(latitude.time, both)]
+    east = longitude.values[np.isin(longitude.time, both)]
+    fresh = np.ones(len(both), bool)
+    fresh[1:] = (np.diff(north) != 0.0) | (np.diff(east) != 0.0)
+    if len(both) > 1:
+        fresh[0] = fresh[1]
+    tally.add("left out", "GPS fixes", int((~fresh).sum()), "rows that repeat the position before")
+    return LoggedFixes(both, north, east).keep(fresh)
+
+
+def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) -> DeploymentLog:
+    """Salinity and density where the CTD, a pressure and a place allow it."""
+    warm, fresh = log.channel("measured_temperature"), log.channel("measured_salinity")
+    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
+    have_salt = len(fresh) or conductivity is not None
+    if not len(warm) or not have_salt or not (len(pressure) or len(depth)):
+        return log
+    track = log.channel("latitude"), log.channel("longitude")
+    places = (log.fixes.latitude, log.fixes.longitude) if len(log.fixes) else (
+        track[0].values, track[1].values
+    )  # fmt: skip
+    latitude, longitude = (float(np.median(p)) if len(p) else 0.0 for p in places)
+    dbar = pressure if len(pressure) else Channel(depth.time, pressure_of(depth.values, latitude))
+    both = warm.time
+    made = ctd_channels(
+        both,
+        temperature=warm.values,
+        pressure=dbar.at(both),
+        practical=fresh.at(both) if len(fresh) else None,
+        conductivity=None if len(fresh) or conductivity is None else conductivity.at(both),
+        latitude=latitude,
+        longitude=longitude,
+        tally=tally,
+    )
+    return dataclasses.replace(log, channels={**log.channels, **made})

@@ -1,0 +1,336 @@
+"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
+
+CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
+fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
+or ddmm.mmm). The current of a segment, `u` and `v` at `time_uv`, stands in each of its profiles.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.columns import stacked, tidy
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+    each_file,
+)
+from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    seconds_of,
+    text_of,
+)
+from factory.importing.payload import payload_channels, payload_names
+from factory.importing.repairs.angles import reference_declination, to_degrees
+from factory.importing.repairs.cleaning import clean, from_degrees, positions, to_dbar
+from factory.importing.repairs.seawater import ctd_channels, siemens
+from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.tally import Tally
+
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+CLOCK = "time"
+ANGLES = {
+    "measured_pitch": ("pitch", "platform_pitch", "m_pitch"),
+    "measured_roll": ("roll", "platform_roll", "m_roll"),
+    "measured_heading": ("heading", "platform_heading", "m_heading"),
+}
+"""Names of the attitude, where a file keeps it; a Slocum's own are radian, its heading magnetic."""
+TRACKS = (("lat", "lon"), ("latitude", "longitude"))
+FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
+CTD = ("temperature", "salinity", "conductivity")
+SCALARS = ("profile_id", "profile_time", "trajectory", "u", "v", "time_uv")
+"""Of a profile."""
+READ = (
+    CLOCK, "pressure", "depth", *CTD, *FIXES, *(n for pair in TRACKS for n in pair), *SCALARS,
+    *(name for names in ANGLES.values() for name in names),
+)  # fmt: skip
+"""Variables that are read, beside those of the payload."""
+_KIND = "NGDAC file"
+_MAGNETIC = ("m_heading",)
+_BAD = (3.0, 4.0, 9.0)
+"""QARTOD flags: suspect, bad, missing."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NgdacProfile:
+    """One file."""
+
+    deployment: str
+    columns: Columns
+    """At `time`, unix seconds."""
+    current: tuple[float, float, float] | None
+    """Time [s], eastward and northward [m/s]."""
+    attributes: dict[str, dict[str, Any]]
+
+
+def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each deployment (`trajectory`) among the profiles.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: no file can be read.
+    """
+    extra = payload_names(options.payload)
+    profiles: dict[str, list[NgdacProfile]] = {}
+    files: dict[str, list[str]] = {}
+    for path, one in each_file(paths, lambda path: _profile(path, extra, tally), tally):
+        profiles.setdefault(one.deployment, []).append(one)
+        files.setdefault(one.deployment, []).append(path.name)
+    filled = {
+        name
+        for several in profiles.values()
+        for one in several
+        for name, values in one.columns.items()
+        if np.isfinite(values).any()
+    }
+    note_empty(_KIND, [n for n in (*READ, *extra) if n not in (*filled, *SCALARS)], tally)
+    return [
+        _log(name, several, files[name], options, extra, tally)
+        for name, several in profiles.items()
+    ]
+
+
+def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
+    with open_netcdf(path) as file:
+        file.set_auto_mask(True)
+        variables = file.variables
+        names = [*variables, *file.groups]
+        if CLOCK not in variables or not {"profile_id", "profile_time"} & set(variables):
+            raise WrongFormat(path, names)
+        try:
+            dimensions = variables[CLOCK].dimensions
+            wanted = [n for n in (*READ, *extra) if n in variables]
+            along = [
+                n for n in wanted
+                if variables[n].dimensions == dimensions and variables[n].dtype != str
+                and variables[n].dtype.kind in "fiu"
+            ]  # fmt: skip
+            columns = {n: _unflagged(variables, n, tally) for n in along}
+            attributes = {n: attributes_of(variables[n]) for n in along}
+            flags = [f"{n}_qc" for n in along if f"{n}_qc" in variables]
+            name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
+            time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
+            current = _current(variables, path, tally)
+        except (RuntimeError, OSError) as error:
+            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+    if not np.isfinite(time).any():
+        raise InputError(f"{path.name} holds no measurement with a time")
+    note_unread(_KIND, names, (*READ, *extra, *flags), tally)
+    tally.add("read", path.name, len(time), "measurements of a profile")
+    return NgdacProfile(
+        deployment=name,
+        columns={CLOCK: time, **columns},
+        current=current,
+        attributes=attributes,
+    )
+
+
+def _unflagged(variables: Any, name: str, tally: Tally) -> Array:
+    """Values without those that the file's own quality control calls bad, counted."""
+    values = as_array(variables[name][:])
+    flags = variables.get(f"{name}_qc")
+    if flags is None or flags.shape != variables[name].shape or flags.dtype.kind not in "fiu":
+        return values
+    bad = np.isin(as_array(flags[:]), _BAD) & np.isfinite(values)
+    tally.add("removed", name, int(bad.sum()), "flagged suspect or bad in the file")
+    return np.where(bad, np.nan, values)
+
+
+def _current(variables: Any, path: Path, tally: Tally) -> tuple[float, float, float] | None:
+    """Time, east and north of the segment's current; None where the file has none."""
+    if not all(name in variables for name in ("u", "v", "time_uv")):
+        return None
+    u, v, time = (as_array(variables[name][...])[:1] for name in ("u", "v", "time_uv"))
+    if not all(one.size and np.isfinite(one[0]) for one in (u, v, time)):
+        return None
+    when = seconds_of(time, attributes_of(variables["time_uv"]), f"{path.name} time_uv", tally)
+    return float(when[0]), float(u[0]), float(v[0])
+
+
+def _log(
+    name: str,
+    profiles: Sequence[NgdacProfile],
+    files: Sequence[str],
+    options: ReadOptions,
+    extra: Sequence[str],
+    tally: Tally,
+) -> DeploymentLog:
+    pieces = [one.columns for one in profiles]
+    columns = stacked(pieces, sorted({n for piece in pieces for n in piece}))
+    time, columns = tidy(columns.pop(CLOCK), columns, f"{name} profiles", tally)
+    attributes: dict[str, dict[str, Any]] = {}
+    for one in profiles:
+        attributes |= one.attributes
+    fixes = _fixes(time, columns, tally)
+    track = _track(time, columns, tally)
+    places = fixes
+    if not len(fixes) and track:
+        latitude = track["latitude"]
+        places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
+    place = (0.0, 0.0)
+    if len(places):
+        place = float(np.median(places.latitude)), float(np.median(places.longitude))
+    channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
+    depth = columns.get("depth")
+    if depth is not None and np.nanmedian(depth) < 0.0:
+        tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
+        depth = -depth
+    pressure = columns.get("pressure")
+    if pressure is not None and np.isfinite(pressure).any():
+        native = "bar" if attributes["pressure"].get("units") == "bar" else "dbar"
+        dbar = to_dbar(pressure, depth, "pressure", tally, native=native)
+        channels["measured_pressure"] = clean(
+            "measured_pressure", time, dbar, tally, subject="pressure"
+        )
+    elif depth is not None:
+        channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
+    channels |= _water(time, columns, channels, place, tally)
+    found = {
+        n: Channel(time[there], columns[n][there])
+        for n in extra
+        if n in columns and (there := np.isfinite(columns[n])).any()
+    }
+    units = {n: str(attributes[n].get("units", "")) for n in found}
+    channels |= payload_channels(found, options.payload, tally, units=units)
+    reported = sorted({one.current for one in profiles if one.current is not None})
+    if reported:
+        when, east, north = (np.array(part) for part in zip(*reported, strict=True))
+        when, first = np.unique(when, return_index=True)
+        # it is known when the vehicle has surfaced: at the end of its segment, not in the middle
+        after = _ends(time, when)
+        track |= {
+            "dac_east": Channel(after, east[first]), "dac_north": Channel(after, north[first])
+        }  # fmt: skip
+    return DeploymentLog(
+        deployment=name,
+        platform="glider",
+        channels={key: channel for key, channel in channels.items() if len(channel)},
+        fixes=fixes,
+        magnetic_variation=variation,
+        auxiliary=track,
+        files=tuple(files),
+    )
+
+
+def _ends(time: Array, when: Array) -> Array:
+    """[s] The last measurement before the next segment's, strictly increasing."""
+    middle = np.append(0.5 * (when[1:] + when[:-1]), np.inf)
+    at = np.clip(np.searchsorted(time, middle, side="right") - 1, 0, len(time) - 1)
+    return np.maximum.accumulate(np.maximum(time[at], when) + 1e-3 * np.arange(len(when)))
+
+
+def _fixes(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
+    if not all(n in columns and np.isfinite(columns[n]).any() for n in FIXES[:2]):
+        return NO_FIXES
+    status = columns.get(FIXES[2], np.full(len(time), np.nan))
+    bad = np.isfinite(status) & (status != 0.0)
+    latitude, longitude = positions(columns[FIXES[0]], columns[FIXES[1]], "GPS fixes", tally)
+    good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
+    return LoggedFixes(time[good], latitude[good], longitude[good])
+
+
+def _track(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
+    """The file's own track."""
+    there = [pair for pair in TRACKS if all(n in columns for n in pair)]
+    best = next((p for p in there if np.isfinite(columns[p[0]]).any()), None)
+    if best is None:
+        return {}
+    for pair in there:
+        if pair != best:
+            leave_out(pair, f"the track is {best[0]}, {best[1]}", tally)
+    latitude, longitude = positions(columns[best[0]], columns[best[1]], ", ".join(best), tally)
+    good = np.isfinite(latitude) & np.isfinite(longitude)
+    return {
+        "latitude": Channel(time[good], latitude[good]),
+        "longitude": Channel(time[good], longitude[good]),
+    }
+
+
+def _attitude(
+    name: str,
+    time: Array,
+    columns: Mapping[str, Array],
+    attributes: Mapping[str, Mapping[str, Any]],
+    places: LoggedFixes,
+    options: ReadOptions,
+    tally: Tally,
+) -> tuple[dict[str, Channel], Channel]:
+    """Attitude in degree, true heading, and the variation that was added."""
+    channels: dict[str, Channel] = {}
+    variation = EMPTY
+    for target, names in ANGLES.items():
+        there = [n for n in names if n in columns and np.isfinite(columns[n]).any()]
+        if not there:
+            continue
+        leave_out(there[1:], f"{there[0]} is taken", tally)
+        source, kind = there[0], target.removeprefix("measured_")
+        values, words = columns[source], attributes[source]
+        if str(words.get("units", "")).lower() in ("rad", "radian", "radians"):
+            values = to_degrees(values, source, tally, kind=kind)
+        elif kind == "pitch":
+            values = from_degrees(values, source, tally, flying=True)
+        said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
+        if kind == "heading" and (source in _MAGNETIC or "magnetic" in said.lower()):
+            if options.variation_deg is not None:
+                variation = Channel(time[:1], np.array([options.variation_deg]))
+            else:
+                variation = reference_declination(places, name, tally)
+            if not len(variation):
+                raise InputError(
+                    f"{name}: {source} is magnetic, and no position is there from which the "
+                    "variation follows; give it with --variation-deg, east positive"
+                )
+            values = np.mod(values + variation.at(time), 360.0)
+        channels[target] = clean(target, time, values, tally, subject=source)
+    return channels, variation
+
+
+def _water(
+    time: Array,
+    columns: Mapping[str, Array],
+    channels: Mapping[str, Channel],
+    place: tuple[float, float],
+    tally: Tally,
+) -> dict[str, Channel]:
+    at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
+    temperature = columns.get("temperature")
+    if temperature is None or not np.isfinite(temperature).any() or not len(at):
+        return {}
+    practical, conductivity = columns.get("salinity"), columns.get("conductivity")
+    if practical is not None and np.isfinite(practical).any():
+        if conductivity is not None:
+            leave_out(["conductivity"], "salinity is there", tally)
+        conductivity = None
+    else:
+        practical = None
+        if conductivity is not None:
+            conductivity = siemens(conductivity, "conductivity", tally)
+    return ctd_channels(
+        time,
+        temperature=temperature,
+        pressure=at.at(time),
+        practical=practical,
+        conductivity=conductivity,
+        latitude=place[0],
+        longitude=place[1],
+        tally=tally,
+    )

@@ -1,0 +1,310 @@
+"""OG1 reader: OceanGliders OG1.0 netCDF files, those of `factory export` included.
+
+The format's names are upper case; positions along the track are the glider's own, fixes are in
+LATITUDE_GPS and LONGITUDE_GPS. Angles are degrees, actuators are in what their units say. Files of
+our own export also say of which grid they were written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
+from factory.exporting.og1.terms import ASCENT, DESCENT, INFLECTION, SENSORS, SURFACING, VARIATION
+from factory.exporting.og1.variables import ENDING, ESTIMATED
+from factory.importing.columns import tidy
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    each_file,
+)
+from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.og1.derived import (
+    Variation,
+    ctd,
+    deployed,
+    dives_in,
+    fixes_in,
+    oxygen_per_volume,
+    places_for,
+    tracks_in,
+    true_heading,
+    with_start,
+)
+from factory.importing.formats.og1.vocabulary import (
+    ALIASES,
+    CONDUCTIVITIES,
+    CORRECTED,
+    DEPLOYED,
+    DIMENSION,
+    ORIGINAL_TIMES,
+    OURS,
+    READ,
+    SALINITIES,
+    TEMPERATURES,
+    deployment_words,
+    flags_of,
+    leave_out_made_again,
+    without_bad,
+)
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    seconds_of,
+    text_of,
+)
+from factory.importing.payload import payload_channels, payload_names
+from factory.importing.repairs.angles import REACH, to_degrees
+from factory.importing.repairs.cleaning import clean, from_degrees, to_dbar
+from factory.importing.repairs.seawater import pressure_of
+from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from twin.errors import InputError
+from twin.records.schema import VARIABLES, declare_stored
+
+Array = NDArray[np.float64]
+
+_RADIAN = frozenset({"rad", "radian", "radians"})
+_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
+_FLYING = 20.0
+"""[m] A glider that was deeper has pitched."""
+
+
+def own_signals(attributes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Names of signals that an export writes as the store has them, and the store's names.
+
+    A part or a payload that is not known here is declared as the file describes it.
+    """
+    found = {}
+    for name, described in attributes.items():
+        if "signal_group" in described and name not in OURS:
+            stored = name.lower()
+            declare_stored(stored, described)
+            if stored in VARIABLES and VARIABLES[stored].units == described.get("units"):
+                found[name] = stored
+    return found
+
+
+def signals_in(
+    time: Array,
+    columns: Mapping[str, Array],
+    attributes: Mapping[str, Mapping[str, Any]],
+    variation: Variation,
+    path: Path,
+    tally: Tally,
+) -> tuple[dict[str, Channel], set[str], Channel]:
+    """Channels, the names that they come from, and the variation that was added."""
+    applied = EMPTY
+    sources = {target: name for name, target in OURS.items() if name in columns}
+    sources |= {target: name for name, target in own_signals(attributes).items()}
+    for target, names in ALIASES.items():
+        found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
+        if found is not None:
+            sources[target] = found
+    channels: dict[str, Channel] = {}
+    depth = columns.get(sources.get("measured_depth", ""))
+    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > _FLYING)
+    for target, name in sources.items():
+        values, units = columns[name], str(attributes[name].get("units", ""))
+        if VARIABLES[target].units == "degree":
+            if units.lower() in _RADIAN:
+                part = target.split("_")[-1]
+                kind = part if part in REACH else "roll"
+                values = to_degrees(values, name, tally, kind=kind)
+            elif target == "measured_pitch":
+                values = from_degrees(values, name, tally, flying=flying)
+        elif target == "measured_shift":
+            values = values * _LENGTHS.get(units, 1.0)
+        elif target == "measured_pressure":
+            values = to_dbar(values, depth, name, tally, native="bar" if units == "bar" else "dbar")
+        if target == "measured_heading":
+            values, applied = true_heading(values, time, attributes[name], variation, path, tally)
+        channels[target] = clean(target, time, values, tally, subject=name)
+    if depth is not None and "measured_pressure" in channels:
+        channels.pop("measured_depth", None)  # computed from pressure, as for every log
+    return channels, set(sources.values()), applied
+
+
+STORED = ("gap_stored", "phase_stored")
+"""Columns that are made here"""
+_PHASES = {SURFACING: 0.0, DESCENT: 1.0, ASCENT: 2.0, INFLECTION: 3.0}
+"""The format's codes and those of `measured_phase`"""
+
+
+def stored_columns(columns: Mapping[str, Array], flags: Mapping[str, Array]) -> dict[str, Array]:
+    """Gaps and phases of the store, and pressure where only the depth beside a gap is written.
+
+    Args:
+      columns: of the file, (samples,) each.
+      flags: of the variables that have some.
+    """
+    found = {}
+    depth = columns.get("DEPTH")
+    if "DEPTH" in flags:
+        found["gap_stored"] = (flags["DEPTH"] == ESTIMATED).astype(float)
+    if "PHASE" in columns:
+        phase = np.full(len(columns["PHASE"]), np.nan)
+        for code, flag in _PHASES.items():
+            phase[columns["PHASE"] == code] = flag
+        found["phase_stored"] = phase
+    pressure, latitude = columns.get("PRES"), columns.get("LATITUDE_GPS")
+    if depth is not None and pressure is not None and np.isnan(pressure).any():
+        known = latitude[np.isfinite(latitude)] if latitude is not None else np.zeros(0)
+        place = float(np.median(known)) if known.size else 0.0
+        found["PRES"] = np.where(np.isnan(pressure), pressure_of(depth, place), pressure)
+    return found
+
+
+def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each file: the format's unit is a deployment.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: a file is damaged.
+    """
+    logs = [log for _, log in each_file(paths, lambda path: _file(path, options, tally), tally)]
+    names = [log.deployment for log in logs]
+    for name in sorted({n for n in names if names.count(n) > 1}):
+        tally.add("note", name, names.count(name), "files of one deployment: rows of each kept")
+    return logs
+
+
+def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    with open_netcdf(path) as file:
+        variables = file.variables
+        if "TIME" not in variables or DIMENSION not in file.dimensions:
+            raise WrongFormat(path, [*variables, *file.groups])
+        try:
+            raw = {
+                name: as_array(variable[:])
+                for name, variable in variables.items()
+                if variable.dimensions == (DIMENSION,) and variable.dtype != str
+                and variable.dtype.kind in "fiu" and not name.endswith(ENDING)
+            }  # fmt: skip
+            attributes = {name: attributes_of(variables[name]) for name in raw}
+            flags = flags_of(variables, raw)
+            names = list(variables)
+            name = _deployment(file, path)
+            said = deployment_words(file, name)
+        except (RuntimeError, OSError) as error:
+            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+        platform = text_of(variables.get("PLATFORM_MODEL")) or str(
+            getattr(file, "platform", "underwater glider")
+        )
+        simulated = "simul" in str(getattr(file, "title", "")).lower()
+        begun = deployed(variables) if CORRECTED in raw else NO_FIXES
+    for key, values in raw.items():
+        values = without_bad(key, values, flags, tally)
+        raw[key] = _within_limits(key, values, attributes[key], tally)
+    time = raw.pop("TIME")
+    if not np.isfinite(time).any():
+        raise InputError(f"{path.name} holds no measurement with a time")
+    columns = dict(raw)
+    for key in ("TIME_GPS", *ORIGINAL_TIMES.values()):
+        if np.isfinite(raw.get(key, np.zeros(0))).any():
+            columns[key] = seconds_of(raw[key], attributes[key], path.name, tally)
+    time = seconds_of(time, attributes["TIME"], path.name, tally)
+    if not np.isfinite(columns.get("TIME_GPS", np.zeros(0))).any():
+        columns["TIME_GPS"] = time  # the fixes are at the measurements
+    ours = CORRECTED in raw
+    if ours:
+        columns |= stored_columns(columns, flags)
+    time, columns = tidy(time, columns, path.name, tally)
+    tally.add("read", path.name, len(time), "measurements")
+    extra = payload_names(options.payload)
+    own = own_signals(attributes)
+    read = (*READ, *own, *extra, *SENSORS, *(f"{n}{ENDING}" for n in ("TIME", *flags)))
+    if ours:
+        read = (*read, "PHASE", *DEPLOYED)
+    note_unread("OG1 file", names, read, tally)
+    leave_out_made_again(names, read, tally)
+    empty = [n for n, values in raw.items() if not np.isfinite(values).any()]
+    note_empty("OG1 file", empty, tally)
+    if simulated:
+        tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
+    fixes = with_start(fixes_in(columns, tally), begun)
+    track = tracks_in(time, columns, tally)
+    stored = _series(time, columns, VARIATION)
+    variation = Variation(options.variation_deg, places_for(fixes, track), name, stored)
+    channels, used, applied = signals_in(time, columns, attributes, variation, path, tally)
+    made = attributes.get("CNDC", {}).get("long_name", "") == MADE_CONDUCTIVITY
+    water, from_ctd = ctd(time, columns, channels, fixes, tally, own_conductivity=ours and not made)
+    dense = channels.get("measured_density") if ours else None
+    channels |= water
+    if dense is not None:  # with what the store had where the CTD was off
+        channels["measured_density"] = dense
+    found = {n: one for n in extra if len(one := _series(time, columns, n))}
+    if PER_MASS in found:
+        pressure = channels.get("measured_pressure", EMPTY)
+        found[PER_MASS] = oxygen_per_volume(
+            found[PER_MASS], attributes[PER_MASS], PER_MASS, water, pressure, tally
+        )
+    units = {n: str(attributes[n].get("units", "")) for n in found}
+    channels |= payload_channels(found, options.payload, tally, units=units)
+    known = {n for names in ALIASES.values() for n in names} | {*TEMPERATURES, *SALINITIES}
+    known |= {*CONDUCTIVITIES, *OURS}
+    unused = [n for n in raw if n in known - used - from_ctd and n not in empty]
+    leave_out(unused, "another variable of the file gives it", tally)
+    track |= dives_in(time, columns, fixes, tally)
+    track |= {f"{kind}_original": _series(time, columns, n) for kind, n in ORIGINAL_TIMES.items()}
+    track |= {kind: _series(time, columns, kind) for kind in STORED}
+    steps = np.diff(time)
+    return DeploymentLog(
+        deployment=name,
+        platform=platform,
+        channels={key: channel for key, channel in channels.items() if len(channel)},
+        fixes=fixes,
+        magnetic_variation=applied,
+        auxiliary=track,
+        files=(path.name,),
+        # an export has a grid, whose depth is zeroed and whose rows lie between fixes
+        station=ours or "seaglider" in platform.lower() or bool(_SEAGLIDER.match(name)),
+        period=float(np.median(steps)) if ours and len(steps) else None,
+        gridded=ours,
+        simulated=simulated,
+        said=said,
+    )
+
+
+PER_MASS = "DOXY"
+
+
+def _series(time: Array, columns: Mapping[str, Array], name: str) -> Channel:
+    """The finite values of a column; empty without it."""
+    if name not in columns:
+        return EMPTY
+    there = np.isfinite(columns[name])
+    return Channel(time[there], columns[name][there])
+
+
+def _deployment(file: Any, path: Path) -> str:
+    for source in ("TRAJECTORY", "trajectory"):
+        text = text_of(file.variables.get(source))
+        if text and not re.fullmatch(r"[\d.\[\]]+", text):
+            return text
+    return str(getattr(file, "id", path.stem))
+
+
+def _within_limits(name: str, values: Array, attributes: Mapping[str, Any], tally: Tally) -> Array:
+    """Values outside the variable's own valid range as NaN, counted."""
+    low, high = attributes.get("valid_min"), attributes.get("valid_max")
+    bad = np.zeros(len(values), bool)
+    with np.errstate(invalid="ignore"):
+        if low is not None and name != "DEPTH":
+            bad |= values < float(low)
+        if high is not None:
+            bad |= values > float(high)
+    tally.add("removed", name, int(bad.sum()), "outside the file's valid range")
+    return np.where(bad, np.nan, values)
+
+
+_SEAGLIDER = re.compile(r"sg\d{3}(_|$)", re.IGNORECASE)
+"""Names of a Seaglider's deployments."""

@@ -1,0 +1,303 @@
+"""Reader of one basestation file (p*.nc): one dive, brought to the columns of the tables.
+
+Dive numbers of a Seaglider: what the table of its dives says of each, fixes among it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
+from factory.importing.formats.base import WrongFormat
+from factory.importing.netcdf import as_array, open_netcdf, text_of
+from factory.importing.repairs.cleaning import (
+    degrees_minutes,
+    positions,
+)
+from factory.importing.tally import Tally, note_empty, note_unread
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+SAMPLES = {
+    "pressure": "pressure_dbar",
+    "depth": "depth_m",
+    "eng_pitchAng": "pitch_deg",
+    "eng_rollAng": "roll_deg",
+    "eng_head": "head_mag_deg",
+    "eng_vbdCC": "vbd_cc",
+}
+"""Variables of the file at `time`, and the tables' columns."""
+MOVES = {
+    "gc_pitch_ctl": "gc_pitch_ctl_cm",
+    "gc_vbd_ctl": "gc_vbd_ctl_cc",
+    "gc_pitch_ad": "gc_pitch_ad",
+    "gc_roll_ad": "gc_roll_ad",
+}
+"""Actuator states after each move, held from `gc_end_secs` on."""
+NUMBERS = (
+    "magnetic_variation", "depth_avg_curr_north", "depth_avg_curr_east", "log_C_PITCH",
+    "log_PITCH_CNV",
+)  # fmt: skip
+ADCP = {
+    "ad2cp_inv_glider_time": "time",
+    "ad2cp_inv_glider_depth": "depth_m",
+    "ad2cp_inv_glider_uttw": "u_ttw",
+    "ad2cp_inv_glider_vttw": "v_ttw",
+    "ad2cp_inv_glider_wttw": "w_ttw",
+    "ad2cp_inv_glider_uocn": "u_ocn",
+    "ad2cp_inv_glider_vocn": "v_ocn",
+}
+_FIXES = ("gps1", "gps2", "gpsE")
+WAYPOINT = "log_TGT_LATLONG"
+"""Where the glider was sent: latitude and longitude as ddmm.mmm in one text."""
+_CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
+_FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
+_FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
+READ = (
+    "time", *SAMPLES, "gc_end_secs", *MOVES, *NUMBERS, *ADCP, *_CALIBRATION, "start_of_climb_time",
+    "trajectory", WAYPOINT, *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
+    "temperature_qc", "salinity", "salinity_qc",
+)  # fmt: skip
+"""Variables that are read, beside those of the payload."""
+_BAD_QC = frozenset("348")
+"""Basestation flags: 3 probably bad, 4 bad, 8 interpolated."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveFile:
+    """What one file holds."""
+
+    glider: str
+    samples: Columns
+    dive: Columns
+    """One row."""
+    adcp: Columns
+    ctd: Columns
+    payload: dict[str, Channel]
+    """By the file's own names."""
+    units: dict[str, str]
+    """Of the payload, as the file says."""
+
+
+def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
+    """The file as the columns of the tables.
+
+    Args:
+      payload: names that payloads may have.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: truncated, or without samples.
+    """
+    with open_netcdf(path) as file:
+        variables = file.variables
+        if "time" not in variables or not set(variables) & {"eng_pitchAng", "eng_head"}:
+            raise WrongFormat(path, [*variables, *file.groups])
+        try:
+            name = _glider(file, path)
+            time = as_array(variables["time"][:])
+            if not time.size:
+                raise InputError(f"{path.name} holds a dive without samples")
+            samples: Columns = {"time": time}
+            for source, column in SAMPLES.items():
+                if source in variables:
+                    samples[column] = _along(variables[source], time, path)
+            dive = _number(file)
+            samples["dive"] = np.full(len(time), dive)
+            _moves(variables, samples)
+            row: Columns = {"dive": np.array([dive])}
+            for number in NUMBERS:
+                if number in variables:
+                    row[number] = as_array(variables[number][...])[:1]
+            row |= _fixes(variables, tally)
+            row |= _waypoint(variables)
+            adcp = {c: as_array(variables[v][:]) for v, c in ADCP.items() if v in variables}
+            ctd = _ctd(variables, path, tally)
+            carried = {n: _carried(variables, n) for n in payload if n in variables}
+            units = {n: str(getattr(variables[n], "units", "")) for n in carried}
+            clocks = [str(_clock(variables, n)) for n in carried]
+            note_unread("basestation file", variables, (*READ, *payload, *clocks), tally)
+            empty = [
+                n for n in (*READ, *payload)
+                if n in variables and variables[n].size and variables[n].dtype.kind in "fiu"
+                and not np.isfinite(as_array(variables[n][...])).any()
+            ]  # fmt: skip
+        except (RuntimeError, OSError, IndexError) as error:
+            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+    note_empty("basestation file", empty, tally)
+    tally.add("read", path.name, len(time), "samples of a dive")
+    return DiveFile(
+        glider=name,
+        samples=samples,
+        dive=row,
+        adcp=adcp if "u_ttw" in adcp and "time" in adcp else {},
+        ctd=ctd,
+        payload=carried,
+        units=units,
+    )
+
+
+def _clock(variables: Any, name: str) -> str | None:
+    """Name of the times of a variable: of the same dimension."""
+    dimensions = variables[name].dimensions
+    return next(
+        (n for n, v in variables.items() if v.dimensions == dimensions and n.endswith("time")), None
+    )
+
+
+def _carried(variables: Any, name: str) -> Channel:
+    """Samples of a payload's variable; empty where no times belong to it."""
+    clock = _clock(variables, name)
+    if clock is None or len(variables[name].dimensions) != 1:
+        return EMPTY
+    time, values = as_array(variables[clock][:]), as_array(variables[name][:])
+    there = np.isfinite(time) & np.isfinite(values)
+    time, first = np.unique(time[there], return_index=True)
+    return Channel(time, values[there][first])
+
+
+def _glider(file: Any, path: Path) -> str:
+    identity = getattr(file, "platform_id", None)
+    if identity:
+        return str(identity)
+    number = getattr(file, "glider", None)
+    if number is not None:
+        return f"SG{int(number):03d}"
+    found = re.match(r"p(\d{3})\d{4}", path.name)
+    return f"SG{found.group(1)}" if found else path.stem
+
+
+def _number(file: Any) -> float:
+    for source in (getattr(file, "dive_number", None), file.variables.get("trajectory")):
+        if source is not None:
+            return float(as_array(source[...] if hasattr(source, "dimensions") else source)[0])
+    return float("nan")
+
+
+def _along(variable: Any, time: Array, path: Path) -> Array:
+    values = as_array(variable[:])
+    if len(values) != len(time):
+        raise InputError(f"{path.name}: {variable.name} has {len(values)} values, time {len(time)}")
+    return values
+
+
+def _moves(variables: Any, samples: Columns) -> None:
+    """Actuator states at the samples: those after the last move; and the battery's rotation."""
+    if "gc_end_secs" not in variables:
+        return
+    ends = as_array(variables["gc_end_secs"][:])
+    order = np.argsort(ends)
+    index = np.searchsorted(ends[order], samples["time"], side="right") - 1
+    for source, column in MOVES.items():
+        if source in variables:
+            values = as_array(variables[source][:])[order]
+            held = values[np.maximum(index, 0)] if len(values) else np.nan
+            samples[column] = np.where(index >= 0, held, np.nan)
+    if "gc_roll_ad" in samples and all(n in variables for n in _CALIBRATION):
+        dive, climb, degrees = (float(as_array(variables[n][...])[0]) for n in _CALIBRATION)
+        started = float("inf")
+        if "start_of_climb_time" in variables:
+            started = samples["time"][0] + float(as_array(variables["start_of_climb_time"][...])[0])
+        centre = np.where(samples["time"] < started, dive, climb)
+        moved = np.where(samples["gc_roll_ad"] > 0.0, samples["gc_roll_ad"], np.nan)
+        # more counts roll the glider to starboard: the mass has gone there
+        samples["rotation_deg"] = -(moved - centre) * degrees
+
+
+def _fixes(variables: Any, tally: Tally) -> Columns:
+    """The three fixes of the dive, in the order in which the file holds them."""
+    row: Columns = {}
+    if not all(source in variables for source in _FIX_PARTS.values()):
+        return row
+    for part, source in _FIX_PARTS.items():
+        values = as_array(variables[source][:])
+        for fix, value in zip(_FIXES, values, strict=False):
+            row[f"{fix}_{part}"] = np.array([value])
+    for fix in _FIXES:
+        flag = variables.get(_FIX_FLAGS[fix])
+        if flag is not None and f"{fix}_time" in row:
+            word = b"".join(np.ma.filled(flag[...], b"").ravel()).decode("latin-1")
+            if word[:1] in _BAD_QC:
+                row[f"{fix}_lat"] = np.array([np.nan])
+                tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
+    return row
+
+
+def _waypoint(variables: Any) -> Columns:
+    """Latitude and longitude [degree] of the target; nothing where the file has none."""
+    parts = text_of(variables.get(WAYPOINT)).split(",")
+    try:
+        latitude, longitude = (degrees_minutes(np.array([float(part)])) for part in parts)
+    except ValueError:  # none, or of another form
+        return {}
+    return {"waypoint_latitude": latitude, "waypoint_longitude": longitude}
+
+
+def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
+    """Temperature and salinity at the CTD's own times; values flagged bad are left out."""
+    if "ctd_time" not in variables or "temperature" not in variables:
+        return {}
+    columns: Columns = {"time": as_array(variables["ctd_time"][:])}
+    for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
+        if source not in variables:
+            continue
+        values = as_array(variables[source][:])
+        if len(values) != len(columns["time"]):
+            raise InputError(f"{path.name}: {source} and ctd_time have not the same length")
+        flags = variables.get(f"{source}_qc")
+        if flags is not None and flags.shape == values.shape:
+            words = np.ma.filled(flags[:], b"").astype("S1")
+            bad = np.isin(words, [b.encode() for b in _BAD_QC]) & np.isfinite(values)
+            tally.add("removed", source, int(bad.sum()), "flagged bad by the basestation")
+            values = np.where(bad, np.nan, values)
+        columns[column] = values
+    return columns
+
+
+def first_time(dives: Columns) -> Array:
+    """[s] unix time of each dive's first fix."""
+    for name in ("gps2_time", "gps1_time", "gpsE_time"):
+        if name in dives:
+            return dives[name]
+    return np.full(len(next(iter(dives.values()))), np.nan)
+
+
+def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
+    """A number of each dive at the dive's fix."""
+    if name not in dives:
+        return EMPTY
+    time = dives[at] if at in dives else first_time(dives)
+    there = np.isfinite(time) & np.isfinite(dives[name])
+    unique, first = np.unique(time[there], return_index=True)
+    return Channel(unique, dives[name][there][first])
+
+
+def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
+    """The three fixes of each dive."""
+    times, latitudes, longitudes = [], [], []
+    for fix in ("gps1", "gps2", "gpsE"):
+        if all(f"{fix}_{part}" in dives for part in ("time", "lat", "lon")):
+            times.append(dives[f"{fix}_time"])
+            latitudes.append(dives[f"{fix}_lat"])
+            longitudes.append(dives[f"{fix}_lon"])
+    if not times:
+        return NO_FIXES
+    time = np.concatenate(times)
+    latitude, longitude = positions(
+        np.concatenate(latitudes), np.concatenate(longitudes), f"{name} GPS fixes", tally
+    )
+    lacking = ~(np.isfinite(time) & np.isfinite(latitude) & np.isfinite(longitude))
+    tally.add("missing", f"{name} GPS fixes", int(lacking.sum()), "fixes without time or position")
+    time, latitude, longitude = time[~lacking], latitude[~lacking], longitude[~lacking]
+    # the fix after a dive is also the first one of the next
+    unique, first = np.unique(time, return_index=True)
+    return LoggedFixes(unique, latitude[first], longitude[first])

@@ -1,0 +1,165 @@
+"""Payload: what a vehicle carries beside its CTD, as signals: oxygen, chlorophyll, any name."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from factory.importing.deployment_log import Channel
+from factory.importing.tally import Tally, leave_out
+from twin.errors import InputError
+from twin.records.schema import VARIABLES, Variable, declare
+
+_ANY = (-1e9, 1e9)
+"""Limits of a signal of which only the name is known."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PayloadSignal:
+    """One signal of a payload and the names under which files have it, the best first."""
+
+    signal: str
+    """Name in the store, `measured_...`."""
+    sources: tuple[str, ...]
+    units: str | None = None
+    """None: what the file says, else 1."""
+    long_name: str = ""
+    standard_name: str | None = None
+    limits: tuple[float, float] = _ANY
+
+
+KNOWN = (
+    PayloadSignal(
+        signal="measured_oxygen",
+        sources=(
+            "sci_oxy4_oxygen", "sci_oxy3835_oxygen", "sci_oxy3835_wphase_oxygen", "AROD_FT_DO",
+            "LEGATO_CODA_DO", "eng_aa4330_O2", "DOXY",
+        ),
+        units="umol L-1",
+        long_name="dissolved oxygen",
+        standard_name="mole_concentration_of_dissolved_molecular_oxygen_in_sea_water",
+        limits=(-10.0, 1000.0),
+    ),
+    PayloadSignal(
+        signal="measured_chlorophyll",
+        sources=(
+            "sci_flbbcd_chlor_units", "sci_flntu_chlor_units", "sci_flbb_chlor_units",
+            "FLBBCD_CHL_SCALED", "FLNTU_CHL_SCALED", "CHLA",
+        ),
+        units="ug L-1",
+        long_name="chlorophyll by its fluorescence",
+        standard_name="mass_concentration_of_chlorophyll_in_sea_water",
+        limits=(-10.0, 1000.0),
+    ),
+    PayloadSignal(
+        signal="measured_dissolved_organic_matter",
+        sources=("sci_flbbcd_cdom_units", "FLBBCD_CDOM_SCALED", "CDOM"),
+        units="1e-9",
+        long_name="coloured dissolved organic matter by its fluorescence, ppb",
+        limits=(-100.0, 10_000.0),
+    ),
+    PayloadSignal(
+        signal="measured_backscatter",
+        sources=("sci_flbbcd_bb_units", "sci_flbb_bb_units", "FLBBCD_BB_700_SCALED"),
+        units="m-1 sr-1",
+        long_name="volume scattering near 700 nm",
+        limits=(-1.0, 100.0),
+    ),
+    PayloadSignal(
+        signal="measured_turbidity",
+        sources=("sci_flntu_turb_units", "FLNTU_NTU_SCALED", "TURBIDITY"),
+        units="1",
+        long_name="turbidity, NTU",
+        limits=(-100.0, 10_000.0),
+    ),
+)  # fmt: skip
+"""What is read without being asked for: names whose unit is known."""
+
+_MAPPING = re.compile(r"(?P<name>[a-z][a-z0-9_]*)=(?P<source>[^=\[\]]+)(\[(?P<units>[^\]]+)\])?")
+
+
+def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
+    """What the user maps: `oxygen=sci_oxy4_oxygen` or `nitrate=NO3[umol L-1]`.
+
+    Raises:
+      InputError: of another form, or a signal that every log has already.
+    """
+    found = []
+    for word in words:
+        match = _MAPPING.fullmatch(word.strip())
+        if match is None:
+            raise InputError(
+                f"payload {word!r}: write NAME=COLUMN or NAME=COLUMN[UNITS], such as "
+                "oxygen=sci_oxy4_oxygen or nitrate=NO3[umol L-1]; NAME in small letters"
+            )
+        signal = f"measured_{match['name']}"
+        known = {one.signal: one for one in KNOWN}
+        if signal in _OTHERS:
+            raise InputError(
+                f"payload {word!r}: {signal} is a signal of every store; choose another name"
+            )
+        base = known.get(signal)
+        if base is not None and match["units"] in (None, base.units):
+            found.append(dataclasses.replace(base, sources=(match["source"],)))
+        else:
+            found.append(
+                PayloadSignal(
+                    signal=signal, sources=(match["source"],), units=match["units"],
+                    long_name=match["name"].replace("_", " "),
+                )
+            )  # fmt: skip
+    return tuple(found)
+
+
+_OTHERS = frozenset(VARIABLES)
+"""Signals that are no payload's."""
+
+
+def payload_names(payload: Iterable[PayloadSignal]) -> tuple[str, ...]:
+    """Names in files that payloads come from: those known and those that the user maps."""
+    return tuple(dict.fromkeys(name for one in (*payload, *KNOWN) for name in one.sources))
+
+
+def payload_channels(
+    found: Mapping[str, Channel],
+    payload: Sequence[PayloadSignal],
+    tally: Tally,
+    *,
+    units: Mapping[str, str] | None = None,
+) -> dict[str, Channel]:
+    """Signals of a log's payload; of several names for one signal the first with values.
+
+    Args:
+      found: finite samples by the file's own names.
+      payload: what the user maps; it goes before what is known.
+      units: what the file says of its names.
+
+    Raises:
+      InputError: a mapped signal was declared with another unit before.
+    """
+    channels: dict[str, Channel] = {}
+    mapped = {one.signal for one in payload}
+    for one in (*payload, *(k for k in KNOWN if k.signal not in mapped)):
+        there = [name for name in one.sources if len(found.get(name, ()))]
+        # a vehicle writes 0 for sensors that its software knows and that are not fitted
+        idle = [name for name in there if not found[name].values.any()]
+        leave_out(idle, "0 throughout: a sensor that the vehicle has not", tally)
+        there = [name for name in there if name not in idle]
+        if not there:
+            continue
+        leave_out(there[1:], f"{there[0]} is taken as {one.signal}", tally)
+        channel = found[there[0]]
+        unit = one.units or (units or {}).get(there[0]) or "1"
+        low, high = one.limits
+        good = (channel.values >= low) & (channel.values <= high)
+        tally.add("removed", there[0], int((~good).sum()), f"outside {low:g} to {high:g}")
+        if not good.any():
+            continue
+        declare(
+            Variable(
+                one.signal, unit, one.long_name or one.signal, one.standard_name, one.limits, True
+            )
+        )
+        channels[one.signal] = Channel(channel.time[good], channel.values[good])
+    return channels

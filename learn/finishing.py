@@ -1,0 +1,208 @@
+"""Finishing: what is done after the training of a run: error model, evaluations, page and card."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from learn.data.dataset import TARGETS, MissionSequence, load_missions
+from learn.data.store_checks import parts_of
+from learn.evaluation.deviation import ErrorModel, fit_error_model
+from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
+from learn.evaluation.score import ReferenceVelocity
+from learn.files import read_sealed, write_sealed
+from learn.folds import Folds, read_folds
+from learn.repeated_fits import read_seeds
+from learn.report.build import build_page
+from learn.report.card import model_card
+from learn.report.contents import Contents, RunEvaluation, Study
+from learn.report.log_page import build_log_page
+from learn.report.training_data import LABELS, TRAINING_PANELS
+from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
+from learn.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from twin.errors import quoted
+from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.features import GLIDER_PARTS, channels_of
+from twin.navigation.settings import ESTIMATED
+from twin.records.reader import MissionStore
+from twin.records.storage.checksums import LIST, write_checksums
+from twin.records.storage.disk import sweep, sync_tree
+from twin.records.storage.whole import whole_file
+
+IDEAL_SENSORS = "ideal"
+"""The store's attribute `sensors` when its compass has no error."""
+PAPER_TEST_STORE = "paper-test.zarr"
+
+Say = Callable[[str], None]
+
+
+def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
+    """Everything of a run that follows its training: error model, evaluations, page, card, and the
+    list of checksums of all files.
+
+    Args:
+      history: command line for the page.
+      say: told what is being done.
+
+    Returns:
+      The run with its error model.
+    """
+    (run.folder / LIST).unlink(missing_ok=True)
+    split, others = evaluation_split(run)
+    if not is_log_store(run.store):
+        say("learning how far off the networks are from missions that they were not trained on")
+        run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
+    say(f"evaluating on {split} missions, with floor and baselines")
+    test = evaluate_run(run, run.store, split=split)
+    write_sealed(run.folder / EVALUATION, test.figures)
+    paper = None if is_log_store(run.store) else _paper_test(run, say)
+    if paper is not None:
+        write_sealed(run.folder / PAPER_TEST, paper.figures)
+    write_page(run, test, paper, history=history)
+    with whole_file(run.folder / CARD) as place:
+        place.write_text(model_card(run, test.figures, split), encoding="utf-8")
+    sweep(run.folder)
+    sync_tree(run.folder)
+    write_checksums(run.folder)
+    return run
+
+
+def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
+    """The run's page from its evaluations."""
+    settings = run.description["settings"]
+    if is_log_store(run.store):
+        folder = (run.folder / REPORT).parent
+        folds = [_left_out(found) for found in read_folds(run)]
+        return build_log_page(folder, run, test, provenance(run), history, [*folds, *_seeds(run)])
+    contents = Contents(
+        title=f"Surge and sway networks: {run.name}",
+        lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
+        f"{test.evaluation.split} missions of {test.evaluation.store}",
+        test=test,
+        paper_test=paper,
+        labels=run.label_sentences(),
+        error_model=run.error_model(),
+        metrics=run.metrics(),
+        training=_training_mission(run),
+        ablation=_ablation(run),
+        studies=_seeds(run),
+        provenance=provenance(run),
+        command=history or str(run.description.get("history", "")),
+    )
+    return build_page((run.folder / REPORT).parent, contents)
+
+
+def _left_out(found: Folds) -> Study:
+    return Study(
+        title=f"Leave one {found.unit} out",
+        rows=found.rows(),
+        caption=f"RMSE in m/s of each {found.unit}: of networks that never saw it, of the mean of "
+        "the others, and of the best constant, which nobody can know before.",
+        sentence=found.sentence(),
+    )
+
+
+def _seeds(run: Run) -> list[Study]:
+    """The study of seeds, where the run has one."""
+    found = read_seeds(run)
+    if found is None:
+        return []
+    study = Study(
+        title="Other seeds",
+        rows=found.rows(),
+        caption="The same training with other initial weights and another order of the windows.",
+        sentence=f"Differences between runs that are not large against the standard deviations "
+        f"over these {len(found.figures)} seeds may be chance.",
+    )
+    return [study]
+
+
+def _ablation(run: Run) -> dict[str, Any]:
+    """What `ablation.json` holds; empty without one."""
+    path = run.folder / ABLATION
+    remedy = f"`learn fit --name {quoted(run.name)} --resume --ablation` writes it again"
+    return read_sealed(path, remedy) if path.is_file() else {}
+
+
+def provenance(run: Run) -> dict[str, object]:
+    """What a run was made from and with."""
+    settings = run.description["settings"]
+    networks = run.description.get("networks", {}).values()
+    return {
+        "store": settings["store"],
+        **{f"store: {name}": value for name, value in run.description["store"].items()},
+        "inputs": ", ".join(settings["features"]),
+        "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items() if k != "inputs"),
+        "training": ", ".join(f"{k} {v}" for k, v in settings["training"].items()),
+        "networks per velocity": settings["members"],
+        "division": settings["division"],
+        "time in training": f"{sum(n.get('seconds', 0.0) for n in networks):.0f} s of networks",
+        "started": run.description["created"],
+        **{f"version of {name}": value for name, value in run.description["versions"].items()},
+    }
+
+
+def _error_model(run: Run, split: str) -> ErrorModel:
+    seconds: list[float] = []
+
+    def watch(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
+        seconds.append(reference.mission.samples * reference.mission.period)
+
+    found: Evaluation = evaluate(
+        run.networks(), run.store, split=split, baselines=(), watch=watch, period=run.period
+    )
+    ideal = found.provenance.get("sensors") == IDEAL_SENSORS
+    return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
+
+
+def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
+    """The run on the paper's three missions, flown with the sensors of its store.
+
+    None for a store that the factory did not make, whose sensors are not known, for one of a
+    vehicle with other parts than the Sea-Wing, which flies the test, and for networks that read a
+    CTD: its water has one density.
+    """
+    sensors = run.description["store"].get("sensors")
+    if sensors is None:
+        return None
+    parts = parts_of(run.store)
+    if set(parts) != set(GLIDER_PARTS):
+        say(
+            "leaving out the paper's test: the Sea-Wing flies it, and its parts are "
+            f"{', '.join(GLIDER_PARTS)} and not {', '.join(parts)}"
+        )
+        return None
+    if set(channels_of(run.features)) & set(ESTIMATED):
+        say(
+            "leaving out the paper's test: its water has one density and no CTD, which these "
+            "networks read (group flight)"
+        )
+        return None
+    say("flying the paper's test in three currents")
+    from factory.generation.generate import generate
+    from factory.sampling.recipe import make_recipe
+
+    path = run.folder / PAPER_TEST_STORE
+    recipe = make_recipe(preset="paper-test", sensors=str(sensors))
+    generate(recipe, path, workers=1, overwrite=True, history="learn fit")
+    return evaluate_run(run, path, split="all")
+
+
+def _training_mission(run: Run) -> MissionSequence | None:
+    """One training mission with the channels that the page draws and the store has."""
+    with MissionStore(run.store) as reader:
+        present = set(reader.dataset.data_vars)
+    channels = [name for name, _ in TRAINING_PANELS if name in present]
+    split = "train" if "split" in present else "all"
+    labels = run.labels
+    learned = () if labels.source == "truth" else labels.channels()
+    missions = load_missions(run.store, [*channels, *learned], split=split, limit=1)
+    if not missions or not learned:
+        return missions[0] if missions else None
+    first = missions[0]
+    found = {LABELS[TARGETS[n]]: np.asarray(labels.of(first, n), float) for n in TARGETS}
+    return dataclasses.replace(first, signals={**first.signals, **found})

@@ -1,0 +1,209 @@
+"""Network velocity: a trained run on board, sample by sample: features, networks, scales.
+
+Network flight: a trained run as an estimator of `twin flight --estimator network:RUN`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from learn.networks.predictor import Ensemble, Prediction
+from learn.run import TARGETS, Run, open_run
+from twin.errors import InputError, StoreError
+from twin.identify.calibration import Calibration
+from twin.identify.logged import Log
+from twin.identify.translation import Translation
+from twin.logs.estimators import FlightEstimator
+from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.features import FeatureSteps
+from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.settings import ESTIMATED, sources
+from twin.records.reader import MissionStore
+from twin.records.storage.store_path import StorePath
+from twin.vehicle.vehicle import Vehicle
+
+
+class NetworkVelocity(VelocityEstimator):
+    """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
+
+    The spread over the members of an ensemble is the claimed deviation. Heave is left to the depth
+    rate.
+    """
+
+    kind = "network"
+    summary = "networks of a run of `learn fit`: network:RUN"
+
+    def __init__(
+        self, networks: Mapping[str, Ensemble], period: float, vehicle: Vehicle | None = None
+    ):
+        """Begin before the first sample.
+
+        Args:
+          networks: `surge` and `sway`.
+          period: [s] between the samples that they were trained on.
+          vehicle: as its file says; only networks that read estimated channels need it.
+
+        Raises:
+          InputError: they do, and there is no vehicle or none that the flight filter suits.
+        """
+        self.period = period
+        self._members = {name: networks[name].members for name in TARGETS}
+        names = dict.fromkeys(
+            feature
+            for members in self._members.values()
+            for one in members
+            for feature in one.features
+        )
+        self._features = FeatureSteps(list(names), period)
+        self.channels = sources(self._features.channels)
+        self._flight: FlightFilter | None = None
+        if set(self._features.channels) & set(ESTIMATED):
+            if vehicle is None:
+                raise InputError(
+                    "these networks read the flight filter, which needs a vehicle: "
+                    "NetworkVelocity(networks, period, vehicle)"
+                )
+            self._flight = FlightFilter(vehicle, period)
+        place = {name: k for k, name in enumerate(names)}
+        self._columns = {
+            name: [np.array([place[f] for f in one.features], int) for one in members]
+            for name, members in self._members.items()
+        }
+        for members in self._members.values():
+            for one in members:
+                one.network.eval()
+        self.reset()
+
+    @classmethod
+    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
+        """The networks of the run in the folder `argument`, at the period of their training.
+
+        Raises:
+          InputError: no folder is given. StoreError: there is no run in it.
+        """
+        if not argument:
+            raise InputError("the estimator network needs a run: network:runs/NAME")
+        run = open_run(argument)
+        return cls(run.networks(), run.period, vehicle)
+
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        self._features.reset()
+        if self._flight is not None:
+            self._flight.reset()
+        self._states = {
+            name: [one.network.initial_state(1) for one in members]
+            for name, members in self._members.items()
+        }
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`.
+
+        Raises:
+          InputError: a channel is missing or not finite.
+        """
+        if self._flight is not None:
+            sample = {**sample, **dict(zip(ESTIMATED, self._flight.step(sample), strict=True))}
+        seen = self._features.step(sample).astype(np.float32)
+        mean, variance = {}, {}
+        with torch.inference_mode():
+            for name, members in self._members.items():
+                said = []
+                for k, one in enumerate(members):
+                    scaled = one.normalisation.inputs(seen[self._columns[name][k]])
+                    y, self._states[name][k] = one.network.step(
+                        torch.from_numpy(scaled)[None], self._states[name][k]
+                    )
+                    scales = one.normalisation
+                    said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
+                mean[name] = float(np.mean(said))
+                variance[name] = float(np.var(said, ddof=1)) if len(said) > 1 else None
+        spread = [variance[name] for name in TARGETS]
+        covariance = None
+        if all(one is not None for one in spread):
+            covariance = np.diag(np.array([*spread, spread[0]], np.float64))
+        return BodyVelocity(surge=mean["surge"], sway=mean["sway"], covariance=covariance)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        found: dict[str, NDArray[Any]] = {
+            f"features:{name}": value for name, value in self._features.state().items()
+        }
+        if self._flight is not None:
+            found |= {f"flight:{name}": value for name, value in self._flight.state().items()}
+        for name, states in self._states.items():
+            found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
+        return found
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`.
+
+        Raises:
+          InputError: it is of other networks.
+        """
+        for name, states in self._states.items():
+            for k, one in enumerate(states):
+                saved = state.get(f"{name}-{k}")
+                if saved is None or saved.shape != tuple(one.shape):
+                    raise InputError(
+                        "this state is of other networks: open the run that it was saved of"
+                    )
+                states[k] = torch.from_numpy(np.array(saved, np.float32))
+        self._features.restore(_below("features:", state))
+        if self._flight is not None:
+            self._flight.restore(_below("flight:", state))
+
+
+def _below(prefix: str, state: State) -> dict[str, NDArray[Any]]:
+    """The entries whose names begin so, without that."""
+    return {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
+
+
+class NetworkFlight(FlightEstimator):
+    """Surge and sway by the networks of a run; heave is solved for from the depth rate."""
+
+    kind = "network"
+    summary = "surge and sway by the networks of a run of `learn fit`: network:RUN"
+
+    def __init__(self, run: Run):
+        self.run = run
+        self._predictions: dict[StorePath, dict[int, Prediction]] = {}
+
+    @classmethod
+    def open(cls, argument: str) -> Self:
+        """The estimator of the run in the folder `argument`.
+
+        Raises:
+          InputError: no folder is given.
+          StoreError: there is no run in it.
+        """
+        if not argument:
+            raise InputError("the estimator network needs a run: network:runs/NAME")
+        return cls(open_run(argument))
+
+    def motion(
+        self,
+        store: MissionStore,
+        log: Log,
+        calibration: Calibration,
+        start: tuple[float, float, float],
+    ) -> Translation:
+        """See `FlightEstimator.motion`; between the samples of a coarser run, linear."""
+        if store.path not in self._predictions:
+            found = self.run.predict(store.path)
+            self._predictions[store.path] = {one.mission: one for one in found}
+        known = self._predictions[store.path]
+        if log.index not in known:
+            raise StoreError(
+                f"run {self.run.name} lacks mission {log.index} of {store.path}; leave "
+                "it out with --missions"
+            )
+        one = known[log.index]
+        time = log.period * np.arange(len(log.depth))
+        surge, sway = (np.interp(time, one.time, values) for values in (one.surge, one.sway))
+        return Translation(surge=surge, sway=sway, heave=np.full(len(time), np.nan))

@@ -1,0 +1,371 @@
+"""Run: the folder of one training, with everything that its networks need and came from.
+
+runs/NAME/
+  run.json              settings, data, versions, command line, figures of the training
+  surge-0.safetensors   weights; surge-0.json has the network, its features and scales
+  sway-0.safetensors    (more members of an ensemble: -1, -2 ...)
+  metrics.jsonl         one line per validation of each network
+  evaluation.json       what `learn evaluate --json` prints, on the store's test missions
+  README.md             model card
+  report/               index.html and its figures as PNG
+  checksums.json        size and SHA-256 of all these files, by which `factory verify` checks them
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+import platform
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
+from twin.errors import InputError, StoreError, quoted
+from twin.records.attributes import SAMPLE_PERIOD
+from twin.records.storage.store_path import StorePath, store_path
+from twin.records.storage.whole import whole_file
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    from learn.data.labels import LabelConfig
+    from learn.evaluation.deviation import ErrorModel
+    from learn.networks.predictor import Ensemble, Prediction
+
+RUNS = Path("runs")
+DEFAULT_STORE = Path("data/missions.zarr")
+"""Where `factory generate` puts a store by default."""
+DESCRIPTION = "run.json"
+METRICS = "metrics.jsonl"
+EVALUATION = "evaluation.json"
+PAPER_TEST = "paper-test.json"
+ABLATION = "ablation.json"
+SEEDS = "seeds.json"
+CARD = "README.md"
+REPORT = Path("report") / "index.html"
+FORMAT = 2
+"""Version of `run.json`."""
+UNSEALED = 1
+"""Version whose `run.json` has no checksum, of releases up to 0.1.0."""
+TRUTH = "truth"
+"""Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
+LABELS = "label_counts"
+"""Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
+ORIGIN = "started_from"
+"""Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
+SETTINGS = ("store", "features", "network", "training", "members", "division")
+"""Settings without which a run cannot be read."""
+TARGETS = ("surge", "sway")
+FACTORY_PERIOD = 0.5
+"""[s] of stores that do not say it: all were made by the factory."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One run folder."""
+
+    folder: Path
+    description: Mapping[str, Any]
+    """What `run.json` says."""
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.folder.name
+
+    @property
+    def store(self) -> StorePath:
+        """The store that it was trained on."""
+        return store_path(self.description["settings"]["store"])
+
+    @property
+    def members(self) -> int:
+        """Networks per velocity."""
+        return int(self.description["settings"]["members"])
+
+    @property
+    def period(self) -> float:
+        """[s] between the samples that its networks were trained on."""
+        chosen = self.description["settings"].get("period")
+        stored = self.description.get("store", {}).get(SAMPLE_PERIOD, FACTORY_PERIOD)
+        return float(stored if chosen is None else chosen)
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Inputs of its networks, by name, in order."""
+        return tuple(self.description["settings"]["features"])
+
+    @property
+    def labels(self) -> LabelConfig:
+        """What its networks learned from."""
+        from learn.data.labels import label_config
+
+        return label_config(self.description["settings"])
+
+    def label_sentences(self) -> list[str]:
+        """What the Doppler log gave to learn from; nothing where the truth was learned from."""
+        from learn.data.labels import LabelCounts
+
+        counts = self.description.get(LABELS)
+        return [] if counts is None else LabelCounts(**counts).sentences(self.labels)
+
+    @property
+    def report(self) -> Path:
+        """Its page."""
+        return self.folder / REPORT
+
+    def predict(self, store: str | StorePath, *, split: str = "all") -> list[Prediction]:
+        """Surge and sway of missions, running free from the start of each.
+
+        Args:
+          store: path of a store that has what the networks read; a finer one is thinned to the
+            run's period.
+          split: train, validation, test or all.
+
+        Raises:
+          StoreError: a file of the run or of the store cannot be used.
+        """
+        from learn.networks.predictor import predict_missions
+
+        return predict_missions(self.networks(), store, split=split, period=self.period)
+
+    def networks(self) -> dict[str, Ensemble]:
+        """Surge and sway.
+
+        Raises:
+          StoreError: a file is missing, damaged or of another format.
+        """
+        from learn.networks.predictor import Ensemble, load_predictor
+
+        found = {}
+        for target in TARGETS:
+            members = []
+            for place in range(self.members):
+                path = stem(self.folder, target, place)
+                members.append(load_predictor(path))
+                if members[-1].target != target:
+                    raise StoreError(
+                        f"{path}.json holds a network for {members[-1].target}, not {target}"
+                    )
+            found[target] = Ensemble(tuple(members))
+        return found
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """Lines of `metrics.jsonl`; none when it is missing. A last line that a kill halved is left
+        out.
+
+        Raises:
+          StoreError: another line is damaged (named).
+        """
+        path = self.folder / METRICS
+        if not path.is_file():
+            return []
+        found = []
+        for number, line in enumerate(_whole_lines(path), 1):
+            try:
+                found.append(json.loads(line))
+            except (ValueError, RecursionError) as error:
+                raise StoreError(
+                    f"{path} is damaged in line {number} ({error}); take that line out"
+                ) from error
+        return found
+
+    @property
+    def figures(self) -> dict[str, Any] | None:
+        """Figures of its evaluation by name, as `learn evaluate --json` prints them; None before.
+
+        Raises:
+          StoreError: it is damaged, or lacks a figure (named).
+        """
+        return self._evaluated(EVALUATION)
+
+    @property
+    def paper_figures(self) -> dict[str, Any] | None:
+        """The same on the paper's test; None where it was not flown (`learn.finishing`).
+
+        Raises:
+          StoreError: it is damaged, or lacks a figure (named).
+        """
+        return self._evaluated(PAPER_TEST)
+
+    def _evaluated(self, name: str) -> dict[str, Any] | None:
+        from learn.evaluation.score import summarise_scores
+
+        path = self.folder / name
+        if not path.is_file():
+            return None
+        remedy = f"`learn fit --name {quoted(self.name)} --resume` writes it again"
+        found = read_sealed(path, remedy)
+        figures = tuple(summarise_scores(()))
+        _need(found, ("store", "split", *figures, "floor", "baselines"), path, remedy)
+        _need(found["floor"], figures, path, remedy)
+        for baseline in found["baselines"].values():
+            _need(baseline, figures, path, remedy)
+        return found
+
+    def error_model(self) -> ErrorModel:
+        """What validation missions said about its errors; the defaults without any.
+
+        Raises:
+          StoreError: `run.json` holds one with other entries.
+        """
+        from learn.evaluation.deviation import ErrorModel
+
+        try:
+            return ErrorModel(**self.description.get("error_model", {}))
+        except TypeError as error:
+            raise StoreError(
+                f"{self.folder / DESCRIPTION} is damaged: its error_model is not one ({error}); "
+                f"`learn fit --name {quoted(self.name)} --resume` fits it again"
+            ) from error
+
+    def remember(self, **entries: object) -> Run:
+        """This run with more in its `run.json`."""
+        description = {**self.description, **entries}
+        write_description(self.folder, description)
+        return Run(self.folder, description)
+
+
+def stem(folder: Path, target: str, member: int) -> Path:
+    """Path of one network's files without their endings."""
+    return folder / f"{target}-{member}"
+
+
+def open_run(path: str | Path) -> Run:
+    """A finished run by its folder, or by its name in `runs/`.
+
+    Args:
+      path: the folder or the name.
+
+    Raises:
+      InputError: there is no such folder, or it is not a run.
+      StoreError: it is unfinished, damaged or of another version.
+    """
+    folder = Path(path)
+    if not folder.exists() and (RUNS / folder).is_dir():
+        folder = RUNS / folder
+    description = read_description(folder)
+    if not description.get("complete"):
+        raise StoreError(
+            f"run {folder} is not finished; continue with "
+            f"`learn fit --name {quoted(folder.name)} --resume`"
+        )
+    return Run(folder, description)
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """`run.json` of a folder, finished or not; errors as `open_run`."""
+    path = folder / DESCRIPTION
+    if not path.is_file():
+        from twin.records.presence import is_complete  # numpy, which help texts do without
+
+        if is_complete(folder):
+            raise InputError(
+                f"{folder} is a store, not a run; give the run first, then the store, as in "
+                f"`learn evaluate {_example()} {quoted(folder)}`"
+            )
+        raise InputError(
+            f"{folder} is not a run (no {DESCRIPTION} there nor in {RUNS / folder}); make one: "
+            "`learn fit`"
+        )
+    remedy = "bring it back from a copy, or fit the run again"
+    description = read_json(path, remedy)
+    try:
+        version = int(description["format"])
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise StoreError(f"{path} is damaged: {type(error).__name__} {error}") from error
+    if version not in (UNSEALED, FORMAT):
+        raise StoreError(
+            f"{path} has format {version}, this program reads {UNSEALED} and {FORMAT}; fit it again"
+        )
+    if version == FORMAT or SEAL in description:
+        check_seal(path, description, remedy)
+    _need(description, ("settings", "store", "versions", "created"), path, remedy)
+    _need(description["settings"], SETTINGS, path, remedy)
+    return description
+
+
+def _need(figures: Any, names: Iterable[str], path: Path, remedy: str) -> None:
+    """Refuse an object of a JSON file that lacks one of these entries."""
+    for name in names:
+        if not isinstance(figures, Mapping) or name not in figures:
+            raise StoreError(f"{path} is damaged: it has no {name!r}; {remedy}")
+
+
+def _whole_lines(path: Path) -> list[str]:
+    """Lines of a text file that end; blank ones left out."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return [line for line in text[: text.rfind("\n") + 1].splitlines() if line]
+
+
+def repair_metrics(folder: Path) -> None:
+    """Take out a last line that a kill halved, so that the next one starts a line of its own."""
+    path = folder / METRICS
+    if path.is_file() and not path.read_bytes().endswith(b"\n"):
+        lines = _whole_lines(path)
+        with whole_file(path) as place:
+            place.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def _example() -> str:
+    """The newest run's folder, or a word for it."""
+    try:
+        return str(newest_run().folder)
+    except InputError:
+        return "RUN"
+
+
+def write_description(folder: Path, description: Mapping[str, Any]) -> None:
+    """Write `run.json`."""
+    from twin.cli.console import to_json
+
+    write_sealed(folder / DESCRIPTION, {**to_json(description), "format": FORMAT})
+
+
+def newest_run(root: Path = RUNS) -> Run:
+    """The finished run that was started last.
+
+    Args:
+      root: folder of the runs.
+
+    Raises:
+      InputError: there is none.
+    """
+    found = []
+    for path in root.glob(f"[!.]*/{DESCRIPTION}"):
+        try:
+            found.append(open_run(path.parent))
+        except (StoreError, InputError):
+            continue  # unfinished or foreign: an older one will do
+    if not found:
+        raise InputError(f"no finished run in {root}/; make one with `learn fit`")
+    return max(found, key=lambda run: (str(run.description.get("created")), run.name))
+
+
+def free_name(root: Path = RUNS) -> str:
+    """A name that no run has yet: the date and a number."""
+    day = datetime.date.today().isoformat()
+    number = 1
+    while (root / f"{day}-{number}").exists():
+        number += 1
+    return f"{day}-{number}"
+
+
+def now() -> str:
+    """Time of day in UTC, ISO 8601."""
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+def versions() -> dict[str, str]:
+    """What can change a bit of a result."""
+    import numpy
+    import torch
+
+    return {
+        "glider-twin": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "numpy": numpy.__version__,
+        "torch": torch.__version__,
+    }

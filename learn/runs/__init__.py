@@ -1,1 +1,0 @@
-"""Runs: the folder that one training leaves behind."""

@@ -1,1 +1,0 @@
-"""Optimisers: ways to lower the error of a network, one file a kind."""

@@ -1,0 +1,162 @@
+"""Verify and replay: sound stores pass, every kind of damage is found and named."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+
+from factory.flown_again import replay_mission
+from factory.generation.generated_store import GeneratedStore
+from factory.soundness import verify_store
+from factory.store_check import StoreReport, kinematic_problems
+from twin.errors import StoreError
+from twin.records.schema import HYDROGRAPHY, SIMULATED
+from twin.records.store import read_trajectory
+
+
+def stored_signals(preset: str) -> set[str]:
+    """The water of preset field has temperature and salinity, and its vehicles a CTD."""
+    return {*SIMULATED, *(HYDROGRAPHY if preset == "field_store" else ())}
+
+
+def problems(report: StoreReport) -> str:
+    return " | ".join(problem for check in report.checks for problem in check.problems)
+
+
+@pytest.mark.parametrize("name", ["paper_store", "field_store"])
+def test_a_sound_store_passes_with_everything_read(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    run = GeneratedStore(request.getfixturevalue(name))
+    report = verify_store(run)
+    assert report.ok, problems(report)
+    chunks = next(check for check in report.checks if check.name == "chunks")
+    assert chunks.done == len(run) * len(run.signals()) == len(run) * len(stored_signals(name))
+
+
+@pytest.mark.parametrize("name", ["paper_store", "field_store"])
+def test_every_mission_replays_bit_for_bit(name: str, request: pytest.FixtureRequest) -> None:
+    run = GeneratedStore(request.getfixturevalue(name))
+    for mission in range(len(run)):
+        comparison = replay_mission(run, mission)
+        assert comparison.identical, comparison.different
+        assert comparison.signals == len(stored_signals(name))
+        assert comparison.other_versions == ()
+
+
+def flip_byte(path: Path, position: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0xFF
+    path.write_bytes(bytes(data))
+
+
+def cut_in_half(store: Path) -> None:
+    path = store / "true_depth" / "c" / "0" / "0"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def edit(store: Path, name: str, change: Callable[[np.ndarray], None]) -> None:
+    array = zarr.open_group(store, mode="r+")[name]
+    assert isinstance(array, zarr.Array)
+    values = np.asarray(array[:])
+    change(values)
+    array[:] = values
+
+
+def edit_json(store: Path, change: Callable[[dict], None]) -> None:
+    path = store / "zarr.json"
+    group = json.loads(path.read_text())
+    change(group)
+    path.write_text(json.dumps(group))
+
+
+def set_value(row: int, column: int, value: float) -> Callable[[np.ndarray], None]:
+    def change(values: np.ndarray) -> None:
+        values[row, column] = value
+
+    return change
+
+
+def reverse(values: np.ndarray) -> None:
+    np.negative(values, out=values)
+
+
+def set_units(group: dict) -> None:
+    arrays = group["consolidated_metadata"]["metadata"]
+    arrays["true_pitch"]["attributes"]["units"] = "radian"
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda s: flip_byte(s / "true_surge" / "c" / "0" / "0", 400), "true_surge of mission 0"),
+        (cut_in_half, "true_depth of mission"),
+        (lambda s: (s / "measured_roll" / "c" / "0" / "0").unlink(), "measured_roll is not finite"),
+        (lambda s: edit(s, "true_sway", set_value(1, 5, np.nan)), "first at sample 5"),
+        (lambda s: edit(s, "true_pitch", set_value(2, 9, 95.0)), "true_pitch runs from"),
+        (lambda s: edit(s, "measured_pump", set_value(0, -1, 1.0)), "values after its"),
+        (lambda s: edit(s, "true_yaw_rate", reverse), "attitude does not follow the rates"),
+        (lambda s: edit(s, "true_current_east", reverse), "through the water plus current"),
+        (lambda s: edit(s, "true_north", set_value(1, 50, 7.0)), "position does not follow"),
+        (lambda s: edit_json(s, set_units), "true_pitch: units 'radian', not 'degree'"),
+        (
+            lambda s: edit_json(s, lambda g: g["attributes"].update(vehicle_mjcf="<mujoco/>")),
+            "SHA-256",
+        ),
+        (
+            lambda s: edit(s, "mission_pitch_deg", set_value(0, 0, 30.0)),
+            "mission.pitch_deg = 30.0 cannot be drawn from",
+        ),
+        (lambda s: edit(s, "split", lambda v: v.fill(0)), "a split without a mission"),
+        (lambda s: edit(s, "n_samples", lambda v: v.fill(3)), "3 samples, not"),
+    ],
+)
+def test_damage_is_found_and_named(
+    tmp_path: Path, paper_store: Path, damage: Callable[[Path], None], message: str
+) -> None:
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    damage(store)
+    report = verify_store(GeneratedStore(store))
+    assert not report.ok
+    assert message in problems(report)
+
+
+def test_a_lost_array_is_told(tmp_path: Path, paper_store: Path) -> None:
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    (store / "n_samples" / "c" / "0").write_bytes(b"short")
+    with pytest.raises(StoreError, match="its array n_samples cannot be read"):
+        verify_store(GeneratedStore(store))
+
+
+def test_replay_finds_a_changed_bit(tmp_path: Path, paper_store: Path) -> None:
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    surge = read_trajectory(store, 1)["true_surge"]
+    edit(store, "true_surge", set_value(1, 20, surge[20] + 2.0**-20))
+    comparison = replay_mission(GeneratedStore(store), 1)
+    assert comparison.different == {"true_surge": 2.0**-20}
+    assert replay_mission(GeneratedStore(store), 0).identical
+    with pytest.raises(StoreError, match=r"missions 0 to \d+, not 99"):
+        replay_mission(GeneratedStore(store), 99)
+
+
+def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store: Path) -> None:
+    """Its tolerances leave room: rounding everything ten times coarser changes no verdict."""
+    truth = {
+        name: np.round(values, 3)
+        for name, values in read_trajectory(paper_store, 0).signals.items()
+        if name.startswith("true_") and "velocity" not in name and "current" not in name
+    }
+    exact = read_trajectory(paper_store, 0).signals
+    kept = ("surge", "sway", "heave", "roll", "pitch", "heading")
+    truth |= {f"true_{name}": exact[f"true_{name}"] for name in kept}
+    truth |= {name: v for name, v in exact.items() if "velocity" in name or "current" in name}
+    assert kinematic_problems(truth, 0.5) == []
