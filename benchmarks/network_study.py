@@ -28,7 +28,7 @@ from typing import Any
 from torch import Tensor, nn
 
 from learn.networks.ema import ExponentialAverages
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 
 TARGETS = ("surge", "sway")
 TRANSIENT_S = 30.0

@@ -25,7 +25,7 @@ from learn.networks.c_export import export_c
 from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import export_step
 from learn.networks.predictor import Ensemble, Predictor
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.navigation.features import channels_of, select_features
 
 

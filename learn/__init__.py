@@ -26,29 +26,29 @@ if TYPE_CHECKING:
     from learn.networks.base import Network as Network
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
-    from learn.networks.registry import NETWORKS as NETWORKS
     from learn.report.contents import Contents as Contents
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.figure_registry import REPORT_FIGURES as REPORT_FIGURES
     from learn.report.report_figure import ReportFigure as ReportFigure
     from learn.run import Run as Run
     from learn.run import newest_run as newest_run
     from learn.run import open_run as open_run
+    from learn.seams import NETWORKS as NETWORKS
+    from learn.seams import OPTIMISERS as OPTIMISERS
+    from learn.seams import REPORT_FIGURES as REPORT_FIGURES
     from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
-    from learn.training.optimiser_registry import OPTIMISERS as OPTIMISERS
     from learn.training.schedule import TrainingConfig as TrainingConfig
     from learn.training.settings import FitConfig as FitConfig
     from learn.training.settings import fit_settings as fit_settings
     from twin.navigation.estimators.baseline import Baseline as Baseline
     from twin.navigation.estimators.baseline import Estimate as Estimate
-    from twin.navigation.estimators.registry import BASELINES as BASELINES
+    from twin.seams import BASELINES as BASELINES
 
 _PLACES = {
-    "BASELINES": "twin.navigation.estimators.registry:BASELINES",
-    "NETWORKS": "learn.networks.registry:NETWORKS",
-    "OPTIMISERS": "learn.training.optimiser_registry:OPTIMISERS",
-    "REPORT_FIGURES": "learn.report.figure_registry:REPORT_FIGURES",
+    "BASELINES": "twin.seams:BASELINES",
+    "NETWORKS": "learn.seams:NETWORKS",
+    "OPTIMISERS": "learn.seams:OPTIMISERS",
+    "REPORT_FIGURES": "learn.seams:REPORT_FIGURES",
     "Baseline": "twin.navigation.estimators.baseline:Baseline",
     "Contents": "learn.report.contents:Contents",
     "Estimate": "twin.navigation.estimators.baseline:Estimate",

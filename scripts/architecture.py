@@ -7,9 +7,14 @@ with docs/project/architecture.md.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 from pathlib import Path
 from typing import Any
+
+import factory.seams
+import learn.seams
+import twin.seams
+from twin.registry import Registry
+from twin.water.current.registry import ENTRY_POINTS, kinds
 
 ROOT = Path(__file__).resolve().parents[1]
 WHITE, INK = "#ffffff", "#1d2733"
@@ -55,76 +60,54 @@ class Seam:
     """Where kinds of one sort go."""
 
     what: str
-    registry: str
-    """`module:NAME`"""
+    folder: str
     base: str
+    """public class that a kind is derived from, or an object of"""
+    group: str
+    """of entry points"""
     page: str
     """page and anchor in docs/"""
+    kinds: tuple[Any, ...]
+    """shipped: classes, functions or objects"""
 
 
-SEAMS = (
-    Seam("current", "twin.water.current.registry:ENTRY_POINTS", "twin.water.current.Current",
-         "reference/currents.md#a-kind-of-your-own"),
-    Seam("sensor", "twin.sensors.base:SENSORS", "twin.sensors.Sensor",
-         "reference/sensors.md#a-sensor-of-your-own"),
-    Seam("vehicle part", "twin.vehicle.parts.base:PARTS", "twin.vehicle.parts.Part",
-         "howto/extending.md#a-vehicle-part"),
-    Seam("hull law", "twin.vehicle.laws.base:LAWS", "twin.vehicle.laws.HullLaw",
-         "howto/extending.md#a-hull-law"),
-    Seam("mission segment", "twin.mission.segments.base:SEGMENTS",
-         "twin.mission.segments.Segment", "howto/extending.md#a-mission-segment"),
-    Seam("kind of drawn segment", "factory.sampling.mission_kind:MISSION_KINDS",
-         "factory.sampling.mission_kind.MissionKind", "howto/extending.md#a-kind-of-drawn-segment"),
-    Seam("figure", "twin.show.figures.base:FIGURES", "twin.show.figures.FigureKind",
-         "howto/render.md#twin-plot"),
-    Seam("flight estimator", "twin.logs.estimators.base:ESTIMATORS",
-         "twin.logs.estimators.FlightEstimator", "howto/flight.md#an-estimator-of-ones-own"),
-    Seam("feature", "twin.navigation.features.base:FEATURES",
-         "twin.navigation.features.Feature", "howto/extending.md#a-feature"),
-    Seam("velocity estimator", "twin.navigation.estimators.base:VELOCITY_ESTIMATORS",
-         "twin.navigation.estimators.base.VelocityEstimator",
-         "howto/navigation.md#an-estimator-of-ones-own"),
-    Seam("baseline", "twin.navigation.estimators.registry:BASELINES", "learn.Baseline",
-         "howto/extending.md#a-baseline"),
-    Seam("control task", "twin.suite.registry:TASKS", "twin.suite.task.GliderTask",
-         "howto/dm_control.md"),
-    Seam("randomiser", "twin.suite.conditions:RANDOMISERS", "twin.suite.conditions.Randomiser",
-         "howto/dm_control.md#noise-currents-errors"),
-    Seam("importer", "factory.importing.formats.base:IMPORTERS",
-         "factory.importing.Importer", "howto/import_tables.md#a-kind-of-log-of-your-own"),
-    Seam("exporter", "factory.exporting.base:EXPORTERS", "factory.exporting.Exporter",
-         "reference/factory.md#exports"),
-    Seam("network", "learn.networks.registry:NETWORKS", "learn.Network",
-         "reference/networks.md#one-of-your-own"),
-    Seam("optimiser", "learn.training.optimiser_registry:OPTIMISERS",
-         "learn.MinibatchOptimiser", "reference/networks.md#one-of-your-own"),
-    Seam("figure of the report", "learn.report.figure_registry:REPORT_FIGURES",
-         "learn.ReportFigure", "reference/networks.md#one-of-your-own"),
-)  # fmt: skip
+def _row(registry: Registry[Any]) -> Seam:
+    return Seam(
+        registry.noun,
+        registry.folder,
+        registry.base,
+        registry.group,
+        registry.page,
+        tuple(registry[name] for name in registry.shipped()),
+    )
 
 
-def found(place: str) -> Any:
-    """The object at `module:NAME`."""
-    module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
+def seams() -> tuple[Seam, ...]:
+    """Every seam: those of the packages' tables, and the kinds of current, which have numbers."""
+    tables = [vars(module).values() for module in (twin.seams, factory.seams, learn.seams)]
+    rows = [_row(row) for table in tables for row in table if isinstance(row, Registry)]
+    current = Seam(
+        "current",
+        "twin/water/current",
+        "twin.water.current.Current",
+        ENTRY_POINTS,
+        "reference/currents.md#a-kind-of-your-own",
+        tuple(kind.cls for kind in kinds().values()),
+    )
+    return (current, *rows)
 
 
 def seam_table() -> str:
-    """Every seam as a markdown table, from the registries."""
+    """Every seam as a markdown table."""
     rows = [
         "| a new | goes into | derives from | entry points | example |",
         "|---|---|---|---|---|",
     ]
-    for seam in SEAMS:
-        module = seam.registry.partition(":")[0]
-        registry = found(seam.registry)
-        base = seam.base.rpartition(".")
-        assert found(f"{base[0]}:{base[2]}")
-        folder = module.rpartition(".")[0].replace(".", "/")
-        group = registry if isinstance(registry, str) else registry.group
+    for seam in seams():
         page = Path(seam.page.partition("#")[0]).stem.replace("_", " ")
         rows.append(
-            f"| {seam.what} | `{folder}/` | `{seam.base}` | `{group}` | [{page}](../{seam.page}) |"
+            f"| {seam.what} | `{seam.folder}/` | `{seam.base}` | `{seam.group}` "
+            f"| [{page}](../{seam.page}) |"
         )
     return "\n".join(rows) + "\n"
 

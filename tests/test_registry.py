@@ -27,7 +27,7 @@ from twin.records.schema import (
     Variable,
 )
 from twin.records.trajectory import actuator_names
-from twin.seams import Registry
+from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
 from twin.sensors.base import check_sensor
 from twin.sensors.base import table as sensor_table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 from collections.abc import Sequence
@@ -11,8 +12,7 @@ from typing import Any
 import pytest
 from examples import ROOT, script
 
-from twin.seams.plugins import imported
-from twin.water.current.registry import kinds as current_kinds
+from twin.plugins import imported
 
 NO_KINDS = {
     "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
@@ -24,20 +24,12 @@ NO_KINDS = {
 """Classes derived from a seam's base that are no kind of their own, and why"""
 WIDER = {"learn.MinibatchOptimiser": "learn.training.optimiser.Optimiser"}
 """The class behind what a page tells users to derive from"""
-SEAMS = script("architecture").SEAMS
+SEAMS = script("architecture").seams()
 
 
 def base_of(seam: Any) -> Any:
     """The class or protocol that all kinds of a seam share."""
     return imported(":".join(WIDER.get(seam.base, seam.base).rsplit(".", 1)))
-
-
-def shipped_kinds(seam: Any) -> list[Any]:
-    """What a seam's table holds: classes, functions or objects."""
-    if seam.registry == "twin.water.current.registry:ENTRY_POINTS":
-        return [kind.cls for kind in current_kinds().values()]
-    table = imported(seam.registry)
-    return [table[name] for name in table.shipped()]
 
 
 def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]) -> list[str]:
@@ -74,13 +66,23 @@ def _classes_of(table: Sequence[Any]) -> set[type]:
     return {kind for kind in table if isinstance(kind, type)}
 
 
-def modules_of(registry: str) -> list[ModuleType]:
-    """The modules of a registry's folder and of the folders in it."""
-    folder = registry.partition(":")[0].rpartition(".")[0]
-    files = sorted((ROOT / folder.replace(".", "/")).rglob("*.py"))
+def modules_of(folder: str) -> list[ModuleType]:
+    """The modules of a seam's folder and of the folders in it."""
+    files = sorted((ROOT / folder).rglob("*.py"))
     names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files)
     wanted = (name.removesuffix(".__init__") for name in names if not name.endswith("__main__"))
     return [importlib.import_module(name) for name in wanted]
+
+
+def test_registries_are_made_in_the_tables_of_seams_alone():
+    made = {
+        str(path.relative_to(ROOT))
+        for package in ("twin", "factory", "learn")
+        for path in (ROOT / package).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Registry")
+    }
+    assert made == {"twin/seams.py", "factory/seams.py", "learn/seams.py"}
 
 
 @pytest.mark.parametrize("seam", SEAMS, ids=lambda seam: seam.what)
@@ -88,7 +90,7 @@ def test_every_kind_in_a_seam_s_folder_is_in_its_table(seam):
     base = base_of(seam)
     if getattr(base, "_is_protocol", False):
         pytest.skip("its kinds are functions of other packages: no file of the folder is one")
-    lacking = unregistered(modules_of(seam.registry), base, shipped_kinds(seam))
+    lacking = unregistered(modules_of(seam.folder), base, seam.kinds)
     assert [place for place in lacking if place not in NO_KINDS] == []
 
 
@@ -98,8 +100,8 @@ def test_a_kind_that_is_taken_out_of_a_table_is_missed(seam):
     base = base_of(seam)
     if getattr(base, "_is_protocol", False):
         pytest.skip("as above")
-    *others, last = shipped_kinds(seam)
-    lacking = unregistered(modules_of(seam.registry), base, others)
+    *others, last = seam.kinds
+    lacking = unregistered(modules_of(seam.folder), base, others)
     module = last.__module__ if hasattr(last, "__qualname__") else None
     found = [place for place in lacking if place not in NO_KINDS]
     assert found

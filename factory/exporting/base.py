@@ -12,11 +12,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory import seams
 from twin.errors import InputError
+from twin.plugins import imported
 from twin.records.storage.checksums import is_listed
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file, whole_folder
-from twin.seams import Registry, imported, instance_of
+from twin.registry import Registry, instance_of
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
@@ -158,18 +160,10 @@ def _is_export(folder: Path) -> bool:
     return is_listed(folder) and not is_complete(folder)
 
 
-EXPORTERS: Registry[Exporter] = Registry(
-    "export format",
-    group="glider_twin.exporters",
-    shipped={
-        "huggingface": "factory.exporting.huggingface:HUGGINGFACE",
-        "lerobot": "factory.exporting.lerobot:LEROBOT",
-        "mcap": "factory.exporting.mcap:MCAP",
-        "og1": "factory.exporting.og1:OG1",
-        "parquet": "factory.exporting.parquet:PARQUET",
-    },
-    check=instance_of("export format", Exporter),
-)
+check_exporter = instance_of("export format", Exporter)
+"""Make sure that a kind is whole; the table of seams names it."""
+
+EXPORTERS: Registry[Exporter] = seams.EXPORTERS
 """Every format that a store can be exported to, by name."""
 
 register = EXPORTERS.add

@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from factory import seams
 from factory.sampling.distribution import Drawn, Parameter
 from twin.errors import InputError
 from twin.mission import Segment
-from twin.seams import Registry, instance_of
+from twin.registry import Registry, instance_of
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -82,7 +83,7 @@ NOUN = "kind of mission"
 _is_kind = instance_of(NOUN, MissionKind)
 
 
-def _complete(name: str, kind: object) -> MissionKind:
+def check_kind(name: str, kind: object) -> MissionKind:
     """The kind; raises InputError when it is only half there."""
     found = _is_kind(name, kind)
     for method in ("fits", "shortest_time", "segment"):
@@ -91,19 +92,7 @@ def _complete(name: str, kind: object) -> MissionKind:
     return found
 
 
-MISSION_KINDS: Registry[MissionKind] = Registry(
-    NOUN,
-    group=GROUP,
-    shipped={
-        "saw-tooth": "factory.sampling.dives:SAW_TOOTH",
-        "spiral": "factory.sampling.dives:SPIRAL",
-        "surface": "factory.sampling.surveys:SURFACE",
-        "transect": "factory.sampling.surveys:TRANSECT",
-        "circle": "factory.sampling.dives:CIRCLE",
-        "lawn-mower": "factory.sampling.surveys:LAWN_MOWER",
-    },
-    check=_complete,
-)
+MISSION_KINDS: Registry[MissionKind] = seams.MISSION_KINDS
 """Every kind by name."""
 
 register = MISSION_KINDS.add

@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.networks.registry import NETWORKS
 from learn.run import RUNS, free_name
-from learn.training.optimiser_registry import OPTIMISERS
+from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.training_progress import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
 from twin.errors import InputError, unknown_name
-from twin.seams import Registry
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from learn.folds import Unit

@@ -25,10 +25,10 @@ from learn.evaluation.score import (
 from twin.errors import StoreError
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
-from twin.navigation.estimators.registry import BASELINES
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
+from twin.seams import BASELINES
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

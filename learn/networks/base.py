@@ -29,9 +29,10 @@ from torch import Tensor, nn
 
 from learn.networks.c_step import CStep
 from learn.networks.config import SIZES, NetworkConfig
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import InputError
-from twin.seams import check_class, place_of
+from twin.plugins import place_of
+from twin.registry import check_class
 
 LSTM_WEIGHTS = 8
 """Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most

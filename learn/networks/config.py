@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import math
 
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import InputError
 
 COUNTS = {"hidden": 4096, "layers": 64, "delays": 256, "kernel": 256, "dilation": 256}
@@ -31,7 +31,7 @@ class NetworkConfig:
     """
 
     kind: str = "ema"
-    """A name of `learn.networks.registry.NETWORKS`; elman is the paper's."""
+    """A name of `learn.seams.NETWORKS`; elman is the paper's."""
     inputs: int = 0
     """Number of input features; the training fills it in."""
     period: float = 0.0

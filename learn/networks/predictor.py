@@ -21,7 +21,7 @@ from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
 from twin.records.storage.store_path import StorePath

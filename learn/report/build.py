@@ -9,7 +9,7 @@ from typing import Any
 
 from learn.report import result_tables
 from learn.report.contents import Contents, RunEvaluation
-from learn.report.figure_registry import REPORT_FIGURES
+from learn.seams import REPORT_FIGURES
 from twin.cli.text_table import format_number
 from twin.show.figures.page_layout import Page
 

@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from learn.data.logs import SPEED
-from learn.networks.registry import NETWORKS
 from learn.report.result_tables import summary_rows, verdicts
 from learn.run import ORIGIN, TRUTH, Run
+from learn.seams import NETWORKS
 from twin.cli.console import one_line
 from twin.cli.text_table import format_number
 from twin.records.attributes import SOURCE_FORMAT, is_logged

@@ -17,7 +17,7 @@ from learn.evaluation.evaluation import Evaluation
 from learn.evaluation.score import ReferenceVelocity
 from twin.navigation.dead_reckoning import Array, sample_times
 from twin.navigation.estimators.baseline import Estimate
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 from twin.show.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true velocities"}

@@ -21,7 +21,7 @@ from learn.report.contents import Contents, Shown, colour_of, title_of
 from learn.report.report_figure import ReportFigure
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dvl_cleaning import BOTTOM
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 from twin.show import style
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from learn.report.contents import Contents
 from twin.errors import InputError, unknown_name
-from twin.seams import check_class, place_of
+from twin.plugins import place_of
+from twin.registry import check_class
 
 SECTIONS = (
     *("velocities", "dead_reckoning", "doppler", "over_ground", "tracks", "uncertainty"),

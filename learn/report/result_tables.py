@@ -10,7 +10,7 @@ from typing import Any
 
 from learn.report.contents import KNOWLEDGE_TITLES, title_of
 from twin.cli.text_table import counted
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 
 Figures = Mapping[str, Any]
 Row = dict[str, object]

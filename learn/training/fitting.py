@@ -15,7 +15,6 @@ from learn.data.dataset import load_missions
 from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
-from learn.networks.registry import NETWORKS
 from learn.run import (
     DESCRIPTION,
     FORMAT,
@@ -33,7 +32,7 @@ from learn.run import (
     write_description,
 )
 from learn.run_folder import RunFolder, training_folder
-from learn.training.optimiser_registry import OPTIMISERS
+from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.resources import Resources, choose_residence
 from learn.training.settings import FitConfig, TrainingJob
 from learn.training.trainer import TrainingReport, pick_device

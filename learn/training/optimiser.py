@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError
 from twin.extras import preload_triton
-from twin.seams import check_class, place_of
+from twin.plugins import place_of
+from twin.registry import check_class
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
 """From parameters (n,) to the error and its gradient (n,)."""

@@ -7,7 +7,7 @@ import math
 import time
 from typing import Literal
 
-from learn.training.optimiser_registry import OPTIMISERS
+from learn.seams import OPTIMISERS
 from twin.errors import InputError, unknown_name
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -19,7 +19,7 @@ class TrainingConfig:
     first. With `seconds` 0 the result does not depend on the machine's speed."""
 
     optimiser: str = "soap"
-    """A name of `learn.training.optimiser_registry.OPTIMISERS`."""
+    """A name of `learn.seams.OPTIMISERS`."""
     seconds: float = 120.0
     """[s] of computing for one network, whatever else the machine does; 0 leaves it to `epochs`."""
     epochs: int = 0

@@ -15,9 +15,8 @@ from learn.data.dataset import Division
 from learn.data.labels import LabelConfig
 from learn.data.store_checks import check_window, input_groups, parts_of
 from learn.networks.config import NetworkConfig
-from learn.networks.registry import NETWORKS
 from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
-from learn.training.optimiser_registry import OPTIMISERS
+from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import INPUT_SETS, select_features

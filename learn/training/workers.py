@@ -19,9 +19,8 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from learn.networks.registry import NETWORKS
 from learn.run_folder import resume_command
-from learn.training.optimiser_registry import OPTIMISERS
+from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.resources import Resources, train
 from learn.training.settings import TrainingJob
 from learn.training.trainer import TrainingReport

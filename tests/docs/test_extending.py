@@ -17,8 +17,8 @@ from logs import Flight, example, write_csv
 
 import learn
 from twin.errors import InputError
+from twin.plugins import PLUGINS
 from twin.records.store import open_store
-from twin.seams import PLUGINS
 
 pytestmark = needs_docs
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-import twin.seams.plugins
+import twin.plugins
 from twin.errors import InputError
-from twin.seams import PLUGINS, Registry
+from twin.plugins import PLUGINS
+from twin.registry import Registry
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,4 +109,4 @@ def test_a_plugin_that_fails_is_named(
     monkeypatch.setenv(PLUGINS, str(tmp_path / name))
     with pytest.raises(InputError, match=message):
         buoys.names()
-    assert str(tmp_path / name) not in twin.seams.plugins._plugins_ran
+    assert str(tmp_path / name) not in twin.plugins._plugins_ran

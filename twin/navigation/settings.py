@@ -16,7 +16,7 @@ from twin.errors import InputError, StoreError
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import CHANNELS, OUTPUTS
 from twin.numbers import number
-from twin.seams import place_of
+from twin.plugins import place_of
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

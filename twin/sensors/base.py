@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin import seams
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, Variable, declare
-from twin.seams import Registry
+from twin.registry import Registry
 from twin.sensors.checks import Drawn, Signals
 
 if TYPE_CHECKING:
@@ -272,23 +273,7 @@ def _check_alone(name: str, sensor: type[Sensor]) -> None:
             )
 
 
-SENSORS: Registry[type[Sensor]] = Registry(
-    "sensor",
-    group=GROUP,
-    shipped={
-        "imu": "twin.sensors.imu:Imu",
-        "attitude": "twin.sensors.attitude:Attitude",
-        "compass": "twin.sensors.compass:Compass",
-        "pressure": "twin.sensors.pressure:Pressure",
-        "altimeter": "twin.sensors.altimeter:Altimeter",
-        "gps": "twin.sensors.gps:Gps",
-        "dvl": "twin.sensors.dvl:Dvl",
-        "encoders": "twin.sensors.encoders:Encoders",
-        "onboard": "twin.sensors.onboard:Onboard",
-        "ctd": "twin.sensors.ctd:Ctd",
-    },
-    check=check_sensor,
-)
+SENSORS: Registry[type[Sensor]] = seams.SENSORS
 """Every sensor by name; the shipped ones are in every suite."""
 
 

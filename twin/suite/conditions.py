@@ -13,9 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from twin import seams
 from twin.errors import InputError
 from twin.physics.ballast import Ballast
-from twin.seams import Registry
+from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current, CurrentSum
@@ -69,16 +70,15 @@ Maker = Callable[..., Randomiser]
 limit) and duration [s] of an episode"""
 
 
-def _check(name: str, kind: Any) -> Maker:
+def check_randomiser(name: str, kind: Any) -> Maker:
+    """The function; raises InputError when it is none."""
     if not callable(kind):
         raise InputError(f"randomiser {name!r} is {kind!r}: it must be a function that makes one")
     made: Maker = kind
     return made
 
 
-RANDOMISERS: Registry[Maker] = Registry(
-    "randomiser", group="glider_twin.randomisers", shipped={}, check=_check
-)
+RANDOMISERS: Registry[Maker] = seams.RANDOMISERS
 """The functions that make randomisers, by name."""
 
 

@@ -11,8 +11,9 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+from twin import seams
 from twin.errors import InputError
-from twin.seams import Registry
+from twin.registry import Registry
 
 GROUP = "glider_twin.tasks"
 """Entry points of installed distributions: NAME = "module:function"."""
@@ -52,15 +53,5 @@ def check_task(name: str, maker: Any) -> Maker:
     return maker
 
 
-TASKS: Registry[Maker] = Registry(
-    "task",
-    group=GROUP,
-    shipped={
-        "hold": "twin.suite.hold:hold",
-        "depth": "twin.suite.depth:depth",
-        "waypoints": "twin.suite.waypoints:waypoints",
-        "energy": "twin.suite.energy:energy",
-    },
-    check=check_task,
-)
+TASKS: Registry[Maker] = seams.TASKS
 """The functions that make the tasks, by name."""

@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory import seams
 from factory.importing.other_kind import OtherKind
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
-from twin.seams import Registry, instance_of
+from twin.registry import Registry, instance_of
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
@@ -130,20 +131,10 @@ class WrongFormat(OtherKind):
         return ", ".join(self.names[:5]) or "nothing"
 
 
-IMPORTERS: Registry[Importer] = Registry(
-    "kind of log",
-    group="glider_twin.importers",
-    shipped={
-        "slocum": "factory.importing.formats.slocum:SLOCUM",
-        "seaglider": "factory.importing.formats.seaglider:SEAGLIDER",
-        "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
-        "og1": "factory.importing.formats.og1:OG1",
-        "ngdac": "factory.importing.formats.ngdac:NGDAC",
-        "lrauv": "factory.importing.formats.lrauv:LRAUV",
-        "csv": "factory.importing.formats.csv:CSV",
-    },
-    check=instance_of("kind of log", Importer),
-)
+check_importer = instance_of("kind of log", Importer)
+"""Make sure that a kind is whole; the table of seams names it."""
+
+IMPORTERS: Registry[Importer] = seams.IMPORTERS
 """Every kind of log that can be imported, by name."""
 
 register = IMPORTERS.add

@@ -18,7 +18,7 @@ from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 
 PAGES = [
     Path(__file__).parents[3] / "docs" / "howto" / name for name in ("train.md", "on_board.md")

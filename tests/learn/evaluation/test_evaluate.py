@@ -15,9 +15,9 @@ from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_s
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.baseline import Estimate
-from twin.navigation.estimators.registry import BASELINES
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
+from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 ISSUE_KEYS = (

@@ -18,7 +18,7 @@ from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, ru
 from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import TOLERANCE
 from learn.networks.predictor import Ensemble, Predictor
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import FEATURES, FLIGHT, Feature, Term, channels_of
 from twin.navigation.features.c_steps import c_features

@@ -24,7 +24,7 @@ from learn.networks.onnx_export import (
     step_model,
 )
 from learn.networks.predictor import Predictor
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import StoreError
 
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")

@@ -18,8 +18,8 @@ from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Ensemble, Predictor
-from learn.networks.registry import NETWORKS
 from learn.run import open_run
+from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators import VELOCITY_ESTIMATORS
 from twin.navigation.features import select_features

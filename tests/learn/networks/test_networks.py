@@ -5,7 +5,7 @@ import torch
 
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from twin.errors import InputError
 
 KINDS = sorted(NETWORKS)

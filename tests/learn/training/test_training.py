@@ -16,7 +16,7 @@ from learn.data.preparation import prepare
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
-from learn.networks.registry import NETWORKS
+from learn.seams import NETWORKS
 from learn.training.schedule import TrainingConfig, step_size
 from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError

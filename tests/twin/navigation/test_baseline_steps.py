@@ -14,7 +14,7 @@ from twin.navigation.estimators import (
     open_velocity_estimator,
     usual_velocity_estimator,
 )
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

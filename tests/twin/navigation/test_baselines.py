@@ -23,8 +23,8 @@ from twin.navigation.estimators.pitch_plus_alpha import (
     PitchPlusAlpha,
     steady_angle_of_attack,
 )
-from twin.navigation.estimators.registry import BASELINES
 from twin.navigation.estimators.steady_flight import SteadyFlight
+from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

@@ -8,7 +8,7 @@ from torpedo import TORPEDO
 from twin.frames import euler_to_matrix
 from twin.navigation.dead_reckoning import horizontal_error, true_ground_track
 from twin.navigation.estimators.dvl import SHORT_LOSS_S
-from twin.navigation.estimators.registry import BASELINES
+from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle(str(TORPEDO))

@@ -8,12 +8,13 @@ from __future__ import annotations
 import abc
 from typing import ClassVar, Self
 
+from twin import seams
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.translation import Translation
 from twin.records.reader import MissionStore
-from twin.seams import Registry, missing_method, self_named
+from twin.registry import Registry, missing_method, self_named
 
 
 class FlightEstimator(abc.ABC):
@@ -71,21 +72,15 @@ def _lacks(kind: type[FlightEstimator]) -> str:
     return missing_method(kind)
 
 
-ESTIMATORS: Registry[type[FlightEstimator]] = Registry(
+check_flight_estimator = self_named(
     "flight estimator",
-    group="glider_twin.flight_estimators",
-    shipped={
-        "flight": "twin.logs.estimators.models:FlightModel",
-        "steady": "twin.logs.estimators.models:SteadyModel",
-    },
-    check=self_named(
-        "flight estimator",
-        FlightEstimator,  # type: ignore[type-abstract]
-        _lacks,
-        InputError,
-    ),
-    name="kind",
+    FlightEstimator,  # type: ignore[type-abstract]
+    _lacks,
+    InputError,
 )
+"""Make sure that a kind is whole; the table of seams names it."""
+
+ESTIMATORS: Registry[type[FlightEstimator]] = seams.FLIGHT_ESTIMATORS
 """Every way to the velocity through the water, by name."""
 
 register = ESTIMATORS.add

@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import seams
 from twin.errors import MissionError
 from twin.mission import mission_file as g
-from twin.seams import Registry, self_named
+from twin.registry import Registry, self_named
 
 if TYPE_CHECKING:
     from twin.mission.way import Way
@@ -128,23 +129,10 @@ def _lacks(kind: type[Segment]) -> str:
     return ""
 
 
-SEGMENTS: Registry[type[Segment]] = Registry(
-    "kind of segment",
-    group="glider_twin.segments",
-    shipped={
-        "saw-tooth": "twin.mission.segments.saw_tooth:SawTooth",
-        "spiral": "twin.mission.segments.spiral:Spiral",
-        "transect": "twin.mission.segments.transect:Transect",
-        "circle": "twin.mission.segments.circle:Circle",
-        "lawn-mower": "twin.mission.segments.lawn_mower:LawnMower",
-        "hover": "twin.mission.segments.hover:Hover",
-        "waypoint": "twin.mission.segments.waypoint:Waypoint",
-        "surface": "twin.mission.segments.surface:Surface",
-        "hold": "twin.mission.segments.hold:Hold",
-    },
-    check=self_named("kind of segment", Segment, _lacks, MissionError),
-    name="kind",
-)
+check_segment = self_named("kind of segment", Segment, _lacks, MissionError)
+"""Make sure that a kind is whole; the table of seams names it."""
+
+SEGMENTS: Registry[type[Segment]] = seams.SEGMENTS
 """Every kind of segment, by name."""
 
 register = SEGMENTS.add

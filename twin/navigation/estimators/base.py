@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import seams
 from twin.errors import InputError
-from twin.seams import Registry, missing_method, self_named
+from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -104,23 +105,15 @@ def _lacks(kind: type[VelocityEstimator]) -> str:
     return missing_method(kind)
 
 
-VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = Registry(
+check_estimator = self_named(
     "velocity estimator",
-    group="glider_twin.velocity_estimators",
-    shipped={
-        "ekf": "twin.navigation.estimators.baseline:ByEkf",
-        "steady_flight": "twin.navigation.estimators.baseline:BySteadyFlight",
-        "pitch_plus_alpha": "twin.navigation.estimators.baseline:ByPitchPlusAlpha",
-        "dvl": "twin.navigation.estimators.baseline:ByDvl",
-    },
-    check=self_named(
-        "velocity estimator",
-        VelocityEstimator,  # type: ignore[type-abstract]
-        _lacks,
-        InputError,
-    ),
-    name="kind",
+    VelocityEstimator,  # type: ignore[type-abstract]
+    _lacks,
+    InputError,
 )
+"""Make sure that a kind is whole; the table of seams names it."""
+
+VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = seams.VELOCITY_ESTIMATORS
 """Every estimator that has a name."""
 
 register = VELOCITY_ESTIMATORS.add

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
-from twin.navigation.estimators.registry import BASELINES
 from twin.navigation.estimators.steps import BaselineSteps
+from twin.plugins import place_of
 from twin.records.schema import VARIABLES
-from twin.seams import check_class, place_of
+from twin.registry import check_class
+from twin.seams import BASELINES
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle
 

@@ -16,9 +16,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import seams
 from twin.errors import InputError, unknown_name
 from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
-from twin.seams import Registry
+from twin.registry import Registry
 
 Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
@@ -165,33 +166,7 @@ def check_feature(name: str, kind: Any) -> Feature:
     return kind
 
 
-_SHIPPED = (
-    ("sensed", "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow"),
-    ("sensed", "roll_change pitch_change heading_change"),
-    ("sensed", "roll_change_slow pitch_change_slow heading_change_slow"),
-    ("sensed", "roll_rate pitch_rate yaw_rate"),
-    ("sensed", "specific_force_x specific_force_y specific_force_z"),
-    ("flown", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
-    ("sensed", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
-    ("flown", "depth"),
-    ("sensed", "shift sin_rotation cos_rotation pump"),
-    ("sensed", "shift_change rotation_change pump_change"),
-    ("sensed", "shift_command sin_rotation_command cos_rotation_command pump_command"),
-    ("flown", "flight_surge flight_sway flight_attack"),
-)
-"""File and features, in the order in which networks take them."""
-
-FEATURES: Registry[Feature] = Registry(
-    "feature",
-    group="glider_twin.features",
-    shipped={
-        name: f"twin.navigation.features.{file}:{name.upper()}"
-        for file, names in _SHIPPED
-        for name in names.split()
-    },
-    check=check_feature,
-    check_shipped=False,
-)
+FEATURES: Registry[Feature] = seams.FEATURES
 """Every feature by name."""
 
 register = FEATURES.add

@@ -11,8 +11,9 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from twin import seams
 from twin.errors import InputError, UnknownName
-from twin.seams import Registry
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,26 +71,7 @@ def check_figure(name: str, kind: Any) -> FigureKind:
     return kind
 
 
-FIGURES: Registry[FigureKind] = Registry(
-    "figure",
-    group=GROUP,
-    shipped={
-        "overview": "twin.show.figures.overview:FIGURE",
-        "track": "twin.show.figures.track:FIGURE",
-        "track_3d": "twin.show.figures.track:TRACK_3D",
-        "section": "twin.show.figures.section:FIGURE",
-        "velocity": "twin.show.figures.device:VELOCITIES",
-        "actuator": "twin.show.figures.device:ACTUATORS",
-        "sensor": "twin.show.figures.device:SENSOR_FIGURE",
-        "current": "twin.show.figures.water:FIGURE",
-        "map": "twin.show.figures.map:FIGURE",
-        "hydrography": "twin.show.figures.temperature_salinity:HYDROGRAPHY",
-        "transect": "twin.show.figures.section:TRANSECT",
-        "ts": "twin.show.figures.temperature_salinity:FIGURE",
-        "log": "twin.show.figures.logged_dive:FIGURE",
-    },
-    check=check_figure,
-)
+FIGURES: Registry[FigureKind] = seams.FIGURES
 """Every figure by the name that the command line uses."""
 
 

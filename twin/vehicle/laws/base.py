@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import seams
 from twin.errors import VehicleError
-from twin.seams import Registry, missing_method, self_named
+from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.changes import Uncertainty
 
 if TYPE_CHECKING:
@@ -102,17 +103,10 @@ def _lacks(kind: type[HullLaw]) -> str:
     return missing_method(kind)
 
 
-LAWS: Registry[type[HullLaw]] = Registry(
-    "hull law",
-    group="glider_twin.hull_laws",
-    shipped={
-        "flow-frame": "twin.vehicle.laws.flow_frame:FlowFrame",
-        "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
-        "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
-    },
-    check=self_named("hull law", HullLaw, _lacks, VehicleError),  # type: ignore[type-abstract]
-    name="kind",
-)
+check_law = self_named("hull law", HullLaw, _lacks, VehicleError)  # type: ignore[type-abstract]
+"""Make sure that a kind is whole; the table of seams names it."""
+
+LAWS: Registry[type[HullLaw]] = seams.LAWS
 """Every hull law, by name."""
 
 register = LAWS.add

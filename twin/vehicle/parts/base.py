@@ -19,8 +19,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin import seams
 from twin.errors import VehicleError
-from twin.seams import Registry, self_named
+from twin.registry import Registry, self_named
 from twin.vehicle.changes import LAG_SPREAD, Uncertainty
 
 if TYPE_CHECKING:
@@ -334,20 +335,10 @@ def _lacks(kind: type[Part]) -> str:
     return ""
 
 
-PARTS: Registry[type[Part]] = Registry(
-    "vehicle part",
-    group="glider_twin.vehicle_parts",
-    shipped={
-        "battery-slide": "twin.vehicle.parts.battery_slide:BatterySlide",
-        "battery-hinge": "twin.vehicle.parts.battery_hinge:BatteryHinge",
-        "pump": "twin.vehicle.parts.pump:Pump",
-        "propeller": "twin.vehicle.parts.propeller:Propeller",
-        "fin": "twin.vehicle.parts.fin:Fin",
-        "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
-    },
-    check=self_named("vehicle part", Part, _lacks, VehicleError),
-    name="kind",
-)
+check_part = self_named("vehicle part", Part, _lacks, VehicleError)
+"""Make sure that a kind is whole; the table of seams names it."""
+
+PARTS: Registry[type[Part]] = seams.PARTS
 """Every vehicle part, by name."""
 
 register = PARTS.add

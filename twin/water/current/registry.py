@@ -5,7 +5,7 @@ distribution is found through its entry point in the group `glider_twin.currents
 kind and naming its class; it is loaded when its name is first asked for. A file named by
 `GLIDER_TWIN_PLUGINS` registers its kinds itself.
 
-It is not a `twin.seams.Registry` because a kind here is a class together with the number that
+They are no row of `twin.seams` because a kind here is a class together with the number that
 stands for it in compiled programs: no two kinds may share one, and a new kind makes samplers
 compile again.
 
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.compiled import Compiled, changed
 from twin.errors import CurrentError, unknown_name
-from twin.seams import run_plugins
+from twin.plugins import run_plugins
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints

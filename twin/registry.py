@@ -1,6 +1,14 @@
-"""Registry: the kinds of one seam by name, each imported and checked when it is asked for.
+"""Registry: the kinds of one seam by name: shipped, registered by the user, or from entry points.
 
-Checks: what a seam asks of a kind before it takes it.
+Nothing is imported before it is asked for: shipped kinds are known by the place to import them
+from (`twin.seams`), and an installed distribution adds its own under the seam's entry-point group:
+
+    [project.entry-points."glider_twin.sensors"]
+    turbidity = "my_package.turbidity:Turbidity"
+
+For kinds in a single file, the environment variable `GLIDER_TWIN_PLUGINS` names Python files that
+call a seam's `register`, separated as in PATH. Worker processes inherit the variable and so know
+the same kinds. Kinds that a program registers itself are handed over with `registered` and `adopt`.
 """
 
 from __future__ import annotations
@@ -12,7 +20,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from twin.errors import InputError, TwinError, UnknownName
-from twin.seams.plugins import (
+from twin.plugins import (
     PLUGIN_MODULE,
     PLUGINS,
     PROGRAMS,
@@ -38,6 +46,9 @@ class Registry(Mapping[str, Kind]):
         noun: str,
         *,
         group: str,
+        folder: str = "",
+        base: str = "",
+        page: str = "",
         shipped: Mapping[str, str] | None = None,
         check: Callable[[str, Any], Kind] | str,
         check_shipped: bool = True,
@@ -48,6 +59,9 @@ class Registry(Mapping[str, Kind]):
         Args:
           noun: what a kind is called in errors.
           group: of the entry points that add kinds.
+          folder: where the shipped kinds lie.
+          base: the public class that a kind is derived from, or an object of.
+          page: of docs/ that shows one of your own, with its anchor.
           shipped: `package.module:attribute` by name.
           check: returns the kind, or raises InputError that says what it lacks. A text
             `package.module:function` is imported when the first kind is checked.
@@ -56,6 +70,7 @@ class Registry(Mapping[str, Kind]):
           name: attribute of a kind that holds its name, for `add`.
         """
         self.noun, self.group = noun, group
+        self.folder, self.base, self.page = folder, base, page
         self._places = dict(shipped or {})
         self._check = check
         self._check_shipped = check_shipped

@@ -1,0 +1,64 @@
+"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
+
+Here are those of logs, exports and drawn segments.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from twin.registry import Registry
+
+IMPORTERS: Registry[Any] = Registry(
+    "kind of log",
+    group="glider_twin.importers",
+    folder="factory/importing/formats",
+    base="factory.importing.Importer",
+    page="howto/import_tables.md#a-kind-of-log-of-your-own",
+    shipped={
+        "slocum": "factory.importing.formats.slocum:SLOCUM",
+        "seaglider": "factory.importing.formats.seaglider:SEAGLIDER",
+        "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
+        "og1": "factory.importing.formats.og1:OG1",
+        "ngdac": "factory.importing.formats.ngdac:NGDAC",
+        "lrauv": "factory.importing.formats.lrauv:LRAUV",
+        "csv": "factory.importing.formats.csv:CSV",
+    },
+    check="factory.importing.formats.base:check_importer",
+)
+"""Logs that can be imported."""
+
+EXPORTERS: Registry[Any] = Registry(
+    "export format",
+    group="glider_twin.exporters",
+    folder="factory/exporting",
+    base="factory.exporting.Exporter",
+    page="reference/factory.md#exports",
+    shipped={
+        "huggingface": "factory.exporting.huggingface:HUGGINGFACE",
+        "lerobot": "factory.exporting.lerobot:LEROBOT",
+        "mcap": "factory.exporting.mcap:MCAP",
+        "og1": "factory.exporting.og1:OG1",
+        "parquet": "factory.exporting.parquet:PARQUET",
+    },
+    check="factory.exporting.base:check_exporter",
+)
+"""Formats that a store can be exported to."""
+
+MISSION_KINDS: Registry[Any] = Registry(
+    "kind of mission",
+    group="glider_twin.mission_kinds",
+    folder="factory/sampling",
+    base="factory.sampling.mission_kind.MissionKind",
+    page="howto/extending.md#a-kind-of-drawn-segment",
+    shipped={
+        "saw-tooth": "factory.sampling.dives:SAW_TOOTH",
+        "spiral": "factory.sampling.dives:SPIRAL",
+        "surface": "factory.sampling.surveys:SURFACE",
+        "transect": "factory.sampling.surveys:TRANSECT",
+        "circle": "factory.sampling.dives:CIRCLE",
+        "lawn-mower": "factory.sampling.surveys:LAWN_MOWER",
+    },
+    check="factory.sampling.mission_kind:check_kind",
+)
+"""Segments that the factory draws."""

@@ -1,0 +1,223 @@
+"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
+
+The kinds of current are not here: theirs are numbered in compiled programs
+(`twin.water.current.registry`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from twin.registry import Registry
+
+_FEATURES = (
+    ("sensed", "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow"),
+    ("sensed", "roll_change pitch_change heading_change"),
+    ("sensed", "roll_change_slow pitch_change_slow heading_change_slow"),
+    ("sensed", "roll_rate pitch_rate yaw_rate"),
+    ("sensed", "specific_force_x specific_force_y specific_force_z"),
+    ("flown", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
+    ("sensed", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
+    ("flown", "depth"),
+    ("sensed", "shift sin_rotation cos_rotation pump"),
+    ("sensed", "shift_change rotation_change pump_change"),
+    ("sensed", "shift_command sin_rotation_command cos_rotation_command pump_command"),
+    ("flown", "flight_surge flight_sway flight_attack"),
+)
+"""File and features, in the order in which networks take them."""
+
+SENSORS: Registry[Any] = Registry(
+    "sensor",
+    group="glider_twin.sensors",
+    folder="twin/sensors",
+    base="twin.sensors.Sensor",
+    page="reference/sensors.md#a-sensor-of-your-own",
+    shipped={
+        "imu": "twin.sensors.imu:Imu",
+        "attitude": "twin.sensors.attitude:Attitude",
+        "compass": "twin.sensors.compass:Compass",
+        "pressure": "twin.sensors.pressure:Pressure",
+        "altimeter": "twin.sensors.altimeter:Altimeter",
+        "gps": "twin.sensors.gps:Gps",
+        "dvl": "twin.sensors.dvl:Dvl",
+        "encoders": "twin.sensors.encoders:Encoders",
+        "onboard": "twin.sensors.onboard:Onboard",
+        "ctd": "twin.sensors.ctd:Ctd",
+    },
+    check="twin.sensors.base:check_sensor",
+)
+"""Sensors; the shipped ones are in every suite."""
+
+PARTS: Registry[Any] = Registry(
+    "vehicle part",
+    group="glider_twin.vehicle_parts",
+    folder="twin/vehicle/parts",
+    base="twin.vehicle.parts.Part",
+    page="howto/extending.md#a-vehicle-part",
+    shipped={
+        "battery-slide": "twin.vehicle.parts.battery_slide:BatterySlide",
+        "battery-hinge": "twin.vehicle.parts.battery_hinge:BatteryHinge",
+        "pump": "twin.vehicle.parts.pump:Pump",
+        "propeller": "twin.vehicle.parts.propeller:Propeller",
+        "fin": "twin.vehicle.parts.fin:Fin",
+        "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
+    },
+    check="twin.vehicle.parts.base:check_part",
+    name="kind",
+)
+"""Parts that a vehicle file names."""
+
+LAWS: Registry[Any] = Registry(
+    "hull law",
+    group="glider_twin.hull_laws",
+    folder="twin/vehicle/laws",
+    base="twin.vehicle.laws.HullLaw",
+    page="howto/extending.md#a-hull-law",
+    shipped={
+        "flow-frame": "twin.vehicle.laws.flow_frame:FlowFrame",
+        "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
+        "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
+    },
+    check="twin.vehicle.laws.base:check_law",
+    name="kind",
+)
+"""Laws of drag, lift and moments."""
+
+SEGMENTS: Registry[Any] = Registry(
+    "kind of segment",
+    group="glider_twin.segments",
+    folder="twin/mission/segments",
+    base="twin.mission.segments.Segment",
+    page="howto/extending.md#a-mission-segment",
+    shipped={
+        "saw-tooth": "twin.mission.segments.saw_tooth:SawTooth",
+        "spiral": "twin.mission.segments.spiral:Spiral",
+        "transect": "twin.mission.segments.transect:Transect",
+        "circle": "twin.mission.segments.circle:Circle",
+        "lawn-mower": "twin.mission.segments.lawn_mower:LawnMower",
+        "hover": "twin.mission.segments.hover:Hover",
+        "waypoint": "twin.mission.segments.waypoint:Waypoint",
+        "surface": "twin.mission.segments.surface:Surface",
+        "hold": "twin.mission.segments.hold:Hold",
+    },
+    check="twin.mission.segments.base:check_segment",
+    name="kind",
+)
+"""Segments of a mission."""
+
+FEATURES: Registry[Any] = Registry(
+    "feature",
+    group="glider_twin.features",
+    folder="twin/navigation/features",
+    base="twin.navigation.features.Feature",
+    page="howto/extending.md#a-feature",
+    shipped={
+        name: f"twin.navigation.features.{file}:{name.upper()}"
+        for file, names in _FEATURES
+        for name in names.split()
+    },
+    check="twin.navigation.features.base:check_feature",
+    check_shipped=False,
+)
+"""What networks see, in the order in which they take it."""
+
+VELOCITY_ESTIMATORS: Registry[Any] = Registry(
+    "velocity estimator",
+    group="glider_twin.velocity_estimators",
+    folder="twin/navigation/estimators",
+    base="twin.navigation.estimators.base.VelocityEstimator",
+    page="howto/navigation.md#an-estimator-of-ones-own",
+    shipped={
+        "ekf": "twin.navigation.estimators.baseline:ByEkf",
+        "steady_flight": "twin.navigation.estimators.baseline:BySteadyFlight",
+        "pitch_plus_alpha": "twin.navigation.estimators.baseline:ByPitchPlusAlpha",
+        "dvl": "twin.navigation.estimators.baseline:ByDvl",
+    },
+    check="twin.navigation.estimators.base:check_estimator",
+    name="kind",
+)
+"""Velocities through the water, sample by sample on board."""
+
+BASELINES: Registry[Any] = Registry(
+    "baseline",
+    group="glider_twin.baselines",
+    folder="twin/navigation/estimators",
+    base="learn.Baseline",
+    page="howto/extending.md#a-baseline",
+    shipped={
+        "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlpha",
+        "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlight",
+        "onboard": "twin.navigation.estimators.onboard:OnboardReckoning",
+        "ekf": "twin.navigation.estimators.ekf:Ekf",
+        "dvl": "twin.navigation.estimators.dvl:Dvl",
+    },
+    check="twin.navigation.estimators.baseline:check_baseline",
+    check_shipped=False,
+)
+"""What navigators do today, which networks are compared with."""
+
+FLIGHT_ESTIMATORS: Registry[Any] = Registry(
+    "flight estimator",
+    group="glider_twin.flight_estimators",
+    folder="twin/logs/estimators",
+    base="twin.logs.estimators.FlightEstimator",
+    page="howto/flight.md#an-estimator-of-ones-own",
+    shipped={
+        "flight": "twin.logs.estimators.models:FlightModel",
+        "steady": "twin.logs.estimators.models:SteadyModel",
+    },
+    check="twin.logs.estimators.base:check_flight_estimator",
+    name="kind",
+)
+"""Velocities through the water of a logged dive."""
+
+FIGURES: Registry[Any] = Registry(
+    "figure",
+    group="glider_twin.figures",
+    folder="twin/show/figures",
+    base="twin.show.figures.FigureKind",
+    page="howto/render.md#twin-plot",
+    shipped={
+        "overview": "twin.show.figures.overview:FIGURE",
+        "track": "twin.show.figures.track:FIGURE",
+        "track_3d": "twin.show.figures.track:TRACK_3D",
+        "section": "twin.show.figures.section:FIGURE",
+        "velocity": "twin.show.figures.device:VELOCITIES",
+        "actuator": "twin.show.figures.device:ACTUATORS",
+        "sensor": "twin.show.figures.device:SENSOR_FIGURE",
+        "current": "twin.show.figures.water:FIGURE",
+        "map": "twin.show.figures.map:FIGURE",
+        "hydrography": "twin.show.figures.temperature_salinity:HYDROGRAPHY",
+        "transect": "twin.show.figures.section:TRANSECT",
+        "ts": "twin.show.figures.temperature_salinity:FIGURE",
+        "log": "twin.show.figures.logged_dive:FIGURE",
+    },
+    check="twin.show.figures.base:check_figure",
+)
+"""Figures of one mission, by the name that the command line uses."""
+
+TASKS: Registry[Any] = Registry(
+    "task",
+    group="glider_twin.tasks",
+    folder="twin/suite",
+    base="twin.suite.task.GliderTask",
+    page="howto/dm_control.md",
+    shipped={
+        "hold": "twin.suite.hold:hold",
+        "depth": "twin.suite.depth:depth",
+        "waypoints": "twin.suite.waypoints:waypoints",
+        "energy": "twin.suite.energy:energy",
+    },
+    check="twin.suite.registry:check_task",
+)
+"""Control tasks."""
+
+RANDOMISERS: Registry[Any] = Registry(
+    "randomiser",
+    group="glider_twin.randomisers",
+    folder="twin/suite",
+    base="twin.suite.conditions.Randomiser",
+    page="howto/dm_control.md#noise-currents-errors",
+    check="twin.suite.conditions:check_randomiser",
+)
+"""What draws the conditions of a task's episodes."""
