@@ -46,6 +46,7 @@ AREAS = {
     "twin.show.figures": "Figures",
     "twin.checks": "Checks",
     "twin.errors": "Errors",
+    "twin.seams": "Kinds of your own",
     "twin.suite": "Tasks",
     "twin.gym": "Environments",
     "factory": "Data factory",

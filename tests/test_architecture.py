@@ -68,6 +68,7 @@ COMPUTED_IMPORTS = {
 ACTUATORS = {"shift", "rotation", "pump", "battery", "rudder", "propeller"}
 NAMES_ACTUATORS = {
     "twin.vehicle": "parts are defined and found here",
+    "twin.seams": "the table of the parts",
     "twin.mission": "mission files have keys of them, and guidance asks for their kinds",
     "twin.commands.trim": "options of the command",
     "twin.identify": "a glider's pump and battery are what is identified",

@@ -142,7 +142,7 @@ BASELINES: Registry[Any] = Registry(
     "baseline",
     group="glider_twin.baselines",
     folder="twin/navigation/estimators",
-    base="learn.Baseline",
+    base="twin.navigation.estimators.baseline.Baseline",
     page="howto/extending.md#a-baseline",
     shipped={
         "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlpha",
