@@ -12,7 +12,6 @@ from factory.generation.generate import Summary
 from factory.generation.generate import generate as _generate
 from factory.sampling.distribution import Parameter
 from factory.sampling.recipe import make_recipe
-from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -135,9 +134,8 @@ def import_logs(
     from factory.importing.import_run import import_logs as read
     from twin.records.store import check_target, write_store
 
-    check_names(options, argument_names(import_logs, read), "factory.import_logs")
     target = Path(out)
     check_target(target, overwrite=overwrite)  # refuses before anything is read
-    dataset, report = explained(read, "import_logs", "factory")(kind, files, **options)
+    dataset, report = read(kind, files, **options)
     write_store(dataset, target, overwrite=overwrite)
     return report

@@ -19,7 +19,6 @@ from learn.training import fitting
 from learn.training.fitting import Watch
 from learn.training.resources import Resources, training_resources
 from learn.training.settings import FitConfig, fit_settings
-from twin.arguments import argument_names, check_names, explained
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.records.storage.store_path import StorePath
@@ -69,11 +68,9 @@ def fit(
       InputError: a setting is wrong, or the folder holds another run.
       StoreError: the store cannot be used.
     """
-    check_names(settings, argument_names(fit, fit_settings), "learn.fit")
     path = RUNS / free_name() if folder is None else Path(folder)
     place = training_folder(path, replace=overwrite)
-    read = explained(fit_settings, "fit", "learn")
-    config = read(store, resumed=place if resume else None, **settings)
+    config = fit_settings(store, resumed=place if resume else None, **settings)
     return train_and_finish(
         config,
         path,

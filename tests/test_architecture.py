@@ -15,7 +15,7 @@ from examples import ROOT, needs_docs
 PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
-        "__init__", "__main__", "arguments", "bounded", "errors", "extras", "facade", "frames",
+        "__init__", "__main__", "bounded", "errors", "extras", "facade", "frames",
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {

@@ -6,18 +6,21 @@ import ast
 import dataclasses
 import importlib
 import inspect
+import pickle
 import re
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from examples import ROOT, blocks, needs_docs
 
 import factory
+import learn
 import twin
-from twin.errors import InputError, TwinError
+from twin.errors import InputError, TwinError, nearest
 
 HEAVY = ("numpy", "mujoco", "numba", "xarray", "torch", "matplotlib", "scipy", "zarr")
 FACES = (twin, factory)
@@ -224,3 +227,56 @@ def test_the_readme_is_short():
     readers = text.split("\n## Three commands for you\n")[1].split("\n## ")[0]
     shown = re.findall(r"^ {4}(twin|factory|learn) ", readers, re.MULTILINE)
     assert len(shown) == 9
+
+
+def test_values_that_are_given_as_texts_lead_to_what_reads_them():
+    with pytest.raises(InputError, match=r"give twin.load_mission\('default'\)"):
+        twin.Scenario(mission="default")
+    with pytest.raises(InputError, match=r"give twin.parse_current\('uniform:0.1,0'\)"):
+        twin.Scenario(current="uniform:0.1,0")
+    with pytest.raises(
+        InputError, match=r"mission is 3; give a Mission or a Schedule, as twin\.load"
+    ):
+        twin.Scenario(mission=3)
+    with pytest.raises(InputError, match="--hours -1 must be above 0"):
+        factory.generate("m.zarr", hours=-1)
+    with pytest.raises(InputError, match="element 0 is a value of type dict, not a Scenario"):
+        twin.simulate_many([{"mission": "default"}])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: twin.simulate(seed=-1, sensors="ideal"), "seed -1 must be at least 0"),
+        (lambda: twin.simulate(controller="x", duration=5.0), "give a function of an Observation"),
+        (lambda: twin.parse_current("0.1,0.2"), "write uniform:0.1,0.2 for a velocity north, east"),
+        (lambda: twin.simulate(start={"lattude": 49.0}), "did you mean 'latitude'"),
+        (lambda: factory.generate("m.nc", hours=1), "is a zarr folder, not a .nc file: name it m"),
+        (lambda: factory.generate("m.zarr", changes={"pitch": 3}), "did you mean 'mission.pitch_d"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_value_is_said(call, message):
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert twin.simulate(duration=np.float32(5.0)).time[-1] == 5.0
+
+
+def test_public_names_are_pickled():
+    for one in (twin.simulate, twin.Scenario, factory.generate, learn.fit):
+        assert pickle.loads(pickle.dumps(one)) is one
+
+
+@pytest.mark.parametrize(
+    ("given", "names", "wanted"),
+    [
+        ("durations", ["hours", "duration"], "duration"),
+        ("Sample-Period", ["sample_period"], "sample_period"),
+        ("xyzzy", ["duration"], None),
+        ("pitch", ["mission.pitch_deg", "mission.depth"], "mission.pitch_deg"),
+    ],
+)
+def test_the_nearest_name_is_by_spelling(given, names, wanted):
+    assert nearest(given, names) == wanted

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from twin.arguments import explained
 from twin.errors import unknown_name
 
 
@@ -28,8 +27,7 @@ def attach(
 
     Args:
       package: its `__name__`.
-      places: `package.module:name` or `package.module` by public name. Calls that do not fit one
-        are explained (`twin.arguments`).
+      places: `package.module:name` or `package.module` by public name.
     """
 
     def get(name: str) -> Any:
@@ -38,7 +36,7 @@ def attach(
             if not name.startswith("_"):  # Python itself asks for names such as __path__
                 message = f"module {package!r}: {unknown_name('name', name, places)}"
             raise AttributeError(message, name=name, obj=sys.modules[package])
-        value = explained(resolve(places[name]), name, package)
+        value = resolve(places[name])
         setattr(sys.modules[package], name, value)
         return value
 

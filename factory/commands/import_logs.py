@@ -71,7 +71,7 @@ class ImportLogs(JsonOption):
         """Import, store and report."""
         from factory.importing.deployment_log import OTHER_KIND, UNREADABLE
         from factory.importing.import_run import import_logs
-        from factory.importing.repairs.plausibility import DiveRules
+        from factory.importing.plausibility import DiveRules
         from twin.errors import InputError
         from twin.records.store import check_target, write_store
 

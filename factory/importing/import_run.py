@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory.importing.deployment_log import UNREADABLE
-from factory.importing.dives.build import build
+from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
     IMPORTERS,
     LONGEST,
@@ -22,7 +22,7 @@ from factory.importing.formats.base import (
 )
 from factory.importing.given_files import expand
 from factory.importing.payload import parse_payload
-from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, Tally, summarise
 from twin.errors import InputError
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY

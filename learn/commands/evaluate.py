@@ -119,9 +119,9 @@ class Evaluate(JsonOption):
 
     def _page(self, run: Run, found: RunEvaluation) -> Path:
         from learn.finishing import provenance
-        from learn.report.build import build_page
         from learn.report.contents import Contents
         from learn.report.log_page import build_log_page
+        from learn.report.run_page import build_page
         from learn.run_evaluation import is_log_store
 
         assert self.out is not None

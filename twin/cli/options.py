@@ -23,8 +23,7 @@ import tyro
 from tyro import _errors as parse_errors
 from tyro.constructors import PrimitiveConstructorSpec
 
-from twin.cli.mistakes import explain
-from twin.cli.option_texts import option_owner, option_text
+from twin.cli.mistakes import explain, option_owner, option_text
 from twin.errors import InputError, TwinError
 from twin.records.storage.store_path import StorePath, Url, store_path
 
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from twin.cli.endings import Runnable
 
 
-# The structured parse errors and the texts of fields (twin.cli.option_texts) are not in tyro's
+# The structured parse errors and the texts of fields (twin.cli.mistakes) are not in tyro's
 # public face, and pyproject.toml bounds its version for that reason;
 # tests/twin/cli/test_console.py pins what is made from them.
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import JoinedDives, conductivity, flight_terms, payload
-from factory.exporting.og1.flown import Flown, flown
+from factory.exporting.og1.flown_track import Flown, flown
 from factory.exporting.og1.missions import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.terms import (
     ASCENT,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.flown import Flown
+from factory.exporting.og1.flown_track import Flown
 from factory.exporting.og1.terms import COORDINATES, PAYLOAD
 from factory.exporting.og1.variables import ENDING, Og1Variable, flags, quality
 from twin.records.logged import LogStore

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import JoinedDives, reckoning
-from factory.exporting.og1.flown import Flown, FlownTrack, flown
+from factory.exporting.og1.flown_track import Flown, FlownTrack, flown
 from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.terms import (
     ASCENT,

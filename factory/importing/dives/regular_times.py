@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
-from factory.importing.repairs.gps_fixes import nearest
-from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.gps_fixes import nearest
+from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.geodesy import offset
 from twin.records.schema import VARIABLES

@@ -13,8 +13,8 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
 )
-from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes
-from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.gps_fixes import good_fixes, tell_fixes
+from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.geodesy import offset
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import clean, positions
 from factory.importing.columns import parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.deployment_log import (
     EMPTY,
@@ -29,8 +30,7 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.netcdf import as_array, in_unit, open_netcdf
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.repairs.cleaning import clean, positions
-from factory.importing.repairs.seawater import ctd_channels
+from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 from twin.physics.true_signals import declare_parts

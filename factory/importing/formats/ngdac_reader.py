@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import reference_declination, to_degrees
+from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -33,9 +35,7 @@ from factory.importing.netcdf import (
     text_of,
 )
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.repairs.angles import reference_declination, to_degrees
-from factory.importing.repairs.cleaning import clean, from_degrees, positions, to_dbar
-from factory.importing.repairs.seawater import ctd_channels, siemens
+from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 

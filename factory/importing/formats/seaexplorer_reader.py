@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import reference_declination
+from factory.importing.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
 from factory.importing.columns import (
     Table,
     parse_stamps,
@@ -35,9 +37,7 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.other_kind import OtherKind
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.repairs.angles import reference_declination
-from factory.importing.repairs.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
-from factory.importing.repairs.seawater import ctd_channels, pressure_of
+from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
-from factory.importing.formats.base import WrongFormat
-from factory.importing.netcdf import as_array, open_netcdf, text_of
-from factory.importing.repairs.cleaning import (
+from factory.importing.cleaning import (
     degrees_minutes,
     positions,
 )
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
+from factory.importing.formats.base import WrongFormat
+from factory.importing.netcdf import as_array, open_netcdf, text_of
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 

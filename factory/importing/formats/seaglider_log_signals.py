@@ -10,10 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.columns import stacked, tidy, unix_seconds
-from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
-from factory.importing.formats.seaglider_dive_files import first_time
-from factory.importing.repairs.cleaning import (
+from factory.importing.cleaning import (
     clean,
     from_degrees,
     heading_degrees,
@@ -21,7 +18,10 @@ from factory.importing.repairs.cleaning import (
     to_cm3,
     to_dbar,
 )
-from factory.importing.repairs.seawater import ctd_channels
+from factory.importing.columns import stacked, tidy, unix_seconds
+from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
+from factory.importing.formats.seaglider_dive_files import first_time
+from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

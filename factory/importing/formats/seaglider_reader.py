@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import reference_declination
 from factory.importing.columns import Table, read_table, stacked, tidy, unix_seconds
 from factory.importing.deployment_log import (
     Channel,
@@ -28,7 +29,6 @@ from factory.importing.formats.seaglider_dive_files import dive_fixes, per_dive
 from factory.importing.formats.seaglider_log_signals import signals_of, water_of
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.repairs.angles import reference_declination
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 

@@ -15,7 +15,7 @@ from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.og1.flown import ON_BOARD, STRAIGHT, flown
+from factory.exporting.og1.flown_track import ON_BOARD, STRAIGHT, flown
 from factory.generation.generated_store import open_exportable
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError, VehicleError

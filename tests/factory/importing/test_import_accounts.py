@@ -19,7 +19,7 @@ from logs import (
 
 from benchmarks.real_logs.accounts import Raw, account, fixes_apart, table, times_apart
 from factory.importing import import_logs
-from factory.importing.repairs.gps_fixes import FIXES
+from factory.importing.gps_fixes import FIXES
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 

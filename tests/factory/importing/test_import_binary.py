@@ -9,8 +9,8 @@ import pytest
 from logs import Flight, gps_columns, pack, write_dbd, write_seaexplorer
 
 from factory.importing import import_logs
+from factory.importing.angles import reference_declination
 from factory.importing.deployment_log import LoggedFixes
-from factory.importing.repairs.angles import reference_declination
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

@@ -20,9 +20,9 @@ from logs import (
 )
 
 from factory.importing import import_logs
+from factory.importing.angles import in_degrees
 from factory.importing.columns import column_names, read_table, tidy
-from factory.importing.repairs.angles import in_degrees
-from factory.importing.repairs.plausibility import unreachable
+from factory.importing.plausibility import unreachable
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

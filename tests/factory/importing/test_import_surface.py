@@ -21,7 +21,7 @@ from factory.importing import import_logs
 from factory.importing.columns import read_table
 from factory.importing.deployment_log import Channel
 from factory.importing.dives.segments import longest_stretch
-from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules
 
 FLIGHT = Flight()
 UNIT334 = SHARED / "slocum_unit334_2023"

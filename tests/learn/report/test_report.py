@@ -11,7 +11,6 @@ from navigation import PERIOD, add_fixes, trimmed_mission, write_store
 from learn.data.dataset import MissionSequence
 from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import evaluate
-from learn.report.build import build_page
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Showcase
 from learn.report.result_tables import (
@@ -23,6 +22,7 @@ from learn.report.result_tables import (
     velocity_rows,
     verdicts,
 )
+from learn.report.run_page import build_page
 from learn.run import Run
 from twin.errors import InputError
 from twin.show.figures.page_layout import Page
@@ -108,7 +108,7 @@ def test_every_figure_is_a_png_beside_the_page(page):
 def test_every_figure_has_labelled_axes(judged):
     from learn.report.error_figures import error_figure
     from learn.report.lines import water_lines
-    from learn.report.tracks import track_figure
+    from learn.report.track_figures import track_figure
     from learn.report.velocities import uncertainty_figure, velocity_figure
 
     shown = judged.shown[0]
@@ -141,7 +141,7 @@ def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
 
 def test_tracks_tell_methods_apart_and_name_those_without(judged):
     from learn.report.lines import water_lines
-    from learn.report.tracks import track_figure
+    from learn.report.track_figures import track_figure
 
     methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
     figure = track_figure(judged.shown[0], methods, water_lines(judged.shown[0], methods))
@@ -157,7 +157,7 @@ def test_tracks_tell_methods_apart_and_name_those_without(judged):
 
 def test_the_track_in_space_has_ends_and_a_shadow(judged):
     from learn.report.lines import water_lines
-    from learn.report.tracks import track_3d_figure
+    from learn.report.track_figures import track_3d_figure
 
     figure = track_3d_figure(judged.shown[0], water_lines(judged.shown[0], ("network",)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -23,8 +23,7 @@ from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 from twin.cli.console import Console, JsonOption, to_json
-from twin.cli.mistakes import number_kind
-from twin.cli.option_texts import option_names
+from twin.cli.mistakes import number_kind, option_names
 from twin.cli.options import parse_options
 from twin.cli.program import Program, ProgramCommand
 from twin.cli.progress import Progress, format_duration
@@ -311,18 +310,14 @@ def test_every_number_is_asked_for_in_plain_words(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("twin simulate --hours 3", "did you mean --duration (seconds to simulate)?"),
-        ("twin simulate --time 3", "did you mean --duration (seconds"),
-        ("twin simulate --dt 3", "did you mean --timestep"),
-        ("twin forecast --duration 3", "did you mean --hours"),
-        ("factory generate --duration 3", "did you mean --hours"),
-        ("factory generate --jobs 3", "did you mean --workers"),
+        ("twin simulate --durations 3", "did you mean --duration (seconds to simulate)?"),
+        ("twin simulate --time-step 3", "did you mean --timestep"),
+        ("factory generate --worker 3", "did you mean --workers"),
         ("factory import slocum a --output b", "did you mean --out"),
         ("learn fit --optimizer adam", "did you mean --optimiser"),
-        ("learn fit --hours 3", "did you mean --seconds"),
     ],
 )
-def test_the_word_of_another_command_leads_to_ours(
+def test_a_misspelt_option_leads_to_the_nearest(
     words: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *rest = words.split()

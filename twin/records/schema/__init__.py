@@ -6,7 +6,8 @@ in stores, radians in code.
 """
 
 from twin.records.schema.base import Variable
-from twin.records.schema.registry import (
+from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
+from twin.records.schema.variables import (
     MISSION,
     SCHEMA_VERSION,
     SIMULATED,
@@ -17,7 +18,6 @@ from twin.records.schema.registry import (
     variable,
     variables,
 )
-from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
 
 __all__ = [
     "HYDROGRAPHY",

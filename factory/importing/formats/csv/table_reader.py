@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import LIMITS, clean
 from factory.importing.columns import (
     column_names,
     stacked,
@@ -33,8 +34,7 @@ from factory.importing.formats.csv.mapping import (
 from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
 from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
 from factory.importing.formats.csv.velocity_checks import check_track
-from factory.importing.repairs.cleaning import LIMITS, clean
-from factory.importing.repairs.seawater import ctd_channels, pressure_of
+from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, note_empty
 from twin.errors import InputError
 from twin.records.schema.limits import recorded_limits

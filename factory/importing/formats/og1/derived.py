@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import LITRES, potential_density
+from factory.importing.angles import reference_declination
+from factory.importing.cleaning import positions
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
 from factory.importing.formats.og1.vocabulary import (
     CONDUCTIVITIES,
@@ -29,9 +31,7 @@ from factory.importing.formats.og1.vocabulary import (
     WAYPOINT,
 )
 from factory.importing.netcdf import as_array
-from factory.importing.repairs.angles import reference_declination
-from factory.importing.repairs.cleaning import positions
-from factory.importing.repairs.seawater import ctd_channels, siemens
+from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out
 from twin.errors import InputError
 

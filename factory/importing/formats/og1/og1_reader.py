@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
 from factory.exporting.og1.terms import ASCENT, DESCENT, INFLECTION, SENSORS, SURFACING, VARIATION
 from factory.exporting.og1.variables import ENDING, ESTIMATED
+from factory.importing.angles import REACH, to_degrees
+from factory.importing.cleaning import clean, from_degrees, to_dbar
 from factory.importing.columns import tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -63,9 +65,7 @@ from factory.importing.netcdf import (
     text_of,
 )
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.repairs.angles import REACH, to_degrees
-from factory.importing.repairs.cleaning import clean, from_degrees, to_dbar
-from factory.importing.repairs.seawater import pressure_of
+from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, declare_stored

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import clean, to_cm3, to_dbar
 from factory.importing.deployment_log import EMPTY, Channel
-from factory.importing.repairs.cleaning import clean, to_cm3, to_dbar
-from factory.importing.repairs.gps_fixes import nearest
-from factory.importing.repairs.seawater import pressure_of
+from factory.importing.gps_fixes import nearest
+from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out
 
 Array = NDArray[np.float64]

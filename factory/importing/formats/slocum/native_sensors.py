@@ -12,6 +12,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import jointly_degrees, reference_declination, to_degrees
+from factory.importing.cleaning import (
+    clean,
+    positions,
+    pressure_by_flight,
+    to_dbar,
+)
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -27,14 +34,7 @@ from factory.importing.formats.slocum.on_board import (
     on_board_places,
 )
 from factory.importing.payload import PayloadSignal, payload_channels
-from factory.importing.repairs.angles import jointly_degrees, reference_declination, to_degrees
-from factory.importing.repairs.cleaning import (
-    clean,
-    positions,
-    pressure_by_flight,
-    to_dbar,
-)
-from factory.importing.repairs.seawater import ctd_channels, siemens
+from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

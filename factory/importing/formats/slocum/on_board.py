@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import positions
 from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
-from factory.importing.repairs.cleaning import positions
 from factory.importing.tally import Tally, leave_out
 from twin.geodesy import turn
 

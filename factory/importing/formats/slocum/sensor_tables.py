@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import clean
 from factory.importing.columns import Table, parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.deployment_log import (
     NO_FIXES,
@@ -31,7 +32,6 @@ from factory.importing.formats.slocum.native_sensors import (
     slocum_log,
 )
 from factory.importing.payload import payload_names
-from factory.importing.repairs.cleaning import clean
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 from twin.geodesy import offset

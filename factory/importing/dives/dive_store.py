@@ -19,10 +19,10 @@ from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
 from factory.importing.dives.segments import LogSegment, cut
-from factory.importing.repairs.gps_fixes import good_fixes, tell_fixes, tell_read
-from factory.importing.repairs.plausibility import DiveRules, check_signs
-from factory.importing.repairs.seawater import depth_of, pressure_of
-from factory.importing.repairs.surface_offset import zeroed
+from factory.importing.gps_fixes import good_fixes, tell_fixes, tell_read
+from factory.importing.plausibility import DiveRules, check_signs
+from factory.importing.seawater import depth_of, pressure_of
+from factory.importing.surface_offset import zeroed
 from factory.importing.tally import (
     ImportReport,
     Tally,

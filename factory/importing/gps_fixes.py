@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.repairs.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.geodesy import offset
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel
-from factory.importing.repairs.plausibility import (
+from factory.importing.plausibility import (
     FASTEST,
     SLOWEST,
     lone_zeros,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog
-from factory.importing.repairs.gps_fixes import coasting, nearest
-from factory.importing.repairs.plausibility import DiveRules
-from factory.importing.repairs.seawater import pressure_of
+from factory.importing.gps_fixes import coasting, nearest
+from factory.importing.plausibility import DiveRules
+from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import clean
 from factory.importing.deployment_log import Channel
-from factory.importing.repairs.cleaning import clean
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]

@@ -1,1 +1,0 @@
-"""Repairs: impossible values, wrong units and offsets of logs, each counted."""
