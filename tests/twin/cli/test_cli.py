@@ -256,3 +256,21 @@ def test_plot_and_out_of_the_folder_that_one_is_in(capsys, tmp_path, monkeypatch
     assert code == 2
     assert ". is a folder without its name: give the store one" in err
     assert list(tmp_path.parent.glob("*.generating")) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", "a" * 300),
+        ("simulate", "--duration", "20", "--out", "a" * 300),
+        ("plot", "a" * 300),
+        ("flight", "a" * 6000),
+    ],
+)
+def test_names_too_long_for_a_file_are_bad_input_and_cut(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert err.endswith("File name too long\n")
+    assert len(err) < 1300
+    assert list(tmp_path.iterdir()) == []
