@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
-from twin.errors import InputError, StoreError, quoted
+from twin.errors import InputError, StoreError, quoted, shown
 from twin.records.attributes import SAMPLE_PERIOD
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.whole import whole_file
@@ -341,6 +341,25 @@ def newest_run(root: Path = RUNS) -> Run:
     if not found:
         raise InputError(f"no finished run in {root}/; make one with `learn fit`")
     return max(found, key=lambda run: (str(run.description.get("created")), run.name))
+
+
+LONGEST_NAME = 100
+"""Characters of a run's name: files beside its folder have it in their names"""
+
+
+def checked_name(name: str) -> str:
+    """A name that the folder of a run in `runs/` may have.
+
+    Raises:
+      InputError: it is empty, a path, hidden, too long, or has characters that do not print.
+    """
+    plain = name.strip() and Path(name).name == name and not name.startswith(".")
+    if not plain or not name.isprintable() or len(name.encode()) > LONGEST_NAME:
+        raise InputError(
+            f"--name {shown(name)} must be a plain name of at most {LONGEST_NAME} printable "
+            f"characters: the run goes into {RUNS}/NAME"
+        )
+    return name
 
 
 def free_name(root: Path = RUNS) -> str:

@@ -42,9 +42,8 @@ class TwinError(Exception):
     exit_code = 1
 
     def __init__(self, *args: Any) -> None:
-        if args and isinstance(args[0], str) and len(args[0]) > MOST_LETTERS:
-            half = MOST_LETTERS // 2
-            args = (f"{args[0][:half]} [...] {args[0][-half:]}", *args[1:])
+        if args and isinstance(args[0], str):
+            args = (shortened(args[0]), *args[1:])
         super().__init__(*args)
 
 
@@ -121,6 +120,14 @@ class SimulationUnstable(TwinError):
         self.partial = partial
 
 
+def shortened(text: str) -> str:
+    """A message without its middle where it has more than `MOST_LETTERS` characters."""
+    if len(text) <= MOST_LETTERS:
+        return text
+    half = MOST_LETTERS // 2
+    return f"{text[:half]} [...] {text[-half:]}"
+
+
 def quoted(path: str | os.PathLike[str]) -> str:
     """A path or name as a shell takes it, for a command that a message suggests."""
     return shlex.quote(str(path))
@@ -148,8 +155,8 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     return f"unknown {kind} {name!r}{hint} (allowed: {listed})"
 
 
-MOST_LETTERS = 2000
-"""Characters of a message; the longest list of allowed names has half as many"""
+MOST_LETTERS = 1200
+"""Characters of a message; the longest list of allowed names has some less"""
 MOST_NAMES = 45
 """Names that a message lists in full"""
 NEAREST = 6

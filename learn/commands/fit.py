@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.run import RUNS, free_name
+from learn.run import RUNS, checked_name, free_name
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.training_progress import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
@@ -215,10 +215,7 @@ class Fit(JsonOption):
             raise InputError(unknown_name(f"word for --{option}", given, allowed))
 
     def _folder(self) -> Path:
-        name = free_name() if self.name is None else self.name
-        if not name.strip() or Path(name).name != name or name.startswith("."):
-            raise InputError(f"--name {name!r} must be a plain name: the run goes into {RUNS}/NAME")
-        return RUNS / name
+        return RUNS / (free_name() if self.name is None else checked_name(self.name))
 
     def _ablate(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
         from learn.repeated_fits import ablate, masked

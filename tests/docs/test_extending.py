@@ -114,13 +114,17 @@ def _write_log(folder: Path) -> None:
 
 def test_every_plugin_of_a_command_is_a_file_of_the_page() -> None:
     named = {name for names, _ in commands() for name in names.split(os.pathsep) if name}
-    assert named == {name for name in files() if name.endswith(".py")} - {"own_vehicle.py"}
+    assert named == {name for name in files() if name.endswith(".py")} - {
+        "own_vehicle.py",
+        "braking.py",
+    }
 
 
 def test_each_command_took_the_kind_of_its_file(folder: Path) -> None:
     output = (folder / "output.txt").read_text()
     assert "all within the limits" in output  # of `twin check`: both codes of part and law agree
     assert "flew 'drifting'" in output
+    assert "airbrake out to 1.00" in output
     assert "constant speed" in (folder / "runs" / "own" / "report" / "index.html").read_text()
     assert (folder / "histogram.png").stat().st_size > 0
     lines = (folder / "counts.csv").read_text().splitlines()

@@ -46,6 +46,10 @@ def interruption(error: BaseException) -> KeyboardInterrupt | None:
     return None
 
 
+class Ended(KeyboardInterrupt):
+    """A signal ended the program that is not Ctrl-C's."""
+
+
 class Endings:
     """A context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
 
@@ -91,7 +95,7 @@ class Endings:
             os.kill(os.getpid(), number)
             return
         self._signal = signal.Signals(number)
-        raise KeyboardInterrupt
+        raise Ended
 
 
 class Runnable(Protocol):

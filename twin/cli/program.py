@@ -19,6 +19,7 @@ imports no subcommand, and `--help` of a subcommand only its own module.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import sys
 import warnings
@@ -28,7 +29,7 @@ from pathlib import Path
 
 from twin.cli.console import Console, discard, one_line
 from twin.cli.endings import Endings, Runnable, interruption
-from twin.errors import InputError, OddFile, TwinError, unknown_name
+from twin.errors import InputError, OddFile, TwinError, shortened, unknown_name
 from twin.version import __version__
 
 EXIT_OK = 0
@@ -190,6 +191,7 @@ def _fail(console: Console, error: BaseException, text: str, code: int) -> int:
         import traceback
 
         traceback.print_exception(error)
+    text = shortened(text)
     console.error(text)
     failure: Mapping[str, object] = {"error": one_line(text), "error_kind": type(error).__name__}
     console.finish(failure)
@@ -228,7 +230,8 @@ def _os_error_code(error: OSError) -> int:
         PermissionError,
         OddFile,
     )
-    return EXIT_BAD_INPUT if isinstance(error, named_wrongly) else EXIT_FAILED
+    wrong = isinstance(error, named_wrongly) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+    return EXIT_BAD_INPUT if wrong else EXIT_FAILED
 
 
 def _open_missing_streams() -> None:

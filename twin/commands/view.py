@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from twin.cli.console import Console
+from twin.cli.endings import Ended
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class ViewMission:
     seconds: float | None = None
     """close the window or end --web after so many seconds; default: it stays open"""
     web: bool = False
-    """without a screen: a page for the browser, served to this machine alone until Ctrl-C"""
+    """without a screen: a page for the browser, served to you alone, until Ctrl-C"""
     port: int | None = None
     """of --web; default: 8080, or the next free one; 0 takes any free one"""
 
@@ -130,10 +130,14 @@ class ViewMission:
             console.say(f"{subject.title}: open {server.address} in a browser; Ctrl-C ends it")
             console.note(
                 f"from another machine: ssh -L {server.port}:localhost:{server.port} THIS_MACHINE, "
-                f"then http://localhost:{server.port}/ there"
+                f"then http://localhost:{server.port}{server.path} there"
             )
-            with contextlib.suppress(KeyboardInterrupt):
+            try:
                 threading.Event().wait(self.seconds)
+            except Ended:
+                raise
+            except KeyboardInterrupt:  # Ctrl-C is the way in which a person ends it
+                pass
         return 0
 
     @property

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from twin.errors import MissionError, unknown_name
+from twin.errors import MissionError, shown, unknown_name
 from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
 from twin.vehicle.presets import vehicle_names
@@ -116,19 +116,25 @@ MAX_PITCH_DEG = 60.0
 """[deg] pitch below this: heading and roll lose their meaning as the hull stands up."""
 
 
+LARGEST = 1e9
+"""Largest number in a mission, either way: 1e9 s are 31 years, and sums of them stay finite."""
+
+
 def fail(label: str, field: str, value: object, rule: str) -> NoReturn:
     """Raise the MissionError that every field check raises."""
-    raise MissionError(f"{label}: {field} = {value!r} is not possible: give {rule}")
+    raise MissionError(f"{label}: {field} = {shown(value)} is not possible: give {rule}")
 
 
 def number(label: str, field: str, value: object) -> float:
-    """`value` as a finite float; True and "3" are not numbers here."""
+    """`value` as a finite float of a size that a mission can have; True and "3" are not numbers."""
     try:
         result = as_number(value, field, MissionError)
     except MissionError:
         fail(label, field, value, "a number")
     if not math.isfinite(result):
         fail(label, field, value, "a finite number")
+    if abs(result) > LARGEST:
+        fail(label, field, value, f"a number of at most {LARGEST:g}")
     return result
 
 

@@ -26,6 +26,9 @@ from twin.water.floor import Floor, floor_from_dict
 if TYPE_CHECKING:
     from twin.navigation.estimators.base import VelocityEstimator
 
+SHORTEST, LONGEST = 1e-4, 1e10
+"""[s] of a run and between its samples: the shortest step and 300 years, so that every count of
+steps and samples is a whole number."""
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
 MAKERS = {
@@ -148,8 +151,8 @@ class Scenario:
             if not isinstance(value, int | float):  # a number of numpy's, say
                 object.__setattr__(self, name, figure)
             value = figure
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{what} {value} s must be positive and finite")
+            if not SHORTEST <= value <= LONGEST:
+                raise InputError(f"{what} {value:g} s is outside {SHORTEST:g} to {LONGEST:g} s")
         if self.timestep is not None:
             number(self.timestep, "scenario: timestep")
         for name in ("hydrodynamics", "integrator"):
@@ -237,8 +240,11 @@ class Scenario:
             duration = self.mission_in_metres().time_limit_s(self.believed_vehicle)
         if duration is None:
             raise InputError("give a duration: neither the scenario nor its mission has one")
-        if not (math.isfinite(duration) and duration > 0):
-            raise InputError(f"duration {duration} s must be positive and finite")
+        if not SHORTEST <= duration <= LONGEST:
+            raise InputError(
+                f"duration {duration:g} s is outside {SHORTEST:g} to {LONGEST:g} s; change the "
+                "mission"
+            )
         return float(duration)
 
     def describe(self) -> dict[str, Any]:

@@ -53,7 +53,9 @@ def is_complete(path: str | StorePath) -> bool:
 def generating(path: str | StorePath) -> StorePath:
     """The folder beside a store that `factory generate` works in."""
     place = store_path(path)
-    return place.with_name(place.name + GENERATING)
+    if isinstance(place, Path) and place.name in ("", ".."):  # . and .. name no folder themselves
+        place = place.resolve()
+    return place.parent / f"{place.name}{GENERATING}"
 
 
 def begun(path: str | StorePath) -> list[StorePath]:

@@ -104,11 +104,15 @@ OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parque
 
 
 def check_ending(path: str | StorePath) -> None:
-    """Refuse a store's name that ends as a file of another format does.
+    """Refuse a store's name that ends as a file of another format does, and a place without one.
 
     Raises:
-      WriteError: it does.
+      WriteError: it does, or the path is that of a folder without its name, such as `.`.
     """
+    if store_path(path).name in ("", ".."):
+        raise WriteError(
+            f"{path} is a folder without its name: give the store one, such as missions.zarr"
+        )
     stem, dot, ending = str(path).rpartition(".")
     if f"{dot}{ending}".lower() in OTHER_FORMATS:
         raise WriteError(

@@ -12,6 +12,9 @@ from twin.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+MOST_ROWS = 100_000
+"""Lines of a table: nine for each metre of the deepest sea. Every store that uses it holds them."""
+
 
 def read_table_file(path: Path, what: str, error: type[InputError] = InputError) -> pd.DataFrame:
     """The cells as text, without blanks around them; the index is the line in the file.
@@ -25,14 +28,20 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
 
     Raises:
       InputError: (or `error`) it cannot be read or is empty, columns are separated by something
-        else than commas, or a line has more or fewer cells than the header.
+        else than commas, it has more lines than `MOST_ROWS`, or a line has more or fewer cells than
+        the header.
     """
     import pandas as pd
 
     text = read_text(path, f"the {what}", error)
+    if (count := text.count("\n")) > MOST_ROWS:
+        raise error(
+            f"{what} {path} has {count:,} lines, more than {MOST_ROWS:,}: average them over depth,"
+            " a row each 0.1 m or more"
+        )
     lines = {
         number: line
-        for number, line in enumerate(text.splitlines(), start=1)
+        for number, line in enumerate(text.split("\n"), start=1)
         if line.strip() and not line.lstrip().startswith("#")
     }
     if not lines:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import factory.generation.attempts
+from factory.__main__ import PROGRAM
 from factory.generation.attempts import fly_mission
 from factory.generation.block import TABLE, Block
 from factory.generation.manifest import Manifest, missions_kept, read_manifest
@@ -130,3 +131,20 @@ def test_what_cannot_be_flown_is_replaced(
     flown, _ = fly_mission(recipe(), 0)
     assert flown.attempt == 1
     assert flown.failures[0].reason == str(error)
+
+
+@pytest.mark.parametrize("command", ["verify", "replay", "finish"])
+@pytest.mark.parametrize("place", [".", "..", "/"])
+def test_a_folder_without_its_name_is_answered(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    place: str,
+) -> None:
+    (tmp_path / "within").mkdir()
+    monkeypatch.chdir(tmp_path / "within")
+    assert PROGRAM.main([command, place]) == 2
+    message = capsys.readouterr().err
+    assert f"error: {place} " in message
+    assert "bug" not in message

@@ -257,6 +257,8 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
         (("fit", "--features", "attitud"), "did you mean 'attitude'"),
         (("fit", "--name", "a/b"), "must be a plain name"),
         (("fit", "--name", ""), "must be a plain name"),
+        (("fit", "--name", "a\nb"), "must be a plain name"),
+        (("fit", "--name", "a" * 101), "must be a plain name of at most 100"),
         (("fit", "--resume"), "needs the --name"),
         (("fit", "--network", "rnn"), "(allowed: elman, ema, gru, lstm, mlp, tcn)"),
         (("fit", "--device", "cud"), "did you mean 'cuda'"),

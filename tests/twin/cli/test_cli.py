@@ -172,7 +172,7 @@ def test_module_runs_as_a_program():
         (("--sample-period", "nan"), "sample period nan"),
         (("--sample-period", "0.33"), "the nearest is 0.3 s"),
         (("--sample-period", "5000"), "fewer than two samples"),
-        (("--duration", "1e15"), "samples, more than"),
+        (("--duration", "1e9"), "samples, more than"),
         (("--timestep", "1e-9"), "timestep 1e-09 s is outside"),
         (("--integrator", "implicitfast"), "too long for the stiff servos"),
         (("--plot", "picture.txt"), "must be a file ending in .png"),
@@ -222,3 +222,55 @@ def test_a_current_beyond_the_vehicle_is_named(capsys, tmp_path):
     (short,) = [line for line in err.splitlines() if "short of" in line]
     assert "km short of target 1 of 1, at 900 s" in short
     assert 1.5 < float(short.split("ended ")[1].split(" km")[0]) < 2.2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'duration_s = 1e308\n[[segments]]\nkind = "hold"\n',
+        '[[segments]]\nkind = "hold"\nduration_s = 1e308\n',
+        '[[segments]]\nkind = "saw-tooth"\nmax_depth_m = 50\npitch_deg = 25\nyos = 1e308\n',
+    ],
+)
+def test_numbers_beyond_every_mission_are_refused(capsys, tmp_path, text):
+    path = tmp_path / "mission.toml"
+    path.write_text(text)
+    code, _, err = call(capsys, "simulate", str(path))
+    assert code == 2
+    assert "1e+308 is not possible: give a number of at most 1e+09" in err
+
+
+@pytest.mark.parametrize("words", [("--duration", "1e308"), ("--sample-period", "1e-308")])
+def test_times_that_no_run_has_are_refused(capsys, words):
+    code, _, err = call(capsys, "simulate", *words)
+    assert code == 2
+    assert "is outside 0.0001 to 1e+10 s" in err
+
+
+def test_plot_and_out_of_the_folder_that_one_is_in(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, "plot", ".")
+    assert code == 2
+    assert ". is an empty folder, not a store of missions" in err
+    code, _, err = call(capsys, "simulate", "--duration", "20", "--out", ".")
+    assert code == 2
+    assert ". is a folder without its name: give the store one" in err
+    assert list(tmp_path.parent.glob("*.generating")) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", "a" * 300),
+        ("simulate", "--duration", "20", "--out", "a" * 300),
+        ("plot", "a" * 300),
+        ("flight", "a" * 6000),
+    ],
+)
+def test_names_too_long_for_a_file_are_bad_input_and_cut(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, *words)
+    assert code == 2
+    assert err.endswith("File name too long\n")
+    assert len(err) < 1300
+    assert list(tmp_path.iterdir()) == []

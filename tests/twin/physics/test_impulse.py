@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin.fossen.equations import acceleration, mass_distribution
+from twin.fossen.equations import acceleration, mass_distribution, turned_water
 from twin.fossen.forces import parameters_of
 from twin.fossen.matrices import quaternion_rate, rigid_body_mass, rotation_from_quaternion
 from twin.frames import euler_to_quaternion
+from twin.vehicle.assets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.current_text import parse_current
 from twin.water.current.sampler import sample_gradient
@@ -120,3 +121,50 @@ def test_an_impulse_of_the_bodys_own_rate_is_another_model_and_what_is_left_out_
     assert 0.08 < apart(current, "omega") < 0.2
     assert 1e-4 < apart(current, "complete") < 0.04
     assert apart(current, "omega") > 3.0 * apart(current, "complete")
+
+
+def water_turning(gradient: Any, half: Any) -> Any:
+    """Rotation (3,) of water under an ellipsoid of half axes `half`: what disturbs it as much.
+
+    The disturbance has the normal velocity n . (v_r + omega x s - G s) at the surface, whose normal
+    is along s_i / half_i^2 (Lamb 1932, articles 114 and 115). The part with s_j s_k of the gradient
+    is that of a rotation about axis i.
+    """
+    square = np.square(half)
+    return np.array(
+        [
+            (square[j] * gradient[k, j] + square[k] * gradient[j, k]) / (square[j] - square[k])
+            for j, k in ((1, 2), (2, 0), (0, 1))
+        ]
+    )
+
+
+def test_an_ellipsoid_in_a_gradient_disturbs_the_water_as_one_that_turns_against_it():
+    """Of a hull with wings, in any gradient: the rotation of the equations, not none at all."""
+    rng = np.random.default_rng(4)
+    half = np.array([1.0, 0.3, 0.1])
+    s = rng.normal(size=(50, 3))
+    s *= (1.0 / np.linalg.norm(s / half, axis=1))[:, None]
+    normal = s / np.square(half)
+    for _ in range(5):
+        g = rng.normal(size=(3, 3))
+        np.fill_diagonal(g, 0.0)  # an even disturbance, which has no impulse
+        strained = np.sum(normal * (s @ g.T), axis=1)
+        turned = np.sum(normal * np.cross(water_turning(g, half), s), axis=1)
+        np.testing.assert_allclose(turned, strained, atol=1e-12 * np.abs(strained).max())
+        # of a slender hull with flat wings it is the rotation that both models take
+        flat = water_turning(g, np.array([1.0, 1e-3, 1e-6]))
+        np.testing.assert_allclose(flat, turning(g), atol=1e-5)
+        motion = np.concatenate([np.zeros(3), rng.normal(size=3)])
+        np.testing.assert_allclose(turned_water(motion, g)[3:], motion[3:] - flat, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_shipped_hulls_are_slender_enough_for_that_rotation(name):
+    """A shear of the current over depth, on a level hull: `rogue` is the fat one."""
+    vehicle = load_vehicle(name)
+    half = 0.5 * np.array([vehicle.hull_length, vehicle.hull_diameter, 0.0])
+    g = np.zeros((3, 3))
+    g[1, 0] = 1.0
+    exact = water_turning(g, half)[2]
+    assert exact == pytest.approx(1.0, rel=0.75 if name == "rogue" else 0.06)

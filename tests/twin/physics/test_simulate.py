@@ -299,3 +299,24 @@ def test_forward_dynamics_depend_on_the_state_alone():
     mujoco.mj_forward(model, fresh)
     np.testing.assert_allclose(data.qacc, fresh.qacc, rtol=1e-12, atol=1e-14)
     assert np.isfinite(first).all()
+
+
+@pytest.mark.parametrize("name", ["rogue", "glider"])
+def test_tumbling_at_up_to_a_metre_per_second_is_stable_at_the_shipped_step(name):
+    rng = np.random.default_rng(1)
+    starts = []
+    for _ in range(30):
+        ahead = rng.normal(size=3)
+        starts.append(
+            Start(
+                depth=100.0,
+                roll=rng.uniform(-3.0, 3.0),
+                pitch=rng.uniform(-1.4, 1.4),
+                v_rel=tuple(ahead / np.linalg.norm(ahead) * rng.uniform(0.05, 1.0)),
+                rates=tuple(rng.uniform(-0.5, 0.5, 3)),
+            )
+        )
+    rest = Schedule(times=[0.0], commands=[load_vehicle(name).rest])
+    flights = [Scenario(vehicle=name, start=s, mission=rest, duration=20.0) for s in starts]
+    runs = simulate_many(flights)
+    assert [run for run in runs if isinstance(run, SimulationUnstable)] == []

@@ -88,3 +88,15 @@ def test_numbers_keep_every_bit(tmp_path: Path) -> None:
     profile = read_density_csv(path)
     assert profile.depth.tolist() == [0.1, 0.30000000000000004]
     assert profile.values.tolist() == [1025.0000000000002, 1026.0]
+
+
+def test_a_table_of_more_lines_than_any_sea_has_metres_is_refused_before_it_is_split(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("twin.water.table_file.MOST_ROWS", 3)
+    path = tmp_path / "density.csv"
+    path.write_text("depth,density\n0,1025\n10,1026\n")
+    assert len(read_density_csv(path).depth) == 2
+    path.write_text("\n" * 4)
+    with pytest.raises(InputError, match=r"has 4 lines, more than 3: average them over depth"):
+        read_density_csv(path)

@@ -13,6 +13,9 @@ from twin.mission.segments.transect import Transect
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
+MOST_LEGS = 10_000
+"""Legs of a survey: each is a row of the table that guidance flies."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LawnMower(Level):
@@ -39,7 +42,7 @@ class LawnMower(Level):
         check.limit(kind, "leg_length_m", self.leg_length_m, "m")
         if not abs(check.number(kind, "spacing_m", self.spacing_m)) > 0.0:
             check.fail(kind, "spacing_m", self.spacing_m, "a distance, positive to starboard")
-        check.within(kind, "legs", self.legs, "", 1)
+        check.within(kind, "legs", self.legs, "", 1, MOST_LEGS)
         if self.legs % 1:
             check.fail(kind, "legs", self.legs, "a whole number")
 

@@ -113,7 +113,8 @@ class Page {
     this.setPlaying(true);
     while (this.live.running) {
       try {
-        const answer = await fetch(`rows?from=${this.recording.times.length}`);
+        const answer = await fetch(
+          `rows?from=${this.recording.times.length}`, { method: "POST" });
         const { channels, running, problem } = await answer.json();
         if (channels) {
           const begun = this.recording.times.length > 2;

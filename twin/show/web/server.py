@@ -1,9 +1,17 @@
-"""Server: a page for browsers of this machine, with the samples of a mission that is flown now."""
+"""Server: a page for browsers of this machine, with the samples of a mission that is flown now.
+
+Every user of the machine reaches the port, so that the address has a key that only the command
+prints. A reader who has not shown the key is a stranger; few of them wait, and none for long.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import hmac
 import json
+import secrets
+import socket
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -15,12 +23,16 @@ from twin.errors import InputError
 from twin.show.web.live_source import LiveMission
 
 HOST = "127.0.0.1"
-"""This machine only: whoever reaches the port reads the mission"""
+"""This machine only"""
 NAMES = (HOST, "localhost")
 PORT = 8080
 """That is taken when none is asked for, or the next free one"""
 PORTS = 100
 """So many are tried then"""
+STRANGERS = 16
+"""Connections that wait without having shown the key; a further one ends the oldest of them"""
+SILENCE = 10.0
+"""[s] without a byte, either way, after which a connection ends"""
 
 
 class PageServer:
@@ -38,6 +50,7 @@ class PageServer:
             raise InputError(f"--port {port} must be 0 to 65535; 0 takes any free one")
         self._server = _first_free() if port is None else _bound(port)
         self._thread: threading.Thread | None = None
+        self._key = secrets.token_urlsafe(16)
 
     def show(self, text: str, live: LiveMission | None = None) -> None:
         """Serve a page from now on.
@@ -46,7 +59,7 @@ class PageServer:
           text: HTML of the page.
           live: what answers the page's questions for more samples.
         """
-        self._server.RequestHandlerClass = _handler(text.encode(), live)
+        self._server.RequestHandlerClass = _handler(text.encode(), live, self._server, self._key)
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 
@@ -56,9 +69,14 @@ class PageServer:
         return int(self._server.server_address[1])
 
     @property
+    def path(self) -> str:
+        """Of the page, with the key of this run."""
+        return f"/{self._key}/"
+
+    @property
     def address(self) -> str:
         """Of the page."""
-        return f"http://{HOST}:{self.port}/"
+        return f"http://{HOST}:{self.port}{self.path}"
 
     def __enter__(self) -> Self:
         return self
@@ -80,6 +98,33 @@ class _Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
+    def __init__(self, port: int):
+        super().__init__((HOST, port), BaseHTTPRequestHandler)
+        self._strangers: dict[socket.socket, None] = {}
+        self._turn = threading.Lock()
+
+    def process_request(self, request: object, client_address: object) -> None:
+        """Answer a connection in a thread of its own, as a stranger at first."""
+        assert isinstance(request, socket.socket)
+        with self._turn:
+            if len(self._strangers) >= STRANGERS:
+                oldest = next(iter(self._strangers))
+                del self._strangers[oldest]
+                with contextlib.suppress(OSError):  # it has just gone by itself
+                    oldest.shutdown(socket.SHUT_RDWR)
+            self._strangers[request] = None
+        super().process_request(request, client_address)
+
+    def know(self, request: object) -> None:
+        """A connection is no stranger any more: it has shown the key, or it has ended."""
+        with self._turn:
+            self._strangers.pop(request, None)  # type: ignore[call-overload]
+
+    def shutdown_request(self, request: object) -> None:
+        """The end of a connection."""
+        self.know(request)
+        super().shutdown_request(request)  # type: ignore[arg-type]
+
     def handle_error(self, request: object, client_address: object) -> None:
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
@@ -87,7 +132,7 @@ class _Server(ThreadingHTTPServer):
 
 def _bound(port: int) -> _Server:
     try:
-        return _Server((HOST, port), BaseHTTPRequestHandler)
+        return _Server(port)
     except OSError as error:
         raise InputError(
             f"--port {port}: {error.strerror or error}; give another one, or 0 for any free one"
@@ -97,7 +142,7 @@ def _bound(port: int) -> _Server:
 def _first_free() -> _Server:
     for port in range(PORT, PORT + PORTS):
         try:
-            return _Server((HOST, port), BaseHTTPRequestHandler)
+            return _Server(port)
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 raise
@@ -106,33 +151,57 @@ def _first_free() -> _Server:
     )
 
 
-def _handler(page: bytes, live: LiveMission | None) -> type[BaseHTTPRequestHandler]:
+def _handler(
+    page: bytes, live: LiveMission | None, server: _Server, key: str
+) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
+        timeout = SILENCE
+
         def do_GET(self) -> None:
+            """The page; nothing changes by it."""
+            what = self._asked()
+            if what == "":
+                self._answer(page, "text/html; charset=utf-8")
+            elif what == "rows" and live is not None:
+                self.send_error(405, "the mission goes on by POST")
+            elif what is not None:
+                self.send_error(404)
+
+        def do_POST(self) -> None:
+            """The samples since one: the mission is flown on to now."""
+            what = self._asked()
+            if what == "rows" and live is not None:
+                first = parse_qs(urlsplit(self.path).query).get("from", [""])[0]
+                if first.isdecimal() and len(first) < 16:
+                    self._answer(json.dumps(live.rows(int(first))).encode(), "application/json")
+                else:
+                    self.send_error(400, "from must be the number of a sample")
+            elif what is not None:
+                self.send_error(404)
+
+        def _asked(self) -> str | None:
+            """What is asked for, behind the key; None when that has been answered already."""
             # A name that another site's address was bent to is not ours.
             host = (self.headers.get("Host") or "").rpartition(":")[0]
-            address = urlsplit(self.path)
+            shown, _, what = urlsplit(self.path).path.removeprefix("/").partition("/")
             if host not in NAMES:
                 self.send_error(403)
-            elif address.path == "/":
-                self._answer(page, "text/html; charset=utf-8")
-            elif address.path == "/favicon.ico":
+            elif shown == "favicon.ico":  # browsers ask for it beside every page
                 self.send_response(204)
                 self.end_headers()
-            elif address.path == "/rows" and live is not None:
-                first = parse_qs(address.query).get("from", [""])[0]
-                if not first.isdecimal():
-                    self.send_error(400, "from must be the number of a sample")
-                    return
-                self._answer(json.dumps(live.rows(int(first))).encode(), "application/json")
+            elif not hmac.compare_digest(shown.encode(), key.encode()):
+                self.send_error(404, "take the whole address that the command printed")
             else:
-                self.send_error(404)
+                server.know(self.connection)
+                return what
+            return None
 
         def _answer(self, body: bytes, kind: str) -> None:
             self.send_response(200)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(body)))
             self.send_header("Cache-Control", "no-store")
+            self.send_header("Referrer-Policy", "no-referrer")
             self.end_headers()
             self.wfile.write(body)
 

@@ -327,6 +327,9 @@ def test_the_server_is_for_this_machine_and_knows_its_pages():
             assert answer.read() == b"<p>here"
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(server.address + "rows?from=2")
+        for path in ("", "rows?from=2", f"{'a' * 22}/"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
         bent = urllib.request.Request(server.address, headers={"Host": "elsewhere.example:80"})
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(bent)
@@ -346,7 +349,7 @@ def test_without_a_port_the_next_free_one_is_taken(monkeypatch, tmp_path, capsys
         said = capsys.readouterr()
         told = re.search(rf"port {first.port} is taken: this page is served at (\d+)\n", said.err)
         assert told is not None
-        assert f"open http://127.0.0.1:{told[1]}/ in a browser" in said.out
+        assert f"open http://127.0.0.1:{told[1]}/" in said.out
         monkeypatch.setattr("twin.show.web.server.PORTS", 1)
         with pytest.raises(InputError, match="are taken: --port 0 takes any free one"):
             PageServer()
@@ -383,7 +386,7 @@ def test_view_without_a_window_serves_a_stored_mission(tmp_path, capsys):
     words = ["view", str(store), "--web", "--port", "0", "--seconds", "0.2"]
     assert PROGRAM.main(words) == 0
     said = capsys.readouterr()
-    assert re.search(r"open http://127\.0\.0\.1:\d+/ in a browser", said.out)
+    assert re.search(r"open http://127\.0\.0\.1:\d+/[\w-]{22}/ in a browser", said.out)
     assert "is taken" not in said.err
     assert "ssh -L" in said.err
     assert PROGRAM.main(["view", "--port", "0"]) == 2
