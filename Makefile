@@ -6,7 +6,7 @@ BIN := .venv/bin
 BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing window_reading layer_speed render_speed
 
 .NOTPARALLEL:
-.PHONY: help setup demo test lint check mutants bench gallery docs lock clean
+.PHONY: help setup demo test quick processors lint check mutants bench gallery docs lock clean
 
 .DEFAULT_GOAL := setup
 
@@ -31,6 +31,12 @@ demo: setup               ## the main job, into demo/ (overwritten)
 
 test: setup               ## the test suite; ARGS="-k name" chooses tests
 	@$(BIN)/python -m pytest $(ARGS)
+
+quick: setup              ## the fast files of the tests, a minute; ARGS as of `make test`
+	@$(BIN)/python -m pytest --quick $(ARGS)
+
+processors: setup         ## the tests as three x86-64 processors run them; ARGS as of `make test`
+	@scripts/processors.sh $(ARGS)
 
 lint: setup               ## style and types
 	@$(BIN)/ruff check .

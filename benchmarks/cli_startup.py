@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.figures import measured
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
@@ -49,6 +50,8 @@ def main(runs: int) -> int:
         slow |= median > LIMIT_S
         rows.append({"command": name, "median s": median, "worst s": max(times)})
     print(format_table(rows, digits=3))
+    python, *helps = (1e3 * float(row["median s"]) for row in rows)
+    measured("cli_startup", interpreter=python, help=helps)
     print(f"limit {LIMIT_S} s: {'missed' if slow else 'kept'} (median of {runs} runs)")
     return int(slow)
 

@@ -11,6 +11,7 @@ import time
 import numpy as np
 from numba import njit
 
+from benchmarks.figures import measured
 from twin.water.current import Grid, Profile, Uniform, parse_current
 from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample
@@ -62,6 +63,7 @@ def main() -> None:
     programs["uniform + profile"] = layout.program([Uniform.record(0.1, 0.0, 0.0), profile])
     programs["grid u, v"] = grid_program(2)
     programs["grid u, v, w"] = grid_program(3)
+    best = {}
     for name, program in programs.items():
         glide(program, 10)
         times = []
@@ -69,7 +71,12 @@ def main() -> None:
             start = time.perf_counter()
             glide(program, CALLS)
             times.append(time.perf_counter() - start)
-        print(f"{name:55s} {min(times) / CALLS * 1e9:7.1f} ns")
+        best[name] = min(times) / CALLS * 1e9
+        print(f"{name:55s} {best[name]:7.1f} ns")
+    kinds = [best[name] for name in texts if name != "still water" and "+" not in texts[name]]
+    together = best["uniform + ekman + geostrophic + tide + gauss-markov"]
+    gridded = best["grid u, v, w"]
+    measured("current_sampling", kinds=kinds, gridded=gridded, together=together)
 
 
 if __name__ == "__main__":

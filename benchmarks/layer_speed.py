@@ -19,6 +19,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
+from benchmarks.figures import measured
 from learn.networks.context_delay import ContextDelay, naive_context_delay, pack_sequences
 
 SAMPLES = 80_000
@@ -141,6 +142,8 @@ def main() -> None:
                 "share": limit / seconds[name],
             }
         )
+    shares = {str(row["layer"]): float(row["share"]) for row in rows}
+    measured("layer_speed", kernels=shares["context delay, kernels"])
     if options.json:
         figures = {"samples": SAMPLES, "sequences": batch, "threads": options.threads}
         print(json.dumps({**figures, "product_gflops": rate / 1e9, "rows": rows}))

@@ -10,6 +10,7 @@ import time
 
 import mujoco
 
+from benchmarks.figures import measured
 from twin.physics.mujoco_model import compile_model
 from twin.vehicle.vehicle import load_vehicle
 
@@ -59,6 +60,7 @@ def main() -> None:
             f"{count:3d} gliders in one model, bare: {found * count * alone:6.1f} us, "
             f"{found:.2f} of {count} models of one"
         )
+        measured("one_scene", **{f"of_{count}": found})
 
 
 if __name__ == "__main__":

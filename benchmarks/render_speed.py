@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.figures import measured
 from twin.show.render.context import available_backend
 
 BACKEND = available_backend()
@@ -85,12 +86,15 @@ def main() -> int:
     """Measure every camera; the exit code tells whether all reach the floor."""
     print(f"{Path(__file__).stem}: 1280x720, {BACKEND}, {len(os.sched_getaffinity(0))} cores")
     print(f"{'camera':8} {'twin [1/s]':>11} {'Renderer [1/s]':>15} {'ratio':>6}  floor {FLOOR}")
-    good = True
+    good, rates, ratios = True, [], []
     for camera in CAMERAS:
         ours, bare, ratio = measure(camera)
         good = good and ratio >= FLOOR
+        rates.append(ours)
+        ratios.append(ratio)
         verdict = "" if ratio >= FLOOR else "below the floor"
         print(f"{camera:8} {ours:11.1f} {bare:15.1f} {ratio:6.2f}  {verdict}")
+    measured("render_speed", rate=rates, ratio=ratios)
     return 0 if good else 1
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import figures
 from twin.sensors import SUITE_PRESETS, SensorSuite, Surroundings
 from twin.sensors.noise import sensor_generator
 from twin.water.density import DensityProfile
@@ -97,10 +98,14 @@ def main() -> None:
             )
         )  # fmt: skip
         print(f"{name:12s} {cost:8.3f}")
+        if name == "dvl":
+            figures.measured("sensor_cost", dvl=cost)
     print("\nsuite          ms per mission-hour")
     for name, suite in SUITE_PRESETS.items():
         cost = best_ms(functools.partial(suite.measure, truth, **setting))
         print(f"{name:18s} {cost:8.3f}")
+        if name == "field":
+            figures.measured("sensor_cost", field=cost)
 
 
 if __name__ == "__main__":

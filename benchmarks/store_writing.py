@@ -17,6 +17,7 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks.figures import measured
 from twin.cli.text_table import format_table
 from twin.records.schema import SIMULATED, VARIABLES
 from twin.records.storage import sharded
@@ -78,6 +79,8 @@ def main(missions: int, repeats: int) -> int:
         for name, taken in times.items()
     ]
     print(format_table(rows, digits=3))
+    rust, python = (statistics.median(times[name]) for name in (RUST_PIPELINE, PYTHON_PIPELINE))
+    measured("store_writing", zarrs=rust, python=python)
     size = sum(map(len, contents[0])) / 1e6
     print(f"{len(signals)} signals of {missions} missions, {size:.1f} MB; ", end="")
     print("the same bytes" if same else "DIFFERENT BYTES")

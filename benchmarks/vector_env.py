@@ -18,6 +18,7 @@ import gymnasium
 import numpy as np
 
 import twin.gym
+from benchmarks.figures import measured
 from twin.gym.registration import TASKS, environment_id
 
 ROUNDS = 7
@@ -67,12 +68,16 @@ def main() -> None:
     print(
         f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} {'times':>6s}"
     )
+    found = []
     for task in TASKS:
         vector, bare, single = measure(task, vehicles)
+        found.append((vector, vector / bare, vector / single))
         print(
             f"{task:12s} {vector:9.0f} {bare:11.0f} {vector / bare:6.2f} {single:8.0f} "
             f"{vector / single:6.1f}"
         )
+    steps, part, times = (list(column) for column in zip(*found, strict=True))
+    measured("vector_env", steps=steps, part=part, times=times)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import factory
+from benchmarks.figures import measured
 from twin.cli.text_table import format_table
 
 CHANNELS = (
@@ -104,6 +105,18 @@ def main(hours: float, memory_mb: float) -> int:
             for name, value in medians.items()
         ]
         print(format_table(rows, digits=7))
+        copy, decoding_alone = medians["limit: a copy"], medians["limit: decoding"]
+        if copy:  # the store's windows fit into that memory
+            memory, streaming = medians["in memory, batches"], medians["streamed"]
+            measured(
+                "window_reading",
+                memory=memory,
+                memory_times=memory / slow,
+                memory_share=memory / copy,
+                streamed=streaming,
+                streamed_times=streaming / slow,
+                streamed_share=streaming / decoding_alone,
+            )
         return int(medians["in memory, batches"] < 100.0 * slow)
 
 

@@ -18,6 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
+from patience import HANG_S
 from PIL import Image
 
 CHROMIUM = next(
@@ -26,7 +27,7 @@ CHROMIUM = next(
 needs_browser = pytest.mark.skipif(
     CHROMIUM is None, reason="no browser: Chromium (Debian package chromium) is not installed"
 )
-PATIENCE = 60.0
+PATIENCE = HANG_S
 """[s] that a busy machine may take for one answer"""
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -50,3 +52,26 @@ def own_variables():
     yield
     VARIABLES.clear()
     VARIABLES.update(before)
+
+
+SLOW: dict[str, float] = json.loads(Path(__file__).with_name("slow.json").read_text())
+"""[s] of each file that takes long, as `scripts/durations.py` found it"""
+
+
+def _seconds(path: Path) -> float:
+    root = Path(__file__).resolve().parents[1]
+    return SLOW.get(path.relative_to(root).as_posix(), 0.0) if path.is_relative_to(root) else 0.0
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--quick", action="store_true", help="without the files of tests/slow.json")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`make quick` does not even import the slow files; None leaves the others to pytest."""
+    return True if config.getoption("--quick") and _seconds(collection_path) else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files begin, so that no process has one left when the others have ended."""
+    items.sort(key=lambda item: -_seconds(item.path))

@@ -13,12 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from patience import HANG_S
 
 PYTHON = Path(__file__).resolve().parent.parent / ".venv-s3/bin/python"
 PACKAGES = PYTHON.parent.parent / "lib/python{}.{}/site-packages".format(*sys.version_info)
 """Its own, boto3 among them"""
 BUCKET = "bucket"
-WAIT_S = 60.0
 
 
 @contextmanager
@@ -43,11 +43,11 @@ def s3_server(*, signed: bool = False) -> Iterator[dict[str, str]]:
     )
     address = f"http://127.0.0.1:{port}"
     try:
-        deadline = time.monotonic() + WAIT_S
+        deadline = time.monotonic() + HANG_S
         while True:
             try:
                 request = urllib.request.Request(f"{address}/{BUCKET}", method="PUT")
-                urllib.request.urlopen(request, timeout=WAIT_S).close()
+                urllib.request.urlopen(request, timeout=HANG_S).close()
                 break
             except OSError:
                 assert server.poll() is None, "the S3 server ended"

@@ -20,13 +20,13 @@ from typing import Any
 
 import pytest
 import xarray as xr
+from patience import HANG_S
 from s3 import s3_server
 from trees import contents
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/howto/cluster.md").read_text(encoding="utf-8")
 PROGRAMS = Path(__file__).with_name("programs")
-SECONDS = 400.0
 
 
 def blocks(section: str, language: str = "sh") -> list[str]:
@@ -76,7 +76,7 @@ class Machine:
                 start_new_session=True,
             )
             self.groups.append(process.pid)
-            assert process.wait(SECONDS) == code, f"{words[-1]}\n{log.read_text()}"
+            assert process.wait(HANG_S) == code, f"{words[-1]}\n{log.read_text()}"
         return log.read_text()
 
     def shell(self, block: str) -> str:

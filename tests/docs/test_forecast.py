@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 from examples import ROOT, needs_docs
+from patience import HANG_S
 
 pytestmark = needs_docs
-SECONDS = 600.0
 
 
 def page() -> str:
@@ -37,7 +37,7 @@ def test_the_commands_run(tmp_path: Path) -> None:
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             capture_output=True,
             text=True,
-            timeout=SECONDS,
+            timeout=HANG_S,
         )
         assert done.returncode == 0, f"{line}: {done.stderr}"
     document = json.loads((tmp_path / "next/forecast.json").read_text())

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -48,7 +51,19 @@ def test_networks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (run_folder,) = (path for path in (tmp_path / "runs").iterdir() if path.is_dir())
     assert (run_folder / "report" / "index.html").is_file()
     assert (run_folder / "c" / "glider_velocity.h").is_file()
+    compile_example(run_folder / "c")
     assert (tmp_path / "data" / "missions.parquet").is_file()
+
+
+def compile_example(header: Path) -> None:
+    """The C of docs/howto/on_board.md, inside a function."""
+    text = (ROOT / "docs/howto/on_board.md").read_text(encoding="utf-8")
+    (include, body) = re.findall(r"```c\n(#include .*?\n)(.*?)```", text, re.DOTALL)[0]
+    program = f"{include}void use(double surge, double sway);\nvoid step(void)\n{{\n{body}}}\n"
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is not None:
+        words = [compiler, "-std=c99", "-Wall", "-Werror", "-fsyntax-only", "-x", "c", "-"]
+        subprocess.run([*words, f"-I{header}"], input=program, text=True, check=True)
 
 
 def test_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from types import ModuleType
 
 import pytest
 from examples import ROOT, needs_docs
+from patience import HANG_S
 from PIL import Image
 
 from twin.show.render.context import available_backend
@@ -22,7 +23,6 @@ KEPT = ROOT / "docs/gallery/tutorials"
 LARGEST = 150_000
 """[byte] of a kept picture"""
 NEED_GL = {"dive.png"}
-SECONDS = 900.0
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path, tutorials: ModuleType) -> N
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
-        timeout=SECONDS,
+        timeout=HANG_S,
         check=False,
     )
     assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-3000:]}"

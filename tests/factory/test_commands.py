@@ -8,13 +8,13 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import xarray as xr
+from patience import little_work
 
 import factory
 from factory.__main__ import PROGRAM
@@ -222,6 +222,7 @@ def giant(path: Path) -> str:
 @pytest.mark.parametrize("make", [a_pipe, a_device, giant])
 @pytest.mark.parametrize("key", ["true_heave/c/0/0", "n_samples/c/0", "time/zarr.json"])
 @pytest.mark.parametrize("listed", [True, False])
+@little_work(20.0)
 def test_a_file_of_a_store_without_an_end_is_named_and_not_read(
     make: Callable[[Path], str],
     key: str,
@@ -235,7 +236,6 @@ def test_a_file_of_a_store_without_an_end_is_named_and_not_read(
         shutil.rmtree(store / "checksums")
     (store / key).unlink()
     why = make(store / key)
-    start = time.monotonic()
     for program, words in (
         (TWIN, ("plot", store, "--out", tmp_path / "a.png")),
         (PROGRAM, ("info", store)),
@@ -247,7 +247,6 @@ def test_a_file_of_a_store_without_an_end_is_named_and_not_read(
     code, out, err = run(capsys, "verify", store)
     assert code == (1 if listed else 2)
     assert key in (out if listed else err)
-    assert time.monotonic() - start < 20.0
 
 
 def test_files_of_a_store_may_be_links(

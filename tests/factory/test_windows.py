@@ -159,14 +159,14 @@ def test_it_is_a_hundred_times_as_fast_as_slices(windows: Windows, field_store: 
     best = {"slices": np.inf, "windows": np.inf}
     with MissionStore(field_store) as reader:
         for _ in range(3):
-            begun = time.perf_counter()
+            begun = time.process_time()
             for k in numbers[:5]:
                 row, start = int(windows.missions[k]), int(windows.starts[k])
                 for name in CHANNELS:
                     reader.dataset[name][row, start : start + LENGTH].values  # noqa: B018
-            middle = time.perf_counter()
+            middle = time.process_time()
             windows.read(numbers)
-            end = time.perf_counter()
+            end = time.process_time()
             best["slices"] = min(best["slices"], (middle - begun) / 5)
             best["windows"] = min(best["windows"], (end - middle) / len(numbers))
     assert best["slices"] > 100.0 * best["windows"]

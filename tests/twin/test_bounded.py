@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import gzip
 import os
-import time
 import zipfile
 
 import numpy as np
 import pytest
 import xarray as xr
+from patience import little_work
 
 from factory.exporting.metadata import parse_metadata
 from factory.importing.columns import column_names, read_table
@@ -50,13 +50,12 @@ def one_line(raised) -> str:
         ("duration_s = '20'\n" + SURFACE, "duration_s = '20' is not possible: give a number"),
     ],
 )
+@little_work(2.0)
 def test_a_hostile_mission_file_is_one_line(tmp_path, text, message):
     path = tmp_path / "m.toml"
     path.write_text(text)
-    start = time.monotonic()
     with pytest.raises(MissionError, match=message) as raised:
         Mission.from_toml(path)
-    assert time.monotonic() - start < 2.0
     one_line(raised)
 
 
@@ -94,11 +93,10 @@ def test_a_number_of_thousands_of_digits_is_one_line(tmp_path):
         "a" * 20_000, "uniform(0, 1) except " + "(2, 3)  " * 40 + "x",
     ],
 )  # fmt: skip
+@little_work(2.0)
 def test_a_hostile_distribution_is_refused_at_once(text):
-    start = time.monotonic()
     with pytest.raises(InputError, match="p "):
         parse_distribution(text, "p")
-    assert time.monotonic() - start < 1.0
 
 
 def test_a_number_beyond_floats_is_refused():
@@ -147,13 +145,12 @@ def test_a_pickle_among_the_arrays_of_tracks_is_refused(tmp_path):
         read_tracks(path, 0)
 
 
+@little_work(2.0)
 def test_a_tracks_csv_with_a_giant_field(tmp_path):
     path = tmp_path / "tracks.csv"
     path.write_text("time,north,east\n0,1," + "9" * 10**6 + "x\n")
-    start = time.monotonic()
     with pytest.raises(InputError, match="line 2") as raised:
         read_tracks(path, 0)
-    assert time.monotonic() - start < 2.0
     one_line(raised)
     path.write_text('time,north,east\n0,"' + "1" * 10**6)
     with pytest.raises(InputError) as raised:
@@ -184,11 +181,11 @@ def test_metadata_nested_without_end_is_one_line(tmp_path):
     one_line(raised)
 
 
+@little_work(2.0)
 def test_deployment_metadata_that_multiplies_itself():
     laughs = "a0: &a0 {x: 1}\n" + "".join(
         f"a{k}: &a{k} {{<<: [{', '.join([f'*a{k - 1}'] * 9)}]}}\n" for k in range(1, 9)
     )
-    start = time.monotonic()
     with pytest.raises(InputError, match=r"references \(\*name\)"):
         parse_metadata(laughs + "metadata: *a8\n", "m.yml")
     with pytest.raises(InputError, match="inside each other"):
@@ -199,7 +196,6 @@ def test_deployment_metadata_that_multiplies_itself():
         parse_metadata("metadata: {a: 2022-13-45}", "m.yml")
     with pytest.raises(InputError, match="not YAML"):
         parse_metadata("metadata: !!python/object/apply:os.system [x]", "m.yml")
-    assert time.monotonic() - start < 2.0
 
 
 def test_what_is_declared_may_be_large_where_the_file_is():
@@ -235,12 +231,11 @@ def test_the_patterns_of_users_are_taken(pattern, name, found):
     assert bounded.compile_pattern(pattern, "p").search(name).group(1) == found
 
 
+@little_work(5.0)
 def test_no_allowed_pattern_takes_long():
-    start = time.monotonic()
     name = "a" * 255
     for pattern in (".*.*b", "a?" * 2 + "a*a*b", "a{1,200}a{1,200}a?a?b"):
         assert bounded.compile_pattern(pattern, "p").search(name) is None
-    assert time.monotonic() - start < 5.0
 
 
 @pytest.mark.parametrize("pattern", ["(", "[[a]", "a{99999999999999}", "(" * 5000 + ")" * 5000])
@@ -250,16 +245,15 @@ def test_what_is_no_pattern_is_one_line(pattern):
     one_line(raised)
 
 
+@little_work(10.0)
 def test_a_compressed_table_that_unpacks_without_end(tmp_path):
     path = tmp_path / "log.csv.gz"
     with gzip.open(path, "wb") as file:
         file.write(b"time,depth\n")
         for _ in range(40):
             file.write(b"1,0\n" * 2**18)
-    start = time.monotonic()
     with pytest.raises(InputError, match=r"log\.csv\.gz declares .* of values in") as raised:
         read_table(path)
-    assert time.monotonic() - start < 10.0
     one_line(raised)
 
 
@@ -302,13 +296,12 @@ ODD = {pipe: "a named pipe", device: "a link to a device", folder: "a folder"}
         ("l.csv", sniff),
     ],
 )
+@little_work(10.0)
 def test_a_file_without_an_end_is_refused_by_name(tmp_path, make, name, read):
     path = tmp_path / name
     make(path)
-    start = time.monotonic()
     with pytest.raises((InputError, StoreError)) as raised:
         read(path)
-    assert time.monotonic() - start < 10.0
     assert name in str(raised.value)
     if make is not folder:  # some take folders, and say what those lack
         assert f"it is {ODD[make]}, not a file" in str(raised.value)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from clusters import dask_cluster, free_port, worker
+from patience import HANG_S
 from trees import contents
 
 import factory
@@ -27,7 +28,6 @@ from twin.errors import InputError, StoreError, TwinError
 pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
 
 Recipes = Callable[..., Recipe]
-WAIT_S = 60.0
 
 
 @pytest.fixture
@@ -65,14 +65,12 @@ def test_a_lost_worker_and_one_that_joins_change_no_byte(
 
 def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("factory.generation.cluster.TIMEOUT_S", 0.5)
-    begun = time.monotonic()
     for address in (f"tcp://127.0.0.1:{free_port()}", "nonsense://x", "tcp://"):
         with (
             pytest.raises(InputError, match=r"--scheduler .* no dask scheduler answers"),
             dask_executor(address),
         ):
             pass
-    assert time.monotonic() - begun < WAIT_S
 
 
 def test_a_task_that_ends_its_workers_is_told() -> None:
@@ -83,7 +81,7 @@ def test_a_task_that_ends_its_workers_is_told() -> None:
         pytest.raises(TwinError, match=r"the cluster was lost \(.*--resume goes on") as told,
         dask_executor(address) as executor,
     ):
-        executor.submit(os._exit, 1).result(WAIT_S)
+        executor.submit(os._exit, 1).result(HANG_S)
     assert "\n" not in str(told.value)
 
 
@@ -92,9 +90,9 @@ def test_a_scheduler_that_ends_is_told() -> None:
         with contextlib.ExitStack() as cluster:
             address = cluster.enter_context(dask_cluster(1))
             with dask_executor(address) as executor:
-                future = executor.submit(time.sleep, 10 * WAIT_S)
+                future = executor.submit(time.sleep, 10 * HANG_S)
                 cluster.close()
-                concurrent.futures.wait([future], WAIT_S)
+                concurrent.futures.wait([future], HANG_S)
                 future.result(0)
 
     with pytest.raises(TwinError, match=r"the cluster was lost \(its scheduler is gone\)"):

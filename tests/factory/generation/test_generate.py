@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from patience import HANG_S
 from trees import contents
 
 import factory.generation.block
@@ -84,7 +85,7 @@ def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
 
 def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) -> int:
     """Send SIGKILL once that many missions are kept; how many there are then."""
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + HANG_S
     while time.monotonic() < deadline and process.poll() is None:
         if kept(store) >= missions:
             process.send_signal(signal.SIGKILL)
@@ -378,11 +379,11 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path: Pat
         # a test run started in the background of a shell inherits an ignored SIGINT
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + HANG_S
     while time.monotonic() < deadline and kept(store) < 2:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
-    _, error = process.communicate(timeout=60.0)
+    _, error = process.communicate(timeout=HANG_S)
     assert process.returncode == 130
     assert b"--resume" in error
     assert b"Traceback" not in error

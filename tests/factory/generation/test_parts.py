@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from patience import HANG_S
 from trees import contents
 
 from factory.generation.generate import generate
@@ -77,7 +78,7 @@ def test_eight_commands_at_once_make_the_same_bytes(
         for i in (0, 1, 2, 3, 3)  # the last part twice
     ]
     for process in commands:
-        _, said = process.communicate(timeout=120)
+        _, said = process.communicate(timeout=HANG_S)
         assert process.returncode == 0, said
     finish(store)
     assert contents(store) == contents(paper_store)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from learn_missions import write_synthetic_store
+from patience import HANG_S
 
 import learn.training.workers
 from learn.__main__ import PROGRAM
@@ -320,7 +321,7 @@ def test_half_a_line_of_metrics_is_left_out_and_taken_out_by_the_next_fit(here):
 CHILD = (
     "import sys, time; from learn.training.resources import end_with; end_with(int(sys.argv[1]));"
 )
-CHILD += "print(1); sys.stdout.flush(); time.sleep(100)"
+CHILD += "print(1); sys.stdout.flush(); time.sleep(3600)"
 PARENT = """
 import os, subprocess, sys
 child = subprocess.Popen([sys.executable, "-c", sys.argv[1], str(os.getpid())],
@@ -338,7 +339,7 @@ def test_a_process_ends_with_its_parent(number):
         child = int(parent.stdout.readline())
         assert alive(child)
         parent.send_signal(number)
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + HANG_S
     while alive(child) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not alive(child)

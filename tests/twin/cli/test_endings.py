@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from patience import HANG_S
 
 from twin.cli.endings import Endings, interruption
 from twin.cli.program import Program, ProgramCommand
@@ -32,10 +33,10 @@ class Write:
             child = os.fork()
             if child == 0:
                 os.write(writing, b"x")  # Python drops signals that arrive before
-                time.sleep(60)
+                time.sleep(3600)
             os.read(reading, 1)
             print(child, flush=True)
-            time.sleep(60)
+            time.sleep(3600)
         return 0
 
 command = ProgramCommand(name="write", summary="", loader="__main__:Write")
@@ -72,7 +73,7 @@ def test_a_signal_leaves_nothing_half_written_and_says_how_to_go_on(tmp_path, nu
     child = int(process.stdout.readline())
     os.kill(child, signal.SIGTERM)  # a forked process ends at once and without a word
     process.send_signal(number)
-    _, told = process.communicate(timeout=30)
+    _, told = process.communicate(timeout=HANG_S)
     assert process.returncode == code
     assert told.startswith(f"twin: error: {word}: nothing half-written is left under ")
     assert told.endswith("give the command again\n")
@@ -88,7 +89,7 @@ def test_a_hang_up_that_is_ignored_stays_so(tmp_path):
         process.wait(0.3)
     os.kill(child, signal.SIGKILL)
     process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=30)
+    process.communicate(timeout=HANG_S)
     assert process.returncode == 143
 
 

@@ -53,7 +53,9 @@ def compare(task, *, steps, actions_of=None, **settings):
             if any(over):
                 ends += 1
                 for name, value in observation.items():
-                    np.testing.assert_allclose(info["final_obs"][i][name], value, rtol=1e-12)
+                    np.testing.assert_allclose(
+                        info["final_obs"][i][name], value, rtol=1e-12, atol=1e-12
+                    )
                 observation, _ = env.reset()
             expected[i] = observation
     return ends

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import HANG_S
 
 ROOT = Path(__file__).parents[3]
 
@@ -287,7 +288,7 @@ def run(program: str, *arguments: str) -> None:
         [sys.executable, "-X", "faulthandler", "-c", program, *arguments],
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=HANG_S,
         cwd=ROOT,
     )
     assert done.returncode == 0, done.stderr[-3000:]

@@ -28,7 +28,8 @@ KEYS = {
     "AWS_REGION": "us-east-1",
     "AWS_ALLOW_HTTP": "true",
 }
-SOON_S = 20.0
+SOON_S = 150.0
+"""[s] The library's own patience is 180 s"""
 
 
 @pytest.fixture(autouse=True)
@@ -96,7 +97,7 @@ def test_a_storage_that_never_answers_is_told(monkeypatch: pytest.MonkeyPatch) -
         begun = time.monotonic()
         with pytest.raises(OSError, match="cannot be reached"):
             files_at("s3://bucket/m").read("zarr.json")
-        assert time.monotonic() - begun < 60.0
+        assert time.monotonic() - begun < SOON_S
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
+from patience import little_work
 
 from twin.errors import VehicleError
 from twin.physics.mujoco_model import compile_model
@@ -50,13 +49,12 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("element", list(REFUSED), ids=lambda text: text[:40])
+@little_work(2.0)
 def test_what_no_vehicle_file_may_hold_is_refused_at_once(tmp_path, element):
     path = tmp_path / "mine.xml"
     path.write_text(put(element))
-    start = time.monotonic()
     with pytest.raises(VehicleError, match=REFUSED[element]) as raised:
         load_vehicle(path)
-    assert time.monotonic() - start < 2.0
     text = str(raised.value)
     assert text.startswith(f"vehicle file {path}, line ")
     assert "\n" not in text

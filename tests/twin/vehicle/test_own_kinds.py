@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import HANG_S
 from torpedo import GEOMETRY_ONLY
 
 KINDS = Path(__file__).parents[2] / "vehicles" / "own_kinds.py"
@@ -62,7 +63,7 @@ def run(words, **environment):
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=HANG_S,
     )
 
 

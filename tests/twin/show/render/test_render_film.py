@@ -13,6 +13,7 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from patience import HANG_S
 from pictures import needs_gl, short_subject, write_short_store, write_tracks
 from PIL import Image
 
@@ -162,7 +163,7 @@ def painted_by(backend):
     environment = {k: v for k, v in os.environ.items() if k not in chosen}
     environment["PYTHONPATH"] = str(Path(__file__).parents[3])
     words = [sys.executable, "-W", "always::ResourceWarning", "-c", PAINT, backend]
-    return subprocess.run(words, env=environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(words, env=environment, capture_output=True, text=True, timeout=HANG_S)
 
 
 @pytest.mark.parametrize("backend", ["egl", "osmesa"])

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from patience import HANG_S
 from pictures import short_scenario, short_subject, write_short_store
 
 from twin.__main__ import PROGRAM
@@ -45,7 +46,7 @@ def test_without_a_screen_it_says_what_to_do(display, message):
         env=environment(**display),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=HANG_S,
     )
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
@@ -168,7 +169,7 @@ def under_xvfb(*command: str) -> subprocess.CompletedProcess[str]:
         env=environment(MUJOCO_GL="glfw"),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=HANG_S,
     )
 
 

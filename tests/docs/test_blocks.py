@@ -1,0 +1,234 @@
+"""Every code block of every page runs, here or in the test that is named, as it stands there.
+
+Tutorials run in test_tutorials.py, all of them and whole. A block that nothing can run has a mark.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from examples import ROOT, blocks, needs_docs, script
+from logs import Flight, write_dbd, write_slocum
+
+from factory.__main__ import PROGRAM as FACTORY
+from factory.exporting.metadata import parse_metadata
+from factory.sampling.parameters import parameter_table
+from factory.sampling.presets import read_changes
+from factory.sampling.recipe import make_recipe
+from twin.navigation.estimators.base import VELOCITY_ESTIMATORS
+from twin.vehicle.assets import assets_folder
+from twin.vehicle.vehicle import load_vehicle
+
+pytestmark = needs_docs
+
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.parent.name != "tutorials"),
+]
+HERE = "tests/docs/test_blocks.py"
+RUN = {
+    "README.md": {"tests/test_faces.py": 1},
+    "docs/gallery.md": {"tests/twin/show/render/test_gallery.py": 7},
+    "docs/howto/cluster.md": {"tests/docs/test_cluster.py": 13},
+    "docs/howto/dm_control.md": {
+        "tests/twin/suite/test_suite_tasks.py": 3,
+        "tests/twin/gym/test_gym.py": 4,
+    },
+    "docs/howto/extending.md": {"tests/docs/test_extending.py": 15},
+    "docs/howto/flight.md": {HERE: 3},
+    "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},
+    "docs/howto/identify.md": {HERE: 1},
+    "docs/howto/import_logs.md": {HERE: 1},
+    "docs/howto/import_tables.md": {
+        "tests/factory/importing/test_csv.py": 1,
+        "tests/factory/importing/test_importers.py": 1,
+    },
+    "docs/howto/index.md": {"tests/test_faces.py": 1},
+    "docs/howto/navigation.md": {HERE: 4},
+    "docs/howto/on_board.md": {
+        "tests/learn/commands/test_commands.py": 1,
+        "tests/docs/test_front_page.py": 1,
+    },
+    "docs/howto/render.md": {
+        "tests/twin/show/render/test_gallery.py": 2,
+        "tests/test_registry.py": 1,
+    },
+    "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 1},
+    "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
+    "docs/reference/currents.md": {"tests/twin/water/test_current_docs.py": 2},
+    "docs/reference/factory.md": {
+        HERE: 5,
+        "tests/factory/test_windows.py": 2,
+        "tests/factory/exporting/test_exporters.py": 1,
+    },
+    "docs/reference/import.md": {HERE: 1},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission_docs.py": 8},
+    "docs/reference/networks.md": {"tests/learn/test_kinds_of_users.py": 1},
+    "docs/reference/sensors.md": {"tests/test_registry.py": 3},
+}
+"""The tests that run the blocks of a page, and how many each runs"""
+
+FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+INDENTED = re.compile(r"(?<=\n\n)(?: {4}.*\n|\n(?= {4}))+")
+PROGRAM_TEXT = re.compile(r"^ {4}(?:import|from|def|class) |^ {4}# \w+\.(?:py|toml)$", re.MULTILINE)
+SHOWN = "text"
+"""The language of blocks that show what is printed or lies in a folder"""
+
+
+def runnable(page: Path) -> int:
+    """How many blocks of a page a reader could run: fenced ones, and indented programs."""
+    text = page.read_text(encoding="utf-8")
+    fenced = [language for language, _, _ in FENCE.findall(text) if language != SHOWN]
+    rest = FENCE.sub("", text)
+    return len(fenced) + sum(bool(PROGRAM_TEXT.search(one)) for one in INDENTED.findall(rest))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_some_test_runs_every_block(page: Path) -> None:
+    """After a new block: run it in a test, and count it in RUN."""
+    tests = RUN.get(page.relative_to(ROOT).as_posix(), {})
+    assert runnable(page) == sum(tests.values())
+    for test in tests:
+        assert page.stem in (ROOT / test).read_text(encoding="utf-8"), test
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the pages name: a log, its store, a vehicle's own file."""
+    folder = tmp_path_factory.mktemp("pages")
+    for name in ("unit334", "offload"):
+        (folder / name).mkdir()
+    flight = Flight(dives=4)
+    write_slocum(folder / "unit334", flight, m_speed=flight.state(flight.time)["depth"])
+    (log, *_) = [path for path in write_dbd(folder, Flight(dives=1)) if path.suffix == ".dbd"]
+    log.rename(folder / "offload" / "unit_334.dbd")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert FACTORY.main(["import", "slocum", "unit334", "--out", "real.zarr"]) == 0
+    for name in ("mine.xml", "my_slocum.xml"):
+        shutil.copy(assets_folder() / "slocum-200.xml", folder / name)
+    return folder
+
+
+@pytest.fixture
+def lesson(folder: Path) -> Iterator[Any]:
+    """One run of scripts/tutorials.py in that folder."""
+    before = list(sys.path)
+    yield script("tutorials").Lesson(folder)
+    sys.path[:] = before
+
+
+def text_of(page: str, heading: str = "") -> str:
+    """A page, or one of its sections."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return text.partition(f"# {heading}\n")[2].partition("\n#")[0] if heading else text
+
+
+@pytest.mark.parametrize(
+    "page", ["howto/flight.md", "howto/identify.md", "howto/import_logs.md", "reference/import.md"]
+)
+def test_pages_about_logs_run(lesson: Any, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    lesson.run(text_of(page))
+    if page == "howto/import_logs.md":
+        assert lesson.said == "slocum\n"
+    assert capsys.readouterr().out
+
+
+def test_navigation_runs(lesson: Any) -> None:
+    lesson.run(text_of("howto/navigation.md"))
+    VELOCITY_ESTIMATORS.unregister("constant")
+    assert lesson.session["run"].complete
+    assert lesson.session["ahead"].current.shape == (2, 2)
+
+
+def test_a_log_as_a_time_series_runs(lesson: Any) -> None:
+    lesson.run(text_of("reference/factory.md", "As a time series"))
+    assert lesson.session["series"].sizes["time"] > 1000
+
+
+def test_the_factory_in_python_runs(lesson: Any) -> None:
+    (program,) = [t for _, t in blocks("docs/reference/factory.md") if "summary = generate(" in t]
+    lesson.python(program.replace("hours=1.0", "hours=0.2"))
+    assert lesson.session["run"].parameters(0).values["vehicle.k_m"] > 0.0
+
+
+def test_files_of_the_factory_are_read(folder: Path) -> None:
+    text = text_of("reference/factory.md")
+    found = {language: block for language, _, block in FENCE.findall(text) if language != "python"}
+    (folder / "spread.toml").write_text(found["toml"])
+    recipe = make_recipe(changes=read_changes(folder / "spread.toml"))
+    assert len(recipe.changes) == 4
+    vehicle = (folder / "mine.xml").read_text()
+    (folder / "spread.xml").write_text(vehicle.replace("</custom>", f"{found['xml']}</custom>"))
+    table = parameter_table(load_vehicle(folder / "spread.xml"))
+    assert table["mission.net_mass_kg"].field == "uniform(0.25, 0.45)"
+    assert parse_metadata(found["yaml"], "m.yml").attributes["license"] == "CC-BY-4.0"
+
+
+def test_the_first_command_runs(lesson: Any) -> None:
+    install, *commands = FENCE.findall(text_of("index.md"))[0][2].splitlines()
+    assert install == "pip install ."
+    lesson.shell("\n".join(commands))
+    assert (lesson.folder / "run.png").is_file()
+
+
+SHOWN_COMMAND = re.compile(
+    r"^(?: {4}|\$ )?(?:[A-Z_]+=\S+ )?((?:twin|factory|learn) [a-z][^\n]*)", re.MULTILINE
+)
+"""A command of a code block; a synopsis has what may be left out in brackets"""
+
+
+def test_every_command_of_a_page_is_one_that_its_parser_takes() -> None:
+    """With all its words, as the program itself reads them."""
+    reference = script("docs_reference")
+    parsers = {
+        f"{name} {command.name}": reference.parser_of(name, command)
+        for name in reference.PROGRAMS
+        for command in reference.program(name).commands
+    }
+    wrong, shown = [], 0
+    for page in [*PAGES, *(ROOT / "docs" / "tutorials").glob("*.md")]:
+        for line in SHOWN_COMMAND.findall(page.read_text(encoding="utf-8").replace("\\\n", " ")):
+            parser = parsers.get(" ".join(line.split()[:2]))
+            if parser is None:
+                continue  # prose that begins with a program's name
+            shown += 1
+            words = [word for word in shlex.split(line, comments=True) if word != "..."]
+            try:
+                with contextlib.redirect_stderr(io.StringIO()) as told:
+                    parser.parse_args([word.strip("[]") for word in words[2:]])
+            except SystemExit:
+                wrong.append(f"{page.name}: {line}: {told.getvalue()[-300:]}")
+    assert shown > 150
+    assert not wrong
+
+
+def test_every_benchmark_of_a_page_has_its_options() -> None:
+    wrong, shown = [], 0
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        for name, words in re.findall(r"python -m (benchmarks[.\w]+)([^`\n]*)", text):
+            shown += 1
+            place = ROOT / name.replace(".", "/")
+            files = [*place.glob("*.py")] if place.is_dir() else [place.with_suffix(".py")]
+            code = "".join(one.read_text(encoding="utf-8") for one in files if one.is_file())
+            options = re.findall(r"--[a-z-]+", words.partition("#")[0])
+            fields = {o: f"    {o[2:].replace('-', '_')}: " for o in options}  # of a dataclass
+            wrong += [
+                f"{page.name}: {name} {option}"
+                for option, field in fields.items()
+                if f'"{option}"' not in code and field not in code
+            ]
+            wrong += [f"{page.name}: {name}"] if not code else []
+    assert shown > 40
+    assert not wrong

@@ -1,0 +1,55 @@
+"""Which tests `make quick` leaves out, and that the longest begin."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from examples import ROOT, script
+
+SLOW = json.loads((ROOT / "tests" / "slow.json").read_text(encoding="utf-8"))
+
+
+def collected(*words: str) -> list[str]:
+    """Files of the tests that pytest would run, in their order."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n0", "--collect-only", "-q", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return list(
+        dict.fromkeys(line.split("::")[0] for line in done.stdout.splitlines() if "::" in line)
+    )
+
+
+def test_the_slow_files_are_there() -> None:
+    """After a move: scripts/durations.py, as CONTRIBUTING.md says."""
+    assert [name for name in SLOW if not (ROOT / name).is_file()] == []
+
+
+def test_the_longest_begin_and_a_quick_run_leaves_them_out() -> None:
+    long, short = "tests/test_mutants.py", "tests/test_durations.py"
+    assert long in SLOW
+    assert collected(short, long) == [long, short]
+    fast = collected("--quick", "tests/benchmarks")
+    assert len(fast) > 2
+    assert not set(fast) & set(SLOW)
+
+
+def test_a_report_gives_seconds_of_files(tmp_path: Path) -> None:
+    durations = script("durations")
+    report = tmp_path / "report.xml"
+    case = '<testcase classname="tests.test_{}" name="a" time="{}"/>'
+    cases = [("durations", 0.5), ("mutants.TestClass", 2), ("durations", 1)]
+    report.write_text(f"<x>{''.join(case.format(*one) for one in cases)}</x>")
+    found = durations.seconds(report)
+    assert list(found.items()) == [("tests/test_mutants.py", 2.0), ("tests/test_durations.py", 1.5)]
+    report.write_text(f"<x>{case.format('gone', 1)}</x>")
+    with pytest.raises(ValueError, match=r"tests\.test_gone is in no file"):
+        durations.seconds(report)
