@@ -1,4 +1,4 @@
-"""Legs of a dive: its descents and climbs by its depth, and the log's signal of what steers them."""
+"""Legs of a dive: descents and climbs by depth, and the log's signal of what steers them."""
 
 from __future__ import annotations
 
