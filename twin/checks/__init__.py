@@ -1,6 +1,6 @@
-"""Checks: the twin against the Fossen model, published figures, and its own cost.
+"""Checks: the twin against the Fossen model, published figures and real logs, and its own cost.
 
-Logs: a vehicle file flown beside the logs of the real vehicle, in closed loop on its targets.
+Against logs a vehicle file is flown in closed loop on the targets of the real vehicle.
 """
 
 from twin.checks.log_comparison import check_logs

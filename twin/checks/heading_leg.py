@@ -1,7 +1,4 @@
-"""Legs: the descents and climbs of a dive, from its depth.
-
-Steering: which signal of a log is the position of a part of the vehicle.
-"""
+"""Legs of a dive: descents and climbs by depth, and the log's signal of what steers them."""
 
 from __future__ import annotations
 

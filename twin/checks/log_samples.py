@@ -1,6 +1,6 @@
 """Samples: the legs of a logged dive and of the twin's flight of it, in one form.
 
-Signals: what a store of logs must hold to be compared, and what is said of what it lacks.
+It names the signals that a store of logs needs for a comparison, and reports those that it lacks.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 In closed loop a twin in calm water hardly moves its rudder, where the log's works against waves and
 a compass' noise. Here pitch and pump stay in closed loop and the heading is left to itself.
 
-Oscillation: a swing that does not die out, as a badly tuned control loop makes it.
+It also finds a swing that does not die out, as a badly tuned control loop makes it.
 """
 
 from __future__ import annotations

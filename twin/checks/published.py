@@ -1,6 +1,6 @@
 """Published motions: the figures that a vehicle file must reproduce, from assets/published.toml.
 
-Held flight: the steady motion of a propelled vehicle whose rudder or elevator is steered.
+They include steady motions of propelled vehicles that a rudder or an elevator holds.
 """
 
 from __future__ import annotations

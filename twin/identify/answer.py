@@ -1,7 +1,7 @@
-"""Answer: what a fit says about a vehicle and each of its parameters.
+"""Answer: a fit's result for a vehicle and each of its parameters.
 
-Confusion: parameters that a log determines together, but not apart.
-Provenance: what a vehicle file says about the identification that made it.
+It names the parameters that a log determines together but not apart, and holds what a vehicle file
+records about the identification that made it.
 """
 
 from __future__ import annotations

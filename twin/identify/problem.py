@@ -6,9 +6,9 @@ attack or compass makes jump as the vehicle turns.
 
 Residuals of depth rate are not independent: internal waves last minutes. Their number is divided
 by the integrated autocorrelation time before anything is weighted, which is what makes the stated
-deviations hold (`tests/twin/test_identify_recovery.py`).
+deviations hold (`tests/twin/identify/test_identify_recovery.py`).
 
-Blocks: deviations of a fit by bootstrap over the dives that it was made from.
+The deviations of a fit come from a bootstrap over its dives.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Start: the shipped vehicle that identification starts from, by the kind of the log.
+"""Start values: the shipped vehicle of a log's kind, and a glider's steady flight.
 
-Balance: the steady flight of a glider, forces in balance at every sample.
+In steady flight the forces are in balance at every sample.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Residuals: yaw rate and roll of the model less those of a log, weighted.
+"""Turning residuals: yaw rate and roll of the lateral model less those of a log, weighted.
 
-Response: the yaw rate and the roll of the lateral model under the inputs of a log.
-Unknowns of a turn: the coefficients that are fitted, as numbers of the vehicle's own size.
+The model answers the inputs of the log. The fitted coefficients are numbers of the vehicle's own
+size.
 """
 
 from __future__ import annotations

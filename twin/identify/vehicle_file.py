@@ -4,7 +4,7 @@ Only the attributes that changed are touched; comments, meshes and cameras of th
 was fitted, from which store and how surely, goes into a `<text>` element, so that the file says
 for itself where its numbers come from.
 
-Stiffness: the physics step that a vehicle's yaw damping allows.
+The file's physics step is one that the vehicle's yaw damping allows.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Navigation: what a vehicle on board can know of where it is, and how it is found afterwards."""
+"""Navigation: where a vehicle is, estimated on board under way and from its record afterwards."""

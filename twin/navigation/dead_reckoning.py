@@ -7,7 +7,7 @@ matter, see `twin.navigation.dives`.
 
 Angles are radians here; stores hold degrees, `Attitude.of` converts.
 
-Ellipse: what a covariance of north and east looks like on a map.
+A covariance of north and east becomes an ellipse on a map.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Navigation of a simulation: what its guidance sees instead of the truth.
+"""Navigation of a simulation: the settings by which guidance sees estimates in place of the truth.
 
-Estimated channels: what an on-board filter makes of the measured ones, beside them.
+An on-board filter makes the estimated channels from the measured ones.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Base: what every sensor says about itself, and what it measures in.
+"""Base: the class of every sensor, and the registry of the sensors that a suite can hold.
 
 A sensor is one file with one frozen dataclass: its fields are the settings, its class attributes
 say what it reads, writes and draws, and `measure` is its model. `register` makes it known; then
@@ -8,7 +8,7 @@ A sensor that can also measure sample by sample, in a simulation that it steers,
 instead: a run, which measures one stretch of a mission after the other, all of it at once or a
 sample at a time, to the same readings.
 
-Registry: the sensors that can be in a suite, each complete; `register` adds one's own.
+`register` refuses an incomplete sensor.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What is looked at: figures, films, pages for browsers, and the look that they share."""
+"""Pictures of missions and logs: figures, films, pages for browsers, and their common look."""

@@ -1,6 +1,6 @@
-"""Page of a hindcast: figures, maps and a table of surfacings in one file without a network.
+"""Page of a hindcast: figures and a table of surfacings in one file that needs no network.
 
-Figures of a hindcast: maps with ellipses, the current over time, and errors by method.
+The figures are maps with ellipses, the current over time, and errors by method.
 """
 
 from __future__ import annotations

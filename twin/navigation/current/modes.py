@@ -6,8 +6,8 @@ rotary component that drifts in amplitude and phase (Gelb 1974, Applied Optimal 
 3; rotary components after Gonella 1972, Deep-Sea Res. 19). A line of the tide is a pair that turns
 both ways: together they make any ellipse.
 
-Transition: how the state of a current filter and its covariance change over a time step.
-Innovation: by how much a fix differs from what a filter expected.
+The transition is the change of a filter's state and covariance over a time step; the innovation is
+the difference of a fix from what the filter expected.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@ any measurement.
 
 The amplitudes are those of a prior: the filter learns each part's actual course from the fixes.
 
-Constituents: the tidal frequencies that a current may hold, and which of them a record can tell.
-Layout: where each number is in the state of a current filter, and what may be given for it.
+The tidal frequencies that a current may hold stand here, with those that a record can tell apart,
+and the place of each number in the state of a current filter.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Record: the steps of a filter, kept for smoothing.
+"""Record: the steps of a filter, kept for smoothing, and its forecast.
 
-Forecast: a current and the displacement by it at later times, with their covariances.
+A forecast is the current at later times and the displacement by it, with their covariances.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Velocity estimators by name, a seam: what on board says how fast the water goes by.
+"""Velocity estimators by name: ways to find on board how fast a vehicle moves through the water.
 
-Baselines are another: what navigators do today, with one interface and the nominal vehicle only.
-Nothing is imported before it is used.
+Baselines are the methods that navigators use today, with the nominal vehicle only. Estimators and
+baselines are two seams: kinds of one's own join by name. An estimator is imported when it is used.
 """
 
 from typing import TYPE_CHECKING

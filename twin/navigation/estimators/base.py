@@ -1,6 +1,6 @@
-"""Velocity estimators: what says on board how fast the vehicle moves through the water.
+"""Velocity estimators: their base class, and the registry that makes one from its name.
 
-Registry of the velocity estimators, and how one is made from its name and argument.
+An estimator finds on board how fast the vehicle moves through the water.
 """
 
 from __future__ import annotations

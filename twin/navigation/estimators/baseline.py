@@ -1,7 +1,7 @@
 """Base of the baselines: what a method that estimates velocities may read, and what it returns.
 
-Baselines by name. Nothing heavy is imported before one is looked up.
-Baselines as velocity estimators that the command line can name.
+Baselines are found by name, and imported when one is looked up. The command line can name them as
+velocity estimators.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Features: what a network sees, by name, computed from what a vehicle measures or commands.
+"""Features: the inputs of a network by name, computed from what a vehicle measures or commands.
 
 No feature reads a `true_*` channel. Absolute heading is not a feature: the water does not know
 where north is, and a network that sees the heading learns the headings of its training missions.

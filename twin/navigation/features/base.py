@@ -4,7 +4,7 @@ A feature is a function of a few terms. A term looks at one signal: its last val
 slope over the last samples. Terms are linear in the samples that they look back on, which both ways
 of computing, and code for other machines, can rely on.
 
-Features by name, and those of a vehicle's own parts.
+Features are found by name; a vehicle's own parts have features too.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Flight: motion by a steady balance of forces whose constants are estimated under way.
+"""Flown features: depth, its rate, the speed that explains it, and motion by the flight filter.
 
-See `twin.navigation.flight_filter`.
-
-Depth, its rate, and the speed that explains the rate.
+The filter (`twin.navigation.flight_filter`) balances forces with constants that it estimates under
+way.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Selection: which features a network sees, from names, groups and the sensors that there are.
 
-Matrix: the features of one mission, whole.
+The features of one mission make a matrix.
 """
 
 from __future__ import annotations

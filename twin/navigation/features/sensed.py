@@ -1,10 +1,10 @@
-"""Gyroscope and accelerometer: their readings, and what gravity says of the pitch.
+"""Sensed features: gyroscope, accelerometer, the pitch by gravity, attitude, and controls.
 
 A glider hardly accelerates, so its accelerometer is an inclinometer without the errors that the
 gyros add to an attitude filter; the bias of the accelerometer is in both.
 
-Attitude: its sines and cosines, their means, and how fast it turns.
-Controls: where a glider's parts are, how fast they move, and where they were told to go.
+Attitude has sines and cosines, their means, and how fast it turns. Controls are the positions of a
+glider's parts, how fast they move, and their commands.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Sensors against truth: what was measured, what was true, and the difference.
+"""Devices over time: the figures of sensors, of moving parts and of velocities.
 
-Actuator: command and position of every moving part, attitude and its setpoints.
-Velocity: surge, sway and heave through the water, and the speed over ground.
+Sensors stand beside the truth, with the difference. Moving parts have command and position, with
+attitude and its setpoints. Velocities are surge, sway and heave through the water, and the speed
+over ground.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Coast: the world's land as polygons of longitude and latitude, coarse, shipped with the package.
+"""Ground of a map: the world's coarse coast, and axes in degrees and minutes as charts write them.
 
-Natural Earth 1:50m, public domain; `coast.md` beside this file says more.
-
-Graticule: axes in longitude and latitude, with degrees and minutes as charts write them.
+The land is polygons of longitude and latitude that ship with the package: Natural Earth 1:50m,
+public domain; see `coast.md` beside this file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Page: one HTML file with everything in it, figures too, that opens anywhere without a network.
+"""Page layout: one HTML file with all its figures inside, which opens anywhere without a network.
 
-Caption: which mission of which store a figure shows, so that a picture can be told apart.
+Captions name the mission and the store that a figure shows.
 """
 
 from __future__ import annotations

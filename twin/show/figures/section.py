@@ -1,6 +1,6 @@
-"""Section: depth against time, coloured by another signal.
+"""Sections: a mission's depth against time in the colours of a signal, and transects.
 
-Transect: temperature and salinity as sections, depth down, over the distance along the track.
+A transect is temperature and salinity, depth down, over the distance along the track.
 """
 
 from __future__ import annotations

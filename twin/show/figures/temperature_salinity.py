@@ -1,7 +1,7 @@
-"""Temperature-salinity diagram: the waters that a mission met, with lines of equal density.
+"""Temperature and salinity: the diagram of both with lines of equal density, and the hydrography.
 
-Hydrography: temperature and salinity as sections, depth down, over time.
-Ocean maps: the colour map of each quantity, cmocean's where the water is shown.
+The hydrography is both as sections, depth down, over time. Each quantity has a colour map,
+cmocean's where the water is shown.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Track: where the glider went, from above, beside dead-reckoned tracks.
+"""Track: where the glider went, from above and in space, beside dead-reckoned tracks.
 
-Track in space: where the glider went, depth down, beside dead-reckoned tracks.
-Space: 3-D axes with depth down, as every figure of a track in space has them.
+In space the axes are three-dimensional with depth down.
 """
 
 from __future__ import annotations

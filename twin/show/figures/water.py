@@ -1,6 +1,6 @@
-"""Water: temperature and salinity of a mission, for the figures that show them.
+"""Water: a mission's temperature, salinity and current profile, for the figures that show them.
 
-Current profile: what the water did at the depths that the glider passed.
+The profile is the current at the depths that the glider passed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Canvas: sizes of what is drawn over a picture, and small things to draw.
+"""Canvas: sizes and small shapes of what is drawn over a picture, and the scene's colours.
 
-Palette: colours of the scene. RGB in 0 to 1.
+Colours are RGB in 0 to 1.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Ribbon: a track as a tube that is revealed as the glider flies it.
+"""Ribbons and arrows: a track as a tube that grows as the glider flies it, and the current.
 
 The tube is cut into chunks of a few nodes. Chunks that lie wholly in the past are drawn; the one
 in which the glider is, is replaced by the `head`, a short tube that is reshaped for each frame
 and ends at the glider.
 
-Arrows: the current along the depth profile, on a mast in the block or beside the glider.
+Arrows show the current along the depth profile, on a mast in the block or beside the glider.
 """
 
 from __future__ import annotations

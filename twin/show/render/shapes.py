@@ -1,9 +1,8 @@
-"""Shapes: triangle meshes of the scene, as vertices, faces, normals and texture coordinates.
+"""Shapes: triangle meshes of the scene, and the MuJoCo spec that holds them.
 
-All in display units (see `layout`), z up, faces counterclockwise seen from outside. MuJoCo draws
-only front faces, which the water's walls use: whichever wall is nearest to the camera disappears.
-
-Props: the MuJoCo spec of a scene, and how meshes are put into it.
+A mesh is vertices, faces, normals and texture coordinates, in display units (see
+`scene_geometry`), z up, with faces counterclockwise seen from outside. MuJoCo draws only front
+faces, which the water's walls use: whichever wall is nearest to the camera disappears.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Only what pictures show is taken: geoms of the groups that are seen, with their colours. Every
 shape becomes flat triangles whose normals are smoothed over edges that are not sharp.
 
-Packing: arrays of numbers as whole numbers of a declared step, in base64, for the page's script.
+The page's script gets arrays as whole numbers of a declared step, in base64.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Ocean currents: what they are, and one compiled sampler for all of them.
+"""Ocean currents: one file a kind, and one compiled sampler for all of them.
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
 `Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile

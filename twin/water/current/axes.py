@@ -3,7 +3,7 @@
 Attributes decide first, then the usual names. Grids that are not rectilinear in latitude and
 longitude are refused with the way out.
 
-Where and when a mission starts: the geographic anchor of its north-east-down frame.
+The module also holds where and when a mission starts, which anchors its north-east-down frame.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ They are no row of `twin.seams` because a kind here is a class together with the
 stands for it in compiled programs: no two kinds may share one, and a new kind makes samplers
 compile again.
 
-Checks of a current's settings, worded the same for every kind.
+Checks of settings stand here too, worded the same for every kind.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ depth 0 holds. A program that is damaged gives NaN, and nothing outside it is re
 The chain of kinds is written from the registry: a kind that is registered later makes this module
 new, and with it every compiled function that samples currents.
 
-Flat layout of a compiled current: what `sampler.py` reads and every kind writes.
+The layout of a compiled current is flat: every kind writes it, and the sampler reads it.
 """
 
 from __future__ import annotations

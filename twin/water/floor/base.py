@@ -1,7 +1,4 @@
-"""Base: what every sea floor can do.
-
-Flat floor: one depth everywhere.
-"""
+"""Base: the class of every sea floor, and the flat floor with one depth everywhere."""
 
 from __future__ import annotations
 

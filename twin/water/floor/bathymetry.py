@@ -1,10 +1,10 @@
-"""Bathymetry: a sea floor read from a netCDF file or a zarr store on latitude and longitude.
+"""Bathymetry: a sea floor of given depths, from a file on latitude and longitude or from Python.
 
-GEBCO's layout is the pattern: `elevation` in m, positive up, on `lat` and `lon`. ETOPO, EMODnet
-and the static files of ocean models are read too; what counts downward is told by its
-standard_name, its attribute `positive` or its name.
+Files are netCDF or zarr. GEBCO's layout is the pattern: `elevation` in m, positive up, on `lat` and
+`lon`. ETOPO, EMODnet and the static files of ocean models are read too; the standard_name, the
+attribute `positive` or the name marks what counts downward.
 
-Grid floor: depths made in Python, in metres north and east of the mission's start.
+Depths from Python are given in metres north and east of the mission's start.
 """
 
 from __future__ import annotations
