@@ -28,6 +28,10 @@ class NoOpenGL(TwinError):
     """This machine cannot draw: a library is missing, or drawing was switched off."""
 
 
+class ForkedDrawing(TwinError):
+    """A process that was forked from one that had drawn wants to draw: it would wait for ever."""
+
+
 class Context(Protocol):
     """What MuJoCo's context classes have in common."""
 
@@ -56,6 +60,26 @@ def available_backend() -> str | None:
     return None
 
 
+_drawing: int | None = None
+"""Process that first drew, among this one and those that it was forked from"""
+
+
+def claim_drawing() -> None:
+    """Say that this process draws; OpenGL's threads and locks do not live on in a forked one.
+
+    Raises:
+      ForkedDrawing: it was forked from a process that had drawn.
+    """
+    global _drawing
+    if _drawing not in (None, os.getpid()):
+        raise ForkedDrawing(
+            f"this process was forked from process {_drawing}, which had drawn before, so drawing "
+            "here would wait for ever: start processes with "
+            "multiprocessing.get_context('spawn'), or AsyncVectorEnv(..., context='spawn')"
+        )
+    _drawing = os.getpid()
+
+
 def new_context(width: int, height: int) -> Context:
     """An offscreen context of the preferred backend, released at exit if nobody does so before.
 
@@ -64,7 +88,9 @@ def new_context(width: int, height: int) -> Context:
 
     Raises:
       NoOpenGL: no backend works; the message names the Debian packages to install.
+      ForkedDrawing: this process was forked from one that had drawn.
     """
+    claim_drawing()
     backend = available_backend()
     if backend is None:
         raise NoOpenGL(_advice())

@@ -8,13 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from dm_control.utils import rewards
 
-from twin.suite.environment import Environment, build
-from twin.suite.episode import Episode
-from twin.suite.physics import Physics
-from twin.suite.task import (
+from twin.control import rewards
+from twin.control.environment import Environment, build
+from twin.control.physics import Physics, WaterPhysics
+from twin.control.task import (
     Array,
+    Episode,
     GliderTask,
     Place,
     Reference,
@@ -22,7 +22,7 @@ from twin.suite.task import (
     row,
     wrap_angle,
 )
-from twin.suite.waypoints import yo_sense
+from twin.control.waypoints import yo_sense
 from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import load_vehicle
 
@@ -100,12 +100,12 @@ class Energy(GliderTask):
         start = self.gliding_start(depth=depth, heading=heading, pitch=-self.cruise_pitch)
         return Episode(start=start, goal={"course": course, "spent": 0.0})
 
-    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
+    def begin(self, physics: WaterPhysics, at: Place, episode: Episode) -> None:
         """Count from here on."""
         super().begin(physics, at, episode)
         self.put(at, before=physics.activation()[at], counted=np.asarray(physics.time())[at])
 
-    def after_step(self, physics: Physics) -> None:
+    def after_step(self, physics: WaterPhysics) -> None:
         """Count what the step took."""
         after, time = physics.activation(), physics.time()
         shares = self.consumption.shares(
@@ -120,15 +120,15 @@ class Energy(GliderTask):
         self.before, self.counted = after, time
         super().after_step(physics)
 
-    def distance(self, physics: Physics) -> Any:
+    def distance(self, physics: WaterPhysics) -> Any:
         """Way made along the course since the start [m]."""
         return physics.north() * np.cos(self.course) + physics.east() * np.sin(self.course)
 
-    def heading_error(self, physics: Physics) -> Any:
+    def heading_error(self, physics: WaterPhysics) -> Any:
         """Course minus heading [rad], in [-pi, pi)."""
         return wrap_angle(self.course - physics.heading())
 
-    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
         """`to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
         return {
             "to_course": as_direction(self.heading_error(physics)),
@@ -146,7 +146,7 @@ class Energy(GliderTask):
             "spent": (0.0, power * self.duration / KILO),
         }
 
-    def get_reward(self, physics: Physics) -> Any:
+    def get_reward(self, physics: WaterPhysics) -> Any:
         """1 at GOOD_COST or less."""
         vehicle = self.vehicle
         credit = GOOD_COST * vehicle.mass * vehicle.gravity * SETTLING
@@ -155,7 +155,7 @@ class Energy(GliderTask):
             cost, bounds=(0.0, GOOD_COST), margin=COST_MARGIN, sigmoid="long_tail"
         )
 
-    def reference(self, physics: Physics) -> Reference:
+    def reference(self, physics: WaterPhysics) -> Reference:
         """Deep yos on the course."""
         sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
         return Reference(

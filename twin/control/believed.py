@@ -1,4 +1,4 @@
-"""Believed: a vehicle's state as it is known on board, by the names of `twin.suite.physics`."""
+"""Believed: a vehicle's state as it is known on board, by the names of `twin.control.physics`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from twin.physics.true_signals import LiveTruth
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from twin.suite.physics import Physics
+    from twin.control.physics import WaterPhysics
 
 Array = NDArray[np.float64]
 
@@ -58,12 +58,12 @@ class Believed:
         self._on_board: OnBoard | None = None
         self._time = -math.inf
 
-    def look(self, physics: Physics) -> None:
+    def look(self, physics: WaterPhysics) -> None:
         """Measure, once for every time."""
         time = physics.time()
         if self._on_board is not None and time <= self._time:
             return
-        raw, model = physics.data.ptr, physics.model.ptr
+        raw, model = physics.mj_data, physics.mj_model
         if self._on_board is None:
             row = block.log_row(model.nq, model.nv, model.nu)
             floor = table(model, "floor")
@@ -83,7 +83,7 @@ class Believed:
         self._time = time
         self._seen = self._on_board.observe(time)
 
-    def _begin(self, physics: Physics, floor: Array, current: Array) -> OnBoard:
+    def _begin(self, physics: WaterPhysics, floor: Array, current: Array) -> OnBoard:
         seed = int(self._random.randint(LARGEST_SEED))
         depth = max(physics.depth(), 0.1)  # a Start is under water
         scenario = Scenario(
@@ -169,7 +169,7 @@ class Believed:
         return float(net_mass(self.vehicle, volume, np.maximum(depth, 0.0))[0])
 
 
-def block_state(physics: Physics) -> np.void:
+def block_state(physics: WaterPhysics) -> np.void:
     """What native code keeps of the water at the vehicle, a record of `block.STATE`."""
-    found: np.void = physics.data.ptr.userdata[: block.STATE_WORDS].view(block.STATE)[0]
+    found: np.void = physics.mj_data.userdata[: block.STATE_WORDS].view(block.STATE)[0]
     return found

@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.control.conditions import Conditions
 from twin.errors import InputError
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import header, room, table, write_tables
 from twin.physics.mujoco_model import refit
 from twin.physics.start import Start
-from twin.suite.conditions import Conditions
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
 

@@ -9,11 +9,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from twin.control.vector_env import GliderVectorEnv
 from twin.errors import InputError
 from twin.extras import require
-from twin.gym.vector import GliderVectorEnv
 
-require("stable_baselines3", extra="sb3", purpose="twin.gym.StableBaselinesVec")
+require("stable_baselines3", extra="sb3", purpose="twin.control.StableBaselinesVec")
 
 from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
 

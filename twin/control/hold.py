@@ -8,12 +8,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from dm_control.utils import rewards
 
-from twin.suite.environment import Environment, build
-from twin.suite.episode import Episode
-from twin.suite.physics import Physics
-from twin.suite.task import Array, GliderTask, Reference, row, wrap_angle
+from twin.control import rewards
+from twin.control.environment import Environment, build
+from twin.control.physics import Physics, WaterPhysics
+from twin.control.task import Array, Episode, GliderTask, Reference, row, wrap_angle
 from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 600.0
@@ -78,15 +77,15 @@ class Hold(GliderTask):
         pitches = PROPELLED_PITCHES if self.propelled else PITCHES
         return sense * float(random.uniform(*pitches))
 
-    def pitch_error(self, physics: Physics) -> Any:
+    def pitch_error(self, physics: WaterPhysics) -> Any:
         """Wanted minus present pitch [rad]."""
         return self.target_pitch - physics.pitch()
 
-    def heading_error(self, physics: Physics) -> Any:
+    def heading_error(self, physics: WaterPhysics) -> Any:
         """Wanted minus present heading [rad], in [-pi, pi)."""
         return wrap_angle(self.target_heading - physics.heading())
 
-    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
         """`to_target`: pitch error [rad], sine and cosine of the heading error."""
         error = self.heading_error(physics)
         return {"to_target": row(self.pitch_error(physics), np.sin(error), np.cos(error))}
@@ -95,7 +94,7 @@ class Hold(GliderTask):
         """Pitches are within a quarter turn."""
         return {"to_target": (-math.pi, math.pi)}
 
-    def get_reward(self, physics: Physics) -> Any:
+    def get_reward(self, physics: WaterPhysics) -> Any:
         """1 on pitch and heading at half the cruise speed or more."""
         enough = SPEED_SHARE * self.cruise.speed
         pitch = rewards.tolerance(
@@ -116,7 +115,7 @@ class Hold(GliderTask):
         )
         return pitch * heading * flying
 
-    def reference(self, physics: Physics) -> Reference:
+    def reference(self, physics: WaterPhysics) -> Reference:
         """The target, with the cruise's buoyancy."""
         net_mass = -math.copysign(self.cruise_mass, self.target_pitch)
         return Reference(pitch=self.target_pitch, heading=self.target_heading, net_mass=net_mass)

@@ -1,4 +1,4 @@
-"""`python -m twin.suite`: a task in the dm_control viewer."""
+"""`python -m twin.control`: a task in the dm_control viewer."""
 
 import sys
 
@@ -6,13 +6,13 @@ from twin.cli.program import Program, ProgramCommand
 
 _VIEW = "view"
 PROGRAM = Program(
-    name="python -m twin.suite",
+    name="python -m twin.control",
     summary="Control tasks for a glider, in the dm_control viewer.",
     commands=(
         ProgramCommand(
             name=_VIEW,
             summary="watch a policy fly a task (the default command)",
-            loader="twin.suite.view:View",
+            loader="twin.control.viewer:View",
         ),
     ),
 )

@@ -10,21 +10,19 @@ from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
-from dm_control.suite import base
-from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
+from twin.control.believed import Believed
+from twin.control.conditions import Conditions, Randomiser
+from twin.control.physics import WaterPhysics
+from twin.control.white_noise import UNSHOWN, Noisy
 from twin.errors import InputError, VehicleError
 from twin.mission.way import Way
 from twin.mission.way import way as steady_way
 from twin.numbers import numbers
 from twin.physics.start import Start
-from twin.suite.believed import Believed
-from twin.suite.conditions import Conditions, Randomiser
-from twin.suite.episode import Episode
-from twin.suite.noisy import UNSHOWN, Noisy
-from twin.suite.physics import Physics
 from twin.vehicle.vehicle import Vehicle
+from twin.water.current.base import Current
 
 Array = NDArray[np.float64]
 Observation = collections.OrderedDict[str, Array]
@@ -76,7 +74,28 @@ class Reference:
     """[kg], positive = heavy"""
 
 
-class GliderTask(base.Task):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Episode:
+    """One draw of a task."""
+
+    start: Start
+    """Where and how the vehicle begins."""
+    goal: Mapping[str, Any]
+    """What to reach, by the names of `GliderTask.goals`."""
+    current: Current | None = None
+    """A steady current that belongs to the task; None: it brings none."""
+
+
+LARGEST_SEED = 2**31
+
+
+def episode_random(seed: int, episode: int) -> np.random.RandomState:
+    """The random numbers of the `episode`-th reset after `seed`, which depend on nothing else."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(episode,))
+    return np.random.RandomState(np.random.PCG64(sequence))
+
+
+class GliderTask:
     """A task for one vehicle.
 
     Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
@@ -85,8 +104,8 @@ class GliderTask(base.Task):
     below `max_depth`.
 
     A task that draws its episodes in `draw_episode` and whose formulas take arrays serves one
-    vehicle or, after `serve`, many at once: `physics` then is a `twin.suite.many.ManyPhysics`, and
-    measurements, goals and rewards have the vehicle as their first axis.
+    vehicle or, after `serve`, many at once: `physics` then is a `twin.control.many.ManyPhysics`,
+    and measurements, goals and rewards have the vehicle as their first axis.
     """
 
     goals: ClassVar[Mapping[str, tuple[int, ...]]] = {}
@@ -110,11 +129,16 @@ class GliderTask(base.Task):
         Raises:
           InputError: the depth limit leaves no room. MissionError: the vehicle cannot cruise.
         """
-        super().__init__(random=random)
         if not max_depth > 0:
             raise InputError(f"max_depth {max_depth} m must be positive")
         if not isinstance(normalised, bool):
             raise InputError(f"normalised is {normalised!r}: give True or False")
+        if not isinstance(random, np.random.RandomState):
+            random = np.random.RandomState(random)
+        self.random = random
+        """Every random number of the only vehicle comes from here."""
+        self.visualize_reward = False
+        """Colour the hull by the reward"""
         self.vehicle = vehicle
         self.max_depth = float(max_depth)
         self.normalised = normalised
@@ -146,19 +170,11 @@ class GliderTask(base.Task):
 
     # --- actions ------------------------------------------------------------------------------
 
-    def action_spec(self, physics: Physics) -> specs.BoundedArray:
-        """Bounds of the commands; the name lists the actuators, separated by tabs."""
-        count = len(self.vehicle.parts)
-        low, high = np.full(count, -1.0), np.full(count, 1.0)
+    def action_range(self) -> tuple[Array, Array]:
+        """Least and largest commands, (parts,) each, from -1 to 1 or in the parts' units."""
         if not self.normalised:
-            low, high = self._low, self._high
-        return specs.BoundedArray(
-            shape=(len(self.vehicle.parts),),
-            dtype=np.float64,
-            minimum=low,
-            maximum=high,
-            name="\t".join(self.vehicle.part_names),
-        )
+            return self._low.copy(), self._high.copy()
+        return np.full(len(self._low), -1.0), np.full(len(self._low), 1.0)
 
     def to_command(self, action: ArrayLike) -> Array:
         """Commanded positions of the parts, in their order and units, of an action.
@@ -194,7 +210,7 @@ class GliderTask(base.Task):
             return values
         return 2.0 * (values - self._low) / (self._high - self._low) - 1.0
 
-    def before_step(self, action: ArrayLike, physics: Physics) -> None:
+    def before_step(self, action: ArrayLike, physics: WaterPhysics) -> None:
         """Command the actuators."""
         physics.set_control(self.to_command(action))
 
@@ -228,7 +244,7 @@ class GliderTask(base.Task):
         if at:
             self._generators[at[0]] = random
         else:
-            self._random = random
+            self.random = random
 
     def put(self, at: Place, **values: Any) -> None:
         """Set attributes of `goals` for one vehicle."""
@@ -242,14 +258,14 @@ class GliderTask(base.Task):
         """Where one vehicle begins and what it is to reach."""
         raise NotImplementedError
 
-    def initialize_episode(self, physics: Physics) -> None:
+    def initialize_episode(self, physics: WaterPhysics) -> None:
         """Draw an episode and begin it."""
         episode = self.place(physics, ())
         self.begin(physics, (), episode)
         self.mark(physics)
-        super().initialize_episode(physics)
+        self.after_step(physics)
 
-    def place(self, physics: Physics, at: Place) -> Episode:
+    def place(self, physics: WaterPhysics, at: Place) -> Episode:
         """Draw an episode of one vehicle and write its start; `begin` follows."""
         random = self.generator(at)
         episode = self.draw_episode(random)
@@ -263,29 +279,29 @@ class GliderTask(base.Task):
         )
         return episode
 
-    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
+    def begin(self, physics: WaterPhysics, at: Place, episode: Episode) -> None:
         """Take over an episode whose vehicle has been placed."""
         self.put(at, **episode.goal)
 
-    def mark(self, physics: Physics) -> None:
+    def mark(self, physics: WaterPhysics) -> None:
         """Move the marker of a task that has one; it is called for a single vehicle."""
 
-    def after_step(self, physics: Physics) -> None:
+    def after_step(self, physics: WaterPhysics) -> None:
         """Colour the hull by the reward when rewards are shown."""
         if not self.visualize_reward:
             return
-        material = physics.model.ptr.material(_HULL).id
-        colours = physics.model.mat_rgba
+        material = physics.mj_model.material(_HULL).id
+        colours = physics.mj_model.mat_rgba
         if self._colour is None:
             self._colour = colours[material, :3].copy()
         blend = min(max(self.get_reward(physics), 0.0), 1.0) ** _COLOUR_POWER
         colours[material, :3] = blend * _REWARDED + (1.0 - blend) * self._colour
 
-    def get_termination(self, physics: Physics) -> float | None:
+    def get_termination(self, physics: WaterPhysics) -> float | None:
         """Discount 0 at the surface and below the depth limit, None otherwise."""
         return 0.0 if self.lost(physics) else None
 
-    def lost(self, physics: Physics) -> Any:
+    def lost(self, physics: WaterPhysics) -> Any:
         """Whether the hull is at the surface or below the depth limit, for each vehicle."""
         return (physics.immersion() < 1.0) | (physics.depth() > self.max_depth)
 
@@ -306,7 +322,7 @@ class GliderTask(base.Task):
 
     # --- observations -------------------------------------------------------------------------
 
-    def observe_vehicle(self, physics: Physics) -> Observation:
+    def observe_vehicle(self, physics: WaterPhysics) -> Observation:
         """What a vehicle knows about itself.
 
         attitude: roll, pitch [rad]; rates: p, q, r [rad/s]; velocity: surge, sway, heave through
@@ -323,7 +339,7 @@ class GliderTask(base.Task):
             net_buoyancy=row(physics.net_buoyancy()),
         )
 
-    def get_observation(self, physics: Physics) -> Observation:
+    def get_observation(self, physics: WaterPhysics) -> Observation:
         """The vehicle's state and then what the task asks for; as it is believed on board where the
         environment is navigated, and with errors where there is noise."""
         seen: Any = physics
@@ -372,15 +388,15 @@ class GliderTask(base.Task):
         """The size that an observation usually has, in its unit; 1 where nothing is said."""
         return self.goal_scales.get(name, VEHICLE_SCALES.get(name, 1.0))
 
-    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
         """What the task asks for, by name, relative to the vehicle."""
         raise NotImplementedError
 
-    def get_reward(self, physics: Physics) -> Any:
+    def get_reward(self, physics: WaterPhysics) -> Any:
         """Between 0 and 1, for each vehicle."""
         raise NotImplementedError
 
-    def reference(self, physics: Physics) -> Reference:
+    def reference(self, physics: WaterPhysics) -> Reference:
         """What a pilot would aim at now."""
         raise NotImplementedError
 
@@ -423,8 +439,9 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
     return vehicle.replace(xml=ElementTree.tostring(root, encoding="unicode"))
 
 
-def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
+def place_marker(physics: WaterPhysics, north: float, east: float, depth: float) -> None:
     """Move the site of `with_marker` to a place [m]; call it in a reset or before a step."""
-    marker = physics.model.ptr.site(MARKER).id
-    physics.model.site_pos[marker] = (north, -east, -depth)
-    physics.data.site_xpos[marker] = (north, -east, -depth)  # seen before the next step
+    model, data = physics.mj_model, physics.mj_data
+    marker = model.site(MARKER).id
+    model.site_pos[marker] = (north, -east, -depth)
+    data.site_xpos[marker] = (north, -east, -depth)  # seen before the next step

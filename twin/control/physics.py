@@ -1,25 +1,25 @@
-"""Physics: the glider as dm_control sees it, with its measurements by name.
+"""Physics: a vehicle in water on MuJoCo, with its measurements by name.
 
 The model is the one of `compile_model`, the callbacks are the native ones: a step here
 is bit for bit a step of the batch. Measurements are in NED and FRD, SI units. They belong to the
-present state: `step` and `after_reset` leave positions and velocities up to date.
+present state: `step` and `reset_context` leave positions and velocities up to date.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Self
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
-from dm_control import mujoco as dm_mujoco
-from dm_control.mujoco import wrapper
-from dm_control.rl.control import PhysicsError
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import InputError, unknown_name
+from twin.control.conditions import Conditions
+from twin.control.pictures import Pictures
+from twin.control.placing import Nominal, place_vehicle, write_conditions
+from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
@@ -31,12 +31,10 @@ from twin.physics.model_block import (
     table,
     write_tables,
 )
-from twin.physics.mujoco_model import compile_model
+from twin.physics.mujoco_model import compile_model, quiet_mujoco
 from twin.physics.native.install import install
 from twin.physics.start import Start
-from twin.suite.conditions import Conditions
-from twin.suite.placing import Nominal, place_vehicle, write_conditions
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 
@@ -74,12 +72,11 @@ ROOM = 4096
 """Numbers of a current and a density profile that fit a model without compiling it again."""
 
 
-class Physics(dm_mujoco.Physics):
-    """A vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
+class WaterPhysics:
+    """What `Physics` and the one of `twin.control.suite` have in common: water and measurements."""
 
-    Build it with `from_vehicle`. Models that `compile_model` did not make are refused, because
-    they would move in vacuum. Copies, pickles and binary models carry their water with them.
-    """
+    unstable: ClassVar[type[Exception]] = SimulationUnstable
+    """Raised by `step` when the state leaves the finite numbers"""
 
     # --- making one ---------------------------------------------------------------------------
 
@@ -104,93 +101,86 @@ class Physics(dm_mujoco.Physics):
         return cls.from_model(model)
 
     @classmethod
-    def from_model(cls, model: mujoco.MjModel | wrapper.MjModel) -> Self:
+    def from_model(cls, model: mujoco.MjModel) -> Self:
         """From a model that `compile_model` made, taken as it is.
 
         Raises:
           VehicleError: the model does not carry the twin's parameter block.
         """
-        if isinstance(model, mujoco.MjModel):
-            model = wrapper.MjModel(model)
-        header(model.ptr)  # raises for models without a block
-        return super().from_model(model)
+        raise NotImplementedError
 
-    @classmethod
-    def from_xml_path(cls, file_path: str | Path) -> Self:
-        """From a vehicle file; see `from_vehicle`."""
-        return cls.from_vehicle(load_vehicle(file_path))
-
-    @classmethod
-    def from_xml_string(cls, xml_string: str, assets: Mapping[str, Any] | None = None) -> Self:
-        """From the text of a vehicle file; `assets` must be empty: vehicle files stand alone."""
-        return cls.from_vehicle(_vehicle_from_text(xml_string, assets))
-
-    @classmethod
-    def from_byte_string(cls, byte_string: bytes) -> Self:
-        """From a binary model, with the water that it carries."""
-        return cls.from_model(wrapper.MjModel.from_byte_string(byte_string))
-
-    @classmethod
-    def from_binary_path(cls, file_path: str) -> Self:
-        """From a file with a binary model, with the water that it carries."""
-        return cls.from_model(wrapper.MjModel.from_binary_path(file_path))
-
-    def reload_from_xml_path(self, file_path: str | Path) -> None:
-        """Become a new instance of `from_xml_path`."""
-        self._reload_from_data(self.from_xml_path(file_path).data)
-
-    def reload_from_xml_string(
-        self, xml_string: str, assets: Mapping[str, Any] | None = None
-    ) -> None:
-        """Become a new instance of `from_xml_string`."""
-        self._reload_from_data(self.from_xml_string(xml_string, assets).data)
-
-    def _reload_from_data(self, data: wrapper.MjData) -> None:
-        model = data.model.ptr
-        head = header(model)
+    def _attach(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Measure these from now on."""
+        head = header(model)  # raises for models without a block
         install()
-        super()._reload_from_data(data)
-        raw = data.ptr
+        self._mj_model, self._mj_data = model, data
         self._nominal: Nominal | None = None
         self._head, self._parts = head, part_table(model)
         self._names = part_names(model)
-        self._rotation = raw.xmat[int(head["hull_body"])].reshape(3, 3)
-        self._qpos, self._qvel, self._act = raw.qpos, raw.qvel, raw.act
-        self._water = state(raw)
+        self._rotation = data.xmat[int(head["hull_body"])].reshape(3, 3)
+        self._qpos, self._qvel, self._act = data.qpos, data.qvel, data.act
+        self._water = state(data)
+
+    @property
+    def mj_model(self) -> mujoco.MjModel:
+        """MuJoCo's own model."""
+        return self._mj_model
+
+    @property
+    def mj_data(self) -> mujoco.MjData:
+        """MuJoCo's own data."""
+        return self._mj_data
 
     # --- state --------------------------------------------------------------------------------
 
-    def _physics_state_items(self) -> list[Array]:
-        # userdata holds what the time-centred water remembers of the step before
-        return [*super()._physics_state_items(), self.data.userdata]
+    def reset_context(self) -> Any:
+        """Back to the model's initial state; after the block everything is up to date."""
+        raise NotImplementedError
 
     def step(self, nstep: int = 1) -> None:
         """Advance by `nstep` steps.
 
         Raises:
-          PhysicsError: the state left the finite numbers.
+          unstable: the state left the finite numbers.
         """
-        super().step(nstep)
-        if not self.legacy_step:
-            mujoco.mj_step1(self.model.ptr, self.data.ptr)
-        if self._water["failed"]:
-            raise PhysicsError(
-                f"the vehicle's state left the finite numbers at {self._water['fail_time']:g} s; "
-                "try a smaller timestep or check the vehicle's parameters"
-            )
+        raise NotImplementedError
 
-    def reset(self, keyframe_id: int | None = None) -> None:
-        """Back to the model's initial state, with nothing remembered of earlier velocities."""
-        super().reset(keyframe_id)
-        self.data.userdata[:] = 0.0
+    def set_control(self, control: ArrayLike) -> None:
+        """Command the parts, in their order and units, shape (parts,)."""
+        raise NotImplementedError
 
-    def after_reset(self) -> None:
-        """Bring everything up to date with a new state.
+    def render(self, **settings: Any) -> NDArray[Any]:
+        """What a camera sees now: height, width [pixel], camera_id, depth, segmentation, ..."""
+        raise NotImplementedError
 
-        dm_control's own switches actuation off here. The stiff servos then are missing from what
-        the `discrete` integrator prepares for the first step, which throws the battery away.
-        """
-        self.forward()
+    def free(self) -> None:
+        """Release what draws; `render` takes it up again."""
+        raise NotImplementedError
+
+    def time(self) -> float:
+        """[s] since the start."""
+        return float(self._mj_data.time)
+
+    def timestep(self) -> float:
+        """[s] of a step."""
+        return float(self._mj_model.opt.timestep)
+
+    def control(self) -> Array:
+        """Commanded positions of the parts, in their order and units, shape (parts,)."""
+        return self._mj_data.ctrl.copy()
+
+    def activation(self) -> Array:
+        """Positions of the parts, in their order and units, shape (parts,)."""
+        return self._act.copy()
+
+    def _failure(self) -> str | None:
+        """Why the present state cannot be used, None when it can."""
+        if not self._water["failed"]:
+            return None
+        return (
+            f"the vehicle's state left the finite numbers at {self._water['fail_time']:g} s; "
+            "try a smaller timestep or check the vehicle's parameters"
+        )
 
     def set_start(self, start: Start) -> None:
         """Place the glider, moving relative to the water as `start` says; call it in a reset.
@@ -206,7 +196,7 @@ class Physics(dm_mujoco.Physics):
                 "a start's place and time have no effect here: give them to "
                 "set_current(current, duration, origin=Origin(...)), which reads the water there"
             )
-        model, data = self.model.ptr, self.data.ptr
+        model, data = self._mj_model, self._mj_data
         place_vehicle(model, data, start)
 
     def place(
@@ -218,8 +208,8 @@ class Physics(dm_mujoco.Physics):
         conditions: Conditions | None,
         duration: float,
     ) -> None:
-        """Begin an episode of a task, as `twin.suite.many.ManyPhysics.place`; `at` is ()."""
-        model, data = self.model.ptr, self.data.ptr
+        """Begin an episode of a task, as `twin.control.many.ManyPhysics.place`; `at` is ()."""
+        model, data = self._mj_model, self._mj_data
         if conditions is not None and conditions.only_current:
             self.set_current(conditions.current, duration, conditions.origin)
         elif conditions is not None:
@@ -253,7 +243,7 @@ class Physics(dm_mujoco.Physics):
         Raises:
           InputError: they do not fit; the message says how to make room.
         """
-        model = self.model.ptr
+        model = self._mj_model
         tables = {name: table(model, name).copy() for name in ("current", "density", "floor")}
         tables.update(changed)
         needed = sum(values.size for values in tables.values())
@@ -406,10 +396,113 @@ class Physics(dm_mujoco.Physics):
         return 2.0 * (self._act - low) / (high - low) - 1.0
 
 
-def _vehicle_from_text(xml: str, assets: Mapping[str, Any] | None) -> Vehicle:
-    if assets:
-        raise InputError(
-            f"assets {', '.join(sorted(assets))}: a vehicle file stands alone; write meshes into "
-            "it with <mesh vertex=...>"
-        )
-    return parse_vehicle(xml, Path("vehicle.xml"))
+class Physics(WaterPhysics):
+    """A vehicle in water; build it with `from_vehicle`.
+
+    Models that `compile_model` did not make are refused, because they would move in vacuum. Copies
+    and pickles carry their water with them.
+    """
+
+    def __init__(self, data: mujoco.MjData):
+        """Of a model's data, which are taken as they are.
+
+        Raises:
+          VehicleError: the model does not carry the twin's parameter block.
+        """
+        self._attach(data.model, data)
+        self._pictures: Pictures | None = None
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel) -> Self:
+        """See `WaterPhysics`."""
+        header(model)
+        made = cls(mujoco.MjData(model))
+        with made.reset_context():
+            pass
+        return made
+
+    def __getstate__(self) -> mujoco.MjData:
+        return self.data
+
+    def __setstate__(self, data: mujoco.MjData) -> None:
+        Physics.__init__(self, data)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's own model."""
+        return self._mj_model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's own data."""
+        return self._mj_data
+
+    @contextmanager
+    def reset_context(self) -> Iterator[Self]:
+        """Back to the model's initial state; after the block everything is up to date.
+
+        Raises:
+          SimulationUnstable: the state that the block wrote is not finite.
+        """
+        mujoco.mj_resetData(self._mj_model, self._mj_data)
+        self._mj_data.userdata[:] = 0.0
+        yield self
+        self.forward()
+
+    def forward(self) -> None:
+        """Bring everything up to date with the state.
+
+        Raises:
+          SimulationUnstable: the state is not finite.
+        """
+        with self._watched():
+            mujoco.mj_forward(self._mj_model, self._mj_data)
+
+    def step(self, nstep: int = 1) -> None:
+        """Advance by `nstep` steps.
+
+        Raises:
+          SimulationUnstable: the state left the finite numbers.
+        """
+        model, data = self._mj_model, self._mj_data
+        with self._watched():  # the first half of a step is always done: see `reset_context`
+            mujoco.mj_step2(model, data)
+            if nstep > 1:
+                mujoco.mj_step(model, data, nstep - 1)
+            mujoco.mj_step1(model, data)
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Command the parts, in their order and units, shape (parts,)."""
+        self._mj_data.ctrl[:] = control
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Raise where MuJoCo warns, or where native code found numbers that are not finite."""
+        warned = self._mj_data.warning.number
+        before = warned.copy()
+        with quiet_mujoco():
+            yield
+        found = self._failure()
+        if found is None and (warned > before).any():
+            kinds = [mujoco.mjtWarning(int(kind)).name for kind in np.flatnonzero(warned > before)]
+            found = f"MuJoCo warns at {self.time():g} s: {', '.join(kinds)}"
+        if found is not None:
+            raise SimulationUnstable(found, mission=0, time_s=self.time())
+
+    # --- pictures -----------------------------------------------------------------------------
+
+    def render(self, **settings: Any) -> NDArray[Any]:
+        """What a camera sees now; the arguments are those of `twin.control.pictures.Pictures.draw`.
+
+        Raises:
+          NoOpenGL: this machine cannot draw. InputError: a camera or size that cannot be.
+        """
+        if self._pictures is None:
+            self._pictures = Pictures(self.model)
+        return self._pictures.draw(self.data, **settings)
+
+    def free(self) -> None:
+        """Release what draws; `render` takes it up again."""
+        if self._pictures is not None:
+            self._pictures.close()
+            self._pictures = None

@@ -16,9 +16,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from twin.control.task import GliderTask
+from twin.control.white_noise import LARGEST
 from twin.errors import InputError, unknown_name
-from twin.gym.noise import LARGEST
-from twin.suite.task import GliderTask
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Observations:
         Args:
           widths: numbers of each observation of one vehicle, by name.
           kind: one of KINDS.
-          deviations: of noise, by name; see `twin.gym.noise.Noise`.
+          deviations: of noise, by name; see `twin.control.white_noise.Noise`.
 
         Raises:
           InputError: an unknown kind.

@@ -1,4 +1,4 @@
-"""View: one task in dm_control's interactive viewer."""
+"""Viewer: one task in dm_control's interactive viewer."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Annotated
 import tyro
 
 from twin.cli.console import Console
+from twin.control.policies import POLICIES, Flown, Policy
+from twin.control.registry import TASKS
 from twin.errors import InputError, unknown_name
 from twin.show.render.screen import NoScreen
-from twin.suite.environment import Environment
-from twin.suite.policies import POLICIES, Policy
-from twin.suite.registry import TASKS
 
 KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
 """What a user must know of dm_control's viewer; its free camera stays at the surface."""
@@ -34,7 +33,7 @@ class View:
 
     def run(self, console: Console) -> int:
         """Open the window; returns when it is closed."""
-        from twin.suite import load
+        from twin.control.suite import load
 
         if self.policy not in POLICIES:
             raise InputError(unknown_name("policy", self.policy, POLICIES))
@@ -48,7 +47,7 @@ class View:
         return 0
 
 
-def launch(environment: Environment, policy: Policy) -> None:
+def launch(environment: Flown, policy: Policy) -> None:
     """Show the environment in dm_control's viewer.
 
     Raises:

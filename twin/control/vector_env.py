@@ -16,14 +16,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from twin.control.glider_env import action_space, load_task
+from twin.control.many import ManyPhysics
+from twin.control.observations import FLAT, Observations, Observed
+from twin.control.physics import ROOM
+from twin.control.task import LARGEST_SEED, episode_random
+from twin.control.white_noise import Noise
 from twin.errors import InputError, unknown_name
-from twin.gym.environment import action_space, load_task
-from twin.gym.episodes import LARGEST_SEED, episode_random
-from twin.gym.noise import Noise
-from twin.gym.observations import FLAT, Observations, Observed
 from twin.physics.mujoco_model import compile_model
-from twin.suite.many import ManyPhysics
-from twin.suite.physics import ROOM
 
 SMALL_ROOM = 64
 """Numbers of a task's own current that fit each vehicle's copy of the parameter block"""
@@ -34,7 +34,7 @@ Mask = NDArray[np.bool_]
 
 
 class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
-    """A task of the suite with `num_envs` vehicles.
+    """A task with `num_envs` vehicles.
 
     `metadata["autoreset_mode"]` says what follows the end of an episode, as in Gymnasium: in
     `next_step` (usual) the next step ignores the action and begins an episode with reward 0; in
@@ -58,7 +58,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         """Make the environment.
 
         Args:
-          task: one of `twin.suite.TASKS`.
+          task: one of `twin.control.TASKS`.
           num_envs: vehicles.
           observation: "flat" or "dict", as in `GliderEnv`.
           noise: standard deviations of white noise, as in `GliderEnv`.
@@ -92,9 +92,9 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
             "render_fps": 1.0 / one.control_timestep(),
             "autoreset_mode": self._mode,
         }
-        found = one.reset().observation
+        found = one.reset()
         widths = {name: int(np.size(value)) for name, value in found.items()}
-        self._noise = Noise(noise, one.task, widths)
+        self._noise = Noise(noise, one.task.goals_from, widths)
         self._observations = Observations(
             one.task, widths, observation, deviations=self._noise.deviations
         )
@@ -104,7 +104,8 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         self.single_action_space = action_space(one)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._task, self._substeps, self._limit = one.task, one._n_sub_steps, one._step_limit
+        self._task: Any = one.task
+        self.substeps, self._limit = one.substeps, one.limit
         varied = self._task.conditions is not None
         model = compile_model(
             self._task.vehicle,
@@ -123,7 +124,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
 
     @property
     def task(self) -> Any:
-        """The suite's task; its goals have the vehicle as their first axis."""
+        """The task; its goals have the vehicle as their first axis."""
         return self._task
 
     @property
@@ -215,7 +216,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         task, physics = self._task, self._physics
         ended, flying = self._over.copy(), ~self._over
         physics.set_control(task.to_command(actions))
-        physics.step(self._substeps, flying)
+        physics.step(self.substeps, flying)
         if ended.any():
             self._begin(ended)
         task.after_step(physics)

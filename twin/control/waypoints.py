@@ -8,13 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from dm_control.utils import rewards
 
-from twin.suite.environment import Environment, build
-from twin.suite.episode import Episode
-from twin.suite.physics import Physics
-from twin.suite.task import (
+from twin.control import rewards
+from twin.control.environment import Environment, build
+from twin.control.physics import Physics, WaterPhysics
+from twin.control.task import (
     Array,
+    Episode,
     GliderTask,
     Reference,
     place_marker,
@@ -92,11 +92,11 @@ class Waypoints(GliderTask):
         target = _draw_waypoint(random, start.north, start.east)
         return Episode(start=start, goal={"target": target, "reached": 0}, current=current)
 
-    def mark(self, physics: Physics) -> None:
+    def mark(self, physics: WaterPhysics) -> None:
         """A column at the waypoint."""
         place_marker(physics, self.target[0], self.target[1], 0.5 * self.max_depth)
 
-    def after_step(self, physics: Physics) -> None:
+    def after_step(self, physics: WaterPhysics) -> None:
         """Put up the next waypoint when this one is reached."""
         near = np.hypot(*self.to_target(physics)) < RADIUS
         north, east, reached = (
@@ -110,12 +110,12 @@ class Waypoints(GliderTask):
                 self.mark(physics)
         super().after_step(physics)
 
-    def to_target(self, physics: Physics) -> tuple[Any, Any]:
+    def to_target(self, physics: WaterPhysics) -> tuple[Any, Any]:
         """North and east from the glider to the waypoint [m]."""
         target = np.asarray(self.target)
         return target[..., 0] - physics.north(), target[..., 1] - physics.east()
 
-    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
         """`to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
         c, s = np.cos(physics.heading()), np.sin(physics.heading())
 
@@ -133,7 +133,7 @@ class Waypoints(GliderTask):
         farthest = LEGS[1] + self.fastest * self.duration
         return {"to_target": (-farthest, farthest), "current": (-self.fastest, self.fastest)}
 
-    def get_reward(self, physics: Physics) -> Any:
+    def get_reward(self, physics: WaterPhysics) -> Any:
         """Progress over ground in units of the cruise's, from 0 to 1."""
         north, east = self.to_target(physics)
         velocity = physics.velocity_over_ground()
@@ -146,7 +146,7 @@ class Waypoints(GliderTask):
             value_at_margin=0.0,
         )
 
-    def reference(self, physics: Physics) -> Reference:
+    def reference(self, physics: WaterPhysics) -> Reference:
         """A yo on the heading whose drift in the current leads to the waypoint."""
         north, east = self.to_target(physics)
         bearing = math.atan2(east, north)
@@ -167,7 +167,7 @@ def _draw_waypoint(random: np.random.RandomState, north: float, east: float) -> 
     return north + distance * math.cos(bearing), east + distance * math.sin(bearing)
 
 
-def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:
+def yo_sense(physics: WaterPhysics, vehicle: Vehicle, shallow: float, deep: float) -> float:
     """+1 to dive, -1 to climb, between two depths [m].
 
     The commanded pump remembers it; of a vehicle without one, the pitch does.
@@ -179,4 +179,4 @@ def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) ->
     pump = vehicle.steered("buoyancy")
     if pump is None:
         return 1.0 if physics.pitch() < 0.0 else -1.0
-    return 1.0 if physics.data.ctrl[vehicle.part_names.index(pump.name)] < pump.rest else -1.0
+    return 1.0 if physics.mj_data.ctrl[vehicle.part_names.index(pump.name)] < pump.rest else -1.0

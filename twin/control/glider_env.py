@@ -10,59 +10,58 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from twin.control.environment import SETTINGS, Environment, load_environment
+from twin.control.observations import FLAT, Observations, Observed
+from twin.control.registry import task_arguments
+from twin.control.task import LARGEST_SEED, episode_random
+from twin.control.white_noise import Noise
 from twin.errors import InputError, UnknownName, unknown_name
-from twin.gym.episodes import LARGEST_SEED, episode_random
-from twin.gym.noise import Noise
-from twin.gym.observations import FLAT, Observations, Observed
-from twin.suite.environment import Environment
-from twin.suite.loader import load, task_arguments
 
-SETTINGS = ("control_timestep", "n_sub_steps", "navigate", "randomise", "current")
-"""Arguments that `twin.suite.load` takes as `environment_kwargs`; all others are the task's"""
 OWN = ("observation", "noise", "render_mode", "render_kwargs")
 """Arguments of `GliderEnv` itself"""
-SUITES = ("random", "environment_kwargs", "task_kwargs")
-"""Arguments of `twin.suite.load` that have another form here"""
+LOADS = ("random", "environment_kwargs", "task_kwargs")
+"""Arguments of `twin.control.load` that have another form here"""
+TAKEN = tuple(name for name in SETTINGS if name != "raise_on_instability")
+"""Settings of the environment behind it; all others are the task's"""
 RENDER_MODES = ("rgb_array",)
 
 
 def load_task(
     task: str, settings: Mapping[str, Any], own: Iterable[str], refused: Iterable[str] = ()
 ) -> Environment:
-    """The dm_env environment behind one of Gymnasium's.
+    """The environment behind one of Gymnasium's.
 
     Args:
       own: arguments that the environment of Gymnasium takes itself, for the message of a wrong one.
-      refused: those of SETTINGS that it refuses.
+      refused: those of TAKEN that it refuses.
 
     Raises:
-      InputError: an argument belongs to another interface; and what `twin.suite.load` raises.
+      InputError: an argument belongs to another interface; and what `twin.control.load` raises.
       UnknownName: there is no such task or argument.
     """
-    taken = {*task_arguments(task), *SETTINGS}
+    taken = {*task_arguments(task), *TAKEN}
     for name in settings:
-        if name in SUITES:
+        if name in LOADS:
             raise InputError(
-                f"{name} is an argument of twin.suite.load: here reset(seed=...) gives the random "
-                "numbers, and everything else is an argument of its own"
+                f"{name} is an argument of twin.control.load: here reset(seed=...) gives the "
+                "random numbers, and everything else is an argument of its own"
             )
         if name not in taken:
-            allowed = (taken | set(own)) - {*SUITES, *refused}
+            allowed = (taken | set(own)) - {*LOADS, *refused}
             raise UnknownName(f"argument of task {task!r}", name, allowed)
-    ours = {name: settings[name] for name in SETTINGS if name in settings}
+    ours = {name: settings[name] for name in TAKEN if name in settings}
     others = {name: value for name, value in settings.items() if name not in ours}
-    return load(task, others, ours)
+    return load_environment(task, others, ours)
 
 
 def action_space(environment: Environment) -> spaces.Space[Any]:
     """Commands of the parts, from -1 to 1 or in their units."""
-    spec = environment.action_spec()
-    low, high = spec.minimum.astype(np.float32), spec.maximum.astype(np.float32)
-    return spaces.Box(low, high, dtype=np.float32)
+    low, high = environment.task.action_range()
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
 class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
-    """A task of the suite with one vehicle.
+    """A task with one vehicle.
 
     The end of the time limit is a truncation; the surface, the depth limit and an instability are
     terminations. The k-th episode after `reset(seed=...)` is drawn from the seed and k alone.
@@ -83,14 +82,15 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """Make the environment.
 
         Args:
-          task: one of `twin.suite.TASKS`.
+          task: one of `twin.control.TASKS`.
           observation: "flat", one Box of numbers of order 1; or "dict", by name in SI units.
           noise: standard deviation of white noise by name of the observation, in its unit, and of
             the heading [rad] and position [m] that goals are made of; see `Noise`.
           render_mode: None or "rgb_array".
-          render_kwargs: height, width, camera_id of `dm_control`'s `render`.
+          render_kwargs: of `twin.control.pictures.Pictures.draw`: height, width, camera_id, depth,
+            segmentation, scene_option.
           settings: the task's arguments (vehicle, time_limit [s], normalised, hydrodynamics) and
-            SETTINGS.
+            TAKEN.
 
         Raises:
           InputError: an unknown task, argument, observation or render mode.
@@ -104,9 +104,9 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             **self.metadata,
             "render_fps": 1.0 / self._environment.control_timestep(),
         }
-        found = self._environment.reset().observation
+        found = self._environment.reset()
         widths = {name: int(np.size(value)) for name, value in found.items()}
-        self._noise = Noise(noise, self.task, widths)
+        self._noise = Noise(noise, self.task.goals_from, widths)
         self._observations = Observations(
             self.task, widths, observation, deviations=self._noise.deviations
         )
@@ -118,12 +118,12 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
 
     @property
     def task(self) -> Any:
-        """The suite's task, with its goal and measurements."""
+        """The task, with its goal and measurements."""
         return self._environment.task
 
     @property
-    def dm_env(self) -> Environment:
-        """The environment of `twin.suite`; `twin.suite.autopilot.Autopilot` takes it."""
+    def environment(self) -> Environment:
+        """Task and physics, step by step; `twin.control.policies.Autopilot` takes it."""
         return self._environment
 
     def reset(
@@ -142,7 +142,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             self._episode = 0
         self.task.set_generator(episode_random(self._seed, self._episode))
         self._episode, self._step = self._episode + 1, 0
-        return self._observations.show(self._environment.reset().observation), {}
+        return self._observations.show(self._environment.reset()), {}
 
     def step(
         self, action: NDArray[np.float32]
@@ -154,15 +154,11 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """
         if self._seed is None:
             raise InputError("no episode has begun: call reset first")
-        self._step = self._environment._step_count + 1
-        time_step = self._environment.step(action)
-        if time_step.first():
-            raise InputError("this episode is over: call reset first")
-        over = time_step.last()
-        terminated = over and time_step.discount == 0.0
-        reward = float(time_step.reward)
-        shown = self._observations.show(time_step.observation)
-        return shown, reward, terminated, over and not terminated, {}
+        self._step = self._environment.count + 1
+        done = self._environment.step(action)
+        terminated = done.over and done.discount == 0.0
+        shown = self._observations.show(done.observation)
+        return shown, float(done.reward), terminated, done.over and not terminated, {}
 
     def _errors(self) -> dict[str, NDArray[np.float64]]:
         """Of the observation that is being made, by name."""
@@ -178,4 +174,4 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
 
     def close(self) -> None:
         """Free what draws."""
-        self._environment.close()
+        self._environment.physics.free()

@@ -11,14 +11,14 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
+from twin.control.conditions import Conditions
+from twin.control.placing import OF_THE_VEHICLE, Nominal, place_vehicle, write_conditions
 from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.physics.model_block import header, part_table
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.native import block as b
 from twin.physics.start import Start
-from twin.suite.conditions import Conditions
-from twin.suite.placing import OF_THE_VEHICLE, Nominal, place_vehicle, write_conditions
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]

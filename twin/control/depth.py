@@ -8,20 +8,20 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from dm_control.utils import rewards
 
-from twin.physics.start import Start
-from twin.suite.environment import Environment, build
-from twin.suite.episode import Episode
-from twin.suite.physics import Physics
-from twin.suite.task import (
+from twin.control import rewards
+from twin.control.environment import Environment, build
+from twin.control.physics import Physics, WaterPhysics
+from twin.control.task import (
     Array,
+    Episode,
     GliderTask,
     Reference,
     place_marker,
     row,
     with_marker,
 )
+from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 900.0
@@ -74,15 +74,15 @@ class Depth(GliderTask):
         start = Start(depth=random.uniform(*DEPTHS), heading=random.uniform(0.0, 2.0 * math.pi))
         return Episode(start=start, goal={"target_depth": target_depth})
 
-    def mark(self, physics: Physics) -> None:
+    def mark(self, physics: WaterPhysics) -> None:
         """A disc at the wanted depth."""
         place_marker(physics, 0.0, 0.0, self.target_depth)
 
-    def error(self, physics: Physics) -> Any:
+    def error(self, physics: WaterPhysics) -> Any:
         """Wanted minus present depth [m], positive when it must dive."""
         return self.target_depth - physics.depth()
 
-    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
         """`to_target`: wanted minus present depth [m]."""
         return {"to_target": row(self.error(physics))}
 
@@ -91,7 +91,7 @@ class Depth(GliderTask):
         farthest = self.max_depth + self.fastest * self.period
         return {"to_target": (-farthest, farthest)}
 
-    def get_reward(self, physics: Physics) -> Any:
+    def get_reward(self, physics: WaterPhysics) -> Any:
         """1 at rest at the wanted depth."""
         near = rewards.tolerance(
             self.error(physics), bounds=(-BAND, BAND), margin=MARGIN, sigmoid="long_tail"
@@ -99,7 +99,7 @@ class Depth(GliderTask):
         still = rewards.tolerance(physics.depth_rate(), bounds=(-STILL, STILL), margin=STILL_MARGIN)
         return near * (3.0 + still) / 4.0
 
-    def reference(self, physics: Physics) -> Reference:
+    def reference(self, physics: WaterPhysics) -> Reference:
         """Net buoyancy and pitch in proportion to the depth error LEAD seconds ahead."""
         ahead = self.error(physics) - LEAD * physics.depth_rate()
         effort = min(max(ahead / APPROACH, -1.0), 1.0)

@@ -17,9 +17,9 @@ from twin.seams import Registry
 GROUP = "glider_twin.tasks"
 """Entry points of installed distributions: NAME = "module:function"."""
 NEEDED = ("vehicle", "random", "environment_kwargs")
-"""Arguments that `twin.suite.load` and the viewer hand over"""
+"""Arguments that `twin.control.load`, the viewer and Gymnasium's environments hand over"""
 Maker = Callable[..., Any]
-"""Makes the `twin.suite.environment.Environment` of a task"""
+"""Makes the `twin.control.environment.Environment` of a task"""
 
 
 def register(maker: Maker) -> Maker:
@@ -56,11 +56,47 @@ TASKS: Registry[Maker] = Registry(
     "task",
     group=GROUP,
     shipped={
-        "hold": "twin.suite.hold:hold",
-        "depth": "twin.suite.depth:depth",
-        "waypoints": "twin.suite.waypoints:waypoints",
-        "energy": "twin.suite.energy:energy",
+        "hold": "twin.control.hold:hold",
+        "depth": "twin.control.depth:depth",
+        "waypoints": "twin.control.waypoints:waypoints",
+        "energy": "twin.control.energy:energy",
     },
     check=check_task,
 )
 """The functions that make the tasks, by name."""
+
+ALL_TASKS = TASKS.shipped()
+"""Names of the tasks that come with the package; `TASKS` has registered ones too."""
+
+NAMESPACE = "glider_twin"
+VERSION = 0
+"""Of the tasks as Gymnasium counts them: it rises when rewards are not to be compared any more."""
+
+
+def task_arguments(task_name: str) -> list[str]:
+    """Names of what `task_kwargs` of a task takes.
+
+    Raises:
+      UnknownName: there is no such task.
+    """
+    parameters = inspect.signature(TASKS[task_name]).parameters
+    return [name for name in parameters if name != "environment_kwargs"]
+
+
+def environment_id(task: str) -> str:
+    """Gymnasium's name of a task: `glider_twin/Depth-v0` of `depth`."""
+    return f"{NAMESPACE}/{task.capitalize()}-v{VERSION}"
+
+
+def register_environments() -> None:
+    """Register every task of the package with Gymnasium, for one vehicle and for many."""
+    import gymnasium
+
+    for task in ALL_TASKS:
+        if environment_id(task) not in gymnasium.registry:
+            gymnasium.register(
+                environment_id(task),
+                entry_point="twin.control.glider_env:GliderEnv",
+                vector_entry_point="twin.control.vector_env:GliderVectorEnv",
+                kwargs={"task": task},
+            )
