@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
-from twin.show.render.context import claim_drawing, new_context, release
+from twin.show.render.context import claim_drawing, keep_current, new_context, release
 
 FREE_CAMERA = -1
 """Looks at the middle of the model from outside"""
@@ -26,8 +26,10 @@ class Pictures:
           NoOpenGL: this machine cannot draw.
         """
         self._model, largest = model, model.vis.global_
-        self._context = new_context(largest.offwidth, largest.offheight)
-        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        with keep_current():
+            self._context = new_context(largest.offwidth, largest.offheight)
+            self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._closed = False
 
     def draw(
@@ -75,12 +77,12 @@ class Pictures:
                 scene.flags[flag] = True
         place = mujoco.MjrRect(0, 0, width, height)
         colours, distances = np.empty((height, width, 3), np.uint8), np.empty((height, width), "f4")
-        self._context.make_current()
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
-        mujoco.mjr_render(place, scene, self._renderer)
-        mujoco.mjr_readPixels(
-            None if depth else colours, distances if depth else None, place, self._renderer
-        )
+        with keep_current():
+            self._context.make_current()
+            mujoco.mjr_render(place, scene, self._renderer)
+            mujoco.mjr_readPixels(
+                None if depth else colours, distances if depth else None, place, self._renderer
+            )
         found: NDArray[np.generic] = colours
         if depth:  # the depth buffer runs from 0 at the near plane to 1 at the far one
             near, far = (
@@ -110,9 +112,10 @@ class Pictures:
         """Release the context; a second call does nothing."""
         if not self._closed:
             self._closed = True
-            self._context.make_current()
-            self._renderer.free()
-            release(self._context)
+            with keep_current():
+                self._context.make_current()
+                self._renderer.free()
+                release(self._context)
 
 
 def _most_geoms(model: mujoco.MjModel) -> int:

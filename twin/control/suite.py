@@ -23,6 +23,7 @@ from twin.control.physics import WaterPhysics
 from twin.errors import InputError
 from twin.extras import require
 from twin.physics.model_block import header
+from twin.physics.native.install import install
 from twin.preload import preload_triton
 from twin.show.render.context import available_backend, claim_drawing
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -134,6 +135,7 @@ class SuitePhysics(dm_mujoco.Physics, WaterPhysics):
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
         header(data.model.ptr)
+        install()  # dm_control computes with the new data at once
         super()._reload_from_data(data)
         self._attach(data.model.ptr, data.ptr)
 
@@ -213,18 +215,20 @@ class SuiteEnvironment(control.Environment):
             flat_observation=flat_observation,
             legacy_step=legacy_step,
         )
-        self._own, self._flat = own, flat_observation
+        self._flat = flat_observation
+        self.own = own
+        """The project's environment behind it"""
 
     def reset(self) -> dm_env.TimeStep:
         """Start a new episode."""
-        found = self._shown(self._own.reset())
+        found = self._shown(self.own.reset())
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, found)
 
     def step(self, action: Any) -> dm_env.TimeStep:
         """Advance by one control timestep, or start a new episode after the last step of one."""
-        if self._own.over:
+        if self.own.over:
             return self.reset()
-        done = self._own.step(action)
+        done = self.own.step(action)
         kind = dm_env.StepType.LAST if done.over else dm_env.StepType.MID
         return dm_env.TimeStep(kind, done.reward, done.discount, self._shown(done.observation))
 
@@ -233,13 +237,13 @@ class SuiteEnvironment(control.Environment):
 
     def action_spec(self) -> specs.BoundedArray:
         """Bounds of the commands; the name lists the actuators, separated by tabs."""
-        low, high = self._own.task.action_range()
-        names = "\t".join(self._own.task.vehicle.part_names)
+        low, high = self.own.task.action_range()
+        names = "\t".join(self.own.task.vehicle.part_names)
         return specs.BoundedArray(low.shape, np.float64, low, high, name=names)
 
     def observation_spec(self) -> Mapping[str, specs.Array]:
         """Shape and kind of each observation, by name."""
-        found = self._shown(self._own.task.get_observation(self._own.physics))
+        found = self._shown(self.own.task.get_observation(self.own.physics))
         return collections.OrderedDict(
             (name, specs.Array(value.shape, value.dtype, name=name))
             for name, value in found.items()

@@ -1,4 +1,4 @@
-"""The suite in the manner of dm_control's own suite tests."""
+"""The tasks for dm_control, in the manner of its own suite's tests."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import re
 
 import numpy as np
 import pytest
-from dm_control.rl import control
+from dm_control.rl import control as dm_rl
 
-from twin import suite
+from twin import control
+from twin.control.policies import POLICIES, Autopilot, Proportional
+from twin.control.task import wrap_angle
 from twin.errors import InputError
-from twin.suite.autopilot import Autopilot
-from twin.suite.policies import POLICIES, Proportional
-from twin.suite.task import wrap_angle
 from twin.vehicle.assets import vehicle_names
 
 NAMED = {
@@ -33,7 +32,7 @@ NAMED = {
     "tuple": "ntuple",
 }
 
-every_task = pytest.mark.parametrize("task", suite.ALL_TASKS)
+every_task = pytest.mark.parametrize("task", control.ALL_TASKS)
 
 
 def random_policy(spec, seed):
@@ -43,7 +42,7 @@ def random_policy(spec, seed):
 
 def fly(task, seed, *, steps=40, **task_kwargs):
     """Time steps of an episode under random commands, the first included."""
-    environment = suite.load(task, task_kwargs={"random": seed, **task_kwargs})
+    environment = control.load(task, task_kwargs={"random": seed, **task_kwargs})
     policy = random_policy(environment.action_spec(), seed)
     time_steps = [environment.reset()]
     while len(time_steps) <= steps and not time_steps[-1].last():
@@ -57,13 +56,13 @@ def stacked(time_steps):
 
 
 def test_the_four_tasks_are_there():
-    assert set(suite.ALL_TASKS) == {"hold", "depth", "waypoints", "energy"}
+    assert set(control.ALL_TASKS) == {"hold", "depth", "waypoints", "energy"}
 
 
 @every_task
 @pytest.mark.parametrize("vehicle", vehicle_names())
 def test_components_have_names_and_there_are_cameras(task, vehicle):
-    model = suite.load(task, task_kwargs={"vehicle": vehicle}).physics.model
+    model = control.load(task, task_kwargs={"vehicle": vehicle}).physics.model
     for kind, count in NAMED.items():
         for index in range(getattr(model, count)):
             assert model.id2name(index, kind) != "", f"{kind} {index} has no name"
@@ -72,7 +71,7 @@ def test_components_have_names_and_there_are_cameras(task, vehicle):
 
 @every_task
 def test_time_steps_conform_to_the_specs(task):
-    environment = suite.load(task, task_kwargs={"random": 0})
+    environment = control.load(task, task_kwargs={"random": 0})
     specs = environment.observation_spec()
     for time_step in fly(task, 0):
         assert set(time_step.observation) == set(specs)
@@ -92,12 +91,12 @@ def test_time_steps_conform_to_the_specs(task):
 
 @every_task
 def test_actions_are_named_and_normalised_or_in_the_actuators_units(task):
-    environment = suite.load(task)
+    environment = control.load(task)
     spec = environment.action_spec()
     assert spec.name.split("\t") == ["shift", "rotation", "pump"]
     np.testing.assert_array_equal(spec.minimum, -1.0)
     np.testing.assert_array_equal(spec.maximum, 1.0)
-    in_units = suite.load(task, task_kwargs={"normalised": False}).action_spec()
+    in_units = control.load(task, task_kwargs={"normalised": False}).action_spec()
     low, high = environment.physics.actuator_range()
     np.testing.assert_array_equal(in_units.minimum, low)
     np.testing.assert_array_equal(in_units.maximum, high)
@@ -105,8 +104,8 @@ def test_actions_are_named_and_normalised_or_in_the_actuators_units(task):
 
 def test_actions_reach_the_actuators_in_both_scales():
     fraction = np.array([0.3, -0.2, 0.5])
-    normalised = suite.load("hold", task_kwargs={"random": 4})
-    in_units = suite.load("hold", task_kwargs={"random": 4, "normalised": False})
+    normalised = control.load("hold", task_kwargs={"random": 4})
+    in_units = control.load("hold", task_kwargs={"random": 4, "normalised": False})
     command = normalised.task.to_command(fraction)
     np.testing.assert_allclose(normalised.task.to_action(command), fraction, atol=1e-15)
     normalised.reset(), in_units.reset()
@@ -117,7 +116,7 @@ def test_actions_reach_the_actuators_in_both_scales():
 
 
 def test_commands_beyond_the_bounds_are_those_at_the_bounds():
-    task = suite.load("hold").task
+    task = control.load("hold").task
     np.testing.assert_array_equal(task.to_command([9.0, -9.0, 9.0]), task.to_command([1, -1, 1]))
 
 
@@ -130,7 +129,7 @@ def test_commands_beyond_the_bounds_are_those_at_the_bounds():
     ],
 )
 def test_an_action_that_is_none_is_refused_by_name(action, message):
-    environment = suite.load("hold", task_kwargs={"random": 0})
+    environment = control.load("hold", task_kwargs={"random": 0})
     environment.reset()
     with pytest.raises(InputError, match=message):
         environment.step(action)
@@ -146,7 +145,7 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_one_does_not(task):
 
 @every_task
 def test_episodes_start_differently(task):
-    environment = suite.load(task, task_kwargs={"random": 42})
+    environment = control.load(task, task_kwargs={"random": 42})
     first, second = environment.reset(), environment.reset()
     assert not np.array_equal(stacked([first]), stacked([second]))
 
@@ -166,22 +165,22 @@ def test_observations_do_not_share_memory(task):
 
 @every_task
 def test_environment_settings_pass_through(task):
-    environment = suite.load(
+    environment = control.load(
         task, environment_kwargs={"flat_observation": True, "control_timestep": 1.0}
     )
-    assert set(environment.observation_spec()) == {control.FLAT_OBSERVATION_KEY}
+    assert set(environment.observation_spec()) == {dm_rl.FLAT_OBSERVATION_KEY}
     assert environment.control_timestep() == 1.0
 
 
 @every_task
 def test_the_control_timestep_is_the_vehicles(task):
-    environment = suite.load(task)
+    environment = control.load(task)
     assert environment.control_timestep() == environment.task.vehicle.control_period
 
 
 @every_task
 def test_rewards_can_be_shown_in_the_hulls_colour(task):
-    environment = suite.load(task, task_kwargs={"random": 1}, visualize_reward=True)
+    environment = control.load(task, task_kwargs={"random": 1}, visualize_reward=True)
     colours = environment.physics.named.model.mat_rgba
     before = colours["hull"].copy()
     environment.reset()
@@ -195,7 +194,7 @@ def test_rewards_can_be_shown_in_the_hulls_colour(task):
 @every_task
 def test_the_autopilot_does_far_better_than_chance(task):
     def mean_reward(policy_of):
-        environment = suite.load(task, task_kwargs={"random": 3, "time_limit": 600.0})
+        environment = control.load(task, task_kwargs={"random": 3, "time_limit": 600.0})
         policy = policy_of(environment)
         time_step, rewards = environment.reset(), []
         while not time_step.last():
@@ -213,7 +212,7 @@ def test_the_autopilot_does_far_better_than_chance(task):
 @every_task
 @pytest.mark.parametrize("policy", POLICIES)
 def test_every_policy_commands_within_the_bounds(task, policy):
-    environment = suite.load(task, task_kwargs={"random": 3})
+    environment = control.load(task, task_kwargs={"random": 3})
     pilot, spec = POLICIES[policy](environment, 0), environment.action_spec()
     time_step, actions = environment.reset(), []
     for _ in range(20):
@@ -224,7 +223,7 @@ def test_every_policy_commands_within_the_bounds(task, policy):
 
 
 def test_proportional_gains_go_to_a_depth():
-    environment = suite.load("depth", task_kwargs={"random": 3})
+    environment = control.load("depth", task_kwargs={"random": 3})
     pilot, time_step = Proportional(environment), environment.reset()
     first, rewards = time_step.observation["to_target"][0], []
     while not time_step.last():
@@ -237,11 +236,11 @@ def test_proportional_gains_go_to_a_depth():
 
 def test_unknown_names_are_refused_with_the_nearest():
     with pytest.raises(InputError, match="did you mean 'waypoints'"):
-        suite.load("waypoint")
+        control.load("waypoint")
     with pytest.raises(InputError, match="did you mean 'random'"):
-        suite.load("hold", task_kwargs={"randm": 1})
+        control.load("hold", task_kwargs={"randm": 1})
     with pytest.raises(InputError, match="time_limit 0"):
-        suite.load("hold", task_kwargs={"time_limit": 0.0})
+        control.load("hold", task_kwargs={"time_limit": 0.0})
 
 
 @pytest.mark.parametrize(
@@ -256,7 +255,7 @@ def test_unknown_names_are_refused_with_the_nearest():
 )
 def test_a_setting_that_cannot_be_is_refused(task, environment, told):
     with pytest.raises(InputError, match=re.escape(told)):
-        suite.load("depth", task_kwargs=task, environment_kwargs=environment)
+        control.load("depth", task_kwargs=task, environment_kwargs=environment)
 
 
 @pytest.mark.parametrize(("angle", "wrapped"), [(0.1, 0.1), (4.0, 4.0 - math.tau), (-7.0, -0.7168)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin import suite
+from twin import control
 from twin.errors import InputError
 from twin.navigation.settings import Navigation
 
@@ -14,7 +14,7 @@ ACTION = [0.3, 0.1, -0.6]
 
 
 def fly(name, steps=60, navigate=None, random=2):
-    environment = suite.load(
+    environment = control.load(
         name, task_kwargs={"random": random}, environment_kwargs={"navigate": navigate}
     )
     rows = [environment.reset()]
@@ -22,7 +22,7 @@ def fly(name, steps=60, navigate=None, random=2):
     return environment, rows
 
 
-@pytest.mark.parametrize("name", suite.ALL_TASKS)
+@pytest.mark.parametrize("name", control.ALL_TASKS)
 def test_perfect_sensors_show_nearly_the_truth(name):
     _, truth = fly(name)
     _, believed = fly(name, navigate=IDEAL)
@@ -68,8 +68,8 @@ def test_a_specification_measures_nothing():
 
 def test_what_cannot_be_navigated_is_refused():
     with pytest.raises(InputError, match="needs a time limit"):
-        suite.load(
+        control.load(
             "hold", task_kwargs={"time_limit": float("inf")}, environment_kwargs={"navigate": "ekf"}
         )
     with pytest.raises(InputError, match="unknown velocity estimator 'efk'"):
-        suite.load("hold", environment_kwargs={"navigate": "efk"})
+        control.load("hold", environment_kwargs={"navigate": "efk"})

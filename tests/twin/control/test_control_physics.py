@@ -1,4 +1,4 @@
-"""The suite's physics: the batch's own, bit for bit, however dm_control loads and copies it."""
+"""The tasks' physics: the batch's own, bit for bit, however dm_control loads and copies it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from dm_control import mujoco as dm_mujoco
 from dm_control import suite as dm_suite
 from dm_control.rl.control import PhysicsError
 
-from twin import suite
+from twin import control
+from twin.control.physics import MEASUREMENTS
+from twin.control.suite import SuitePhysics as Physics
 from twin.errors import InputError, VehicleError
 from twin.mission.controller import Schedule
 from twin.physics.model_block import header
@@ -26,7 +28,6 @@ from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.show.render.context import available_backend
-from twin.suite.physics import MEASUREMENTS, Physics
 from twin.vehicle.assets import asset_path
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Profile, Uniform
@@ -105,7 +106,7 @@ def test_a_trajectory_is_the_batchs_bit_for_bit(integrator, hydrodynamics, times
 
 
 def test_a_trajectory_is_plain_mj_steps_bit_for_bit():
-    environment = suite.load("hold", task_kwargs={"random": 5, "normalised": False})
+    environment = control.load("hold", task_kwargs={"random": 5, "normalised": False})
     environment.reset()
     data = copy.copy(environment.physics.data.ptr)
     model = environment.physics.model.ptr
@@ -307,7 +308,7 @@ def test_instability_raises_in_the_physics():
 
 
 def test_an_unstable_vehicle_ends_the_episode_cleanly():
-    environment = suite.load("hold", task_kwargs={"random": 0})
+    environment = control.load("hold", task_kwargs={"random": 0})
     first = environment.reset()
     environment.physics.data.qvel[3] = math.inf
     time_step = environment.step(np.zeros(3))
@@ -321,7 +322,7 @@ def test_an_unstable_vehicle_ends_the_episode_cleanly():
 
 
 def test_an_instability_goes_through_when_asked_to():
-    environment = suite.load("hold", environment_kwargs={"raise_on_instability": True})
+    environment = control.load("hold", environment_kwargs={"raise_on_instability": True})
     environment.reset()
     environment.physics.data.qvel[3] = math.inf
     with pytest.raises(PhysicsError):
@@ -338,7 +339,7 @@ def test_two_environments_do_not_disturb_each_other():
         return [[t.observation["rates"] for t in rows] for rows in time_steps]
 
     def make(task, vehicle):
-        return suite.load(task, task_kwargs={"random": 9, "vehicle": vehicle})
+        return control.load(task, task_kwargs={"random": 9, "vehicle": vehicle})
 
     pairs = [("waypoints", "glider"), ("hold", "graver-2005"), ("waypoints", "glider")]
     together = steps([make(*pair) for pair in pairs])
@@ -365,7 +366,7 @@ def test_foreign_models_are_untouched():
 
 @needs_gl
 def test_cameras_see_the_glider_and_the_target():
-    environment = suite.load("waypoints", task_kwargs={"random": 0})
+    environment = control.load("waypoints", task_kwargs={"random": 0})
     environment.reset()
     physics = environment.physics
     for camera in ("chase", "side", "map"):

@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin import suite
+from twin import control
+from twin.control.task import with_marker
+from twin.control.waypoints import RADIUS
 from twin.errors import InputError, VehicleError
 from twin.physics.start import Start
-from twin.suite.task import with_marker
-from twin.suite.waypoints import RADIUS
 from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
@@ -26,11 +26,11 @@ from twin.water.current import Uniform
 VEHICLE = load_vehicle("glider")
 NOTHING = np.zeros(3)
 
-every_task = pytest.mark.parametrize("task", suite.ALL_TASKS)
+every_task = pytest.mark.parametrize("task", control.ALL_TASKS)
 
 
 def started(task, **task_kwargs):
-    environment = suite.load(task, task_kwargs={"random": 2, **task_kwargs})
+    environment = control.load(task, task_kwargs={"random": 2, **task_kwargs})
     environment.reset()
     return environment
 
@@ -250,17 +250,17 @@ def test_the_documentations_programs_run(extra, program):
 
 
 def test_the_documentation_names_every_task():
-    assert all(f"| `{task}` |" in DOCS.read_text(encoding="utf-8") for task in suite.ALL_TASKS)
+    assert all(f"| `{task}` |" in DOCS.read_text(encoding="utf-8") for task in control.ALL_TASKS)
 
 
 def headless(*words):
-    """`python -m twin.suite` where there is no screen."""
+    """`python -m twin.control` where there is no screen."""
     environment = {
         name: value
         for name, value in os.environ.items()
         if name not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")
     }
-    command = [sys.executable, "-m", "twin.suite", *words]
+    command = [sys.executable, "-m", "twin.control", *words]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
 
 
@@ -274,7 +274,7 @@ def test_the_viewer_says_that_it_needs_a_screen():
 
 def test_the_viewer_names_unknown_policies():
     from twin.cli.console import Console
-    from twin.suite.view import View
+    from twin.control.viewer import View
 
     with pytest.raises(InputError, match="did you mean 'autopilot'"):
         View(policy="autopilt").run(Console("test"))

@@ -1,4 +1,4 @@
-"""The suite's tasks with a vehicle that has a propeller and fins."""
+"""The tasks with a vehicle that has a propeller and fins."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from torpedo import TORPEDO
 
-from twin import suite
-from twin.suite.autopilot import Autopilot
+from twin import control
+from twin.control.policies import Autopilot
 
 PARTS = ("propeller", "rudder", "elevator")
 
 
 def episode(task, seconds):
-    environment = suite.load(
+    environment = control.load(
         task, task_kwargs={"vehicle": str(TORPEDO), "random": 0, "time_limit": seconds}
     )
     pilot, time_step = Autopilot(environment), environment.reset()
@@ -25,7 +25,7 @@ def episode(task, seconds):
     return environment, time_step, np.array(rewards)
 
 
-@pytest.mark.parametrize("task", suite.ALL_TASKS)
+@pytest.mark.parametrize("task", control.ALL_TASKS)
 def test_actions_and_observations_are_by_part(task):
     environment, time_step, rewards = episode(task, 60.0)
     spec = environment.action_spec()
@@ -47,8 +47,8 @@ def test_the_autopilot_reaches_depth_and_heading():
 
 
 def test_gymnasium_has_it_too():
-    gym = pytest.importorskip("twin.gym.environment")
-    env = gym.GliderEnv("depth", vehicle=str(TORPEDO))
+    pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
+    env = control.GliderEnv("depth", vehicle=str(TORPEDO))
     first, _ = env.reset(seed=1)
     assert env.action_space.shape == (3,)
     assert env.observation_space.contains(first)

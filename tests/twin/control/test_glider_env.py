@@ -1,4 +1,4 @@
-"""The suite's tasks as Gymnasium environments of one vehicle."""
+"""The tasks as Gymnasium environments of one vehicle."""
 
 # ruff: noqa: E402 - the packages are those of an extra
 from __future__ import annotations
@@ -12,13 +12,13 @@ import pytest
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
 
-import twin.gym
-from twin import suite
+from twin import control
+from twin.control.registry import ALL_TASKS, environment_id
+from twin.control.task import episode_random
 from twin.errors import InputError
-from twin.gym.registration import TASKS, environment_id
 from twin.show.render.context import available_backend
 
-every_task = pytest.mark.parametrize("task", TASKS)
+every_task = pytest.mark.parametrize("task", ALL_TASKS)
 
 
 def make(task, **settings):
@@ -26,12 +26,12 @@ def make(task, **settings):
 
 
 def test_every_task_of_the_suite_is_registered():
-    assert suite.ALL_TASKS == TASKS
+    assert control.ALL_TASKS == ALL_TASKS
 
 
 def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():
     program = (
-        "import gymnasium, sys; env = gymnasium.make('twin.gym:glider_twin/Depth-v0'); "
+        "import gymnasium, sys; env = gymnasium.make('twin.control:glider_twin/Depth-v0'); "
         "print(env.spec.id)"
     )
     done = subprocess.run(
@@ -53,7 +53,7 @@ def test_the_page_has_the_error_of_a_bare_name_so_that_a_search_finds_it():
 
 def test_registering_loads_neither_mujoco_nor_dm_control():
     program = (
-        "import twin.gym, sys; "
+        "import twin.control, sys; "
         "sys.exit(any(n in sys.modules for n in ('mujoco', 'dm_control', 'torch')))"
     )
     assert subprocess.run([sys.executable, "-c", program], timeout=120).returncode == 0
@@ -95,9 +95,9 @@ def test_flat_observations_are_the_named_ones_over_their_usual_sizes(task):
 
 def test_episodes_are_the_suites():
     env = make("hold", observation="dict").unwrapped
-    native = suite.load("hold")
+    native = control.load("hold")
     observation, _ = env.reset(seed=3)
-    native.task.set_generator(twin.gym.episodes.episode_random(3, 0))
+    native.task.set_generator(episode_random(3, 0))
     expected = native.reset()
     action = np.array([0.2, -0.4, -0.6])
     for _ in range(20):
@@ -129,7 +129,7 @@ def test_both_ends_of_an_episode():
     with pytest.raises(InputError, match="call reset first"):
         env.unwrapped.step(np.zeros(3))
     env.reset()
-    env.unwrapped.dm_env.physics.data.qpos[2] = -1e4
+    env.unwrapped.environment.physics.data.qpos[2] = -1e4
     assert env.step(np.zeros(3, np.float32))[2:4] == (True, False)  # too deep: terminated
 
 
@@ -195,7 +195,7 @@ def test_noise_of_what_no_goal_is_made_of_is_refused():
 
 
 def test_a_goal_without_a_noisy_form_is_refused(monkeypatch):
-    kind = type(suite.load("depth").task)
+    kind = type(control.load("depth").task)
     monkeypatch.setattr(kind, "observe_goal", lambda self, seen: {"wet": seen.immersion()})
     env = make("depth", noise={"depth": 0.1})
     with pytest.raises(InputError, match=r"physics\.immersion, which has no noisy form: .*depth"):
@@ -248,7 +248,7 @@ def test_a_current_carries_the_vehicle():
     env.reset(seed=0)
     for _ in range(40):
         env.step(np.zeros(3, np.float32))
-    physics = env.dm_env.physics
+    physics = env.environment.physics
     assert physics.north() == pytest.approx(0.2 * physics.time(), rel=1e-3)
 
 
@@ -269,12 +269,12 @@ def test_a_current_carries_the_vehicle():
 )
 def test_settings_that_cannot_be_used_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        twin.gym.GliderEnv("depth", **settings)
+        control.GliderEnv("depth", **settings)
 
 
 def test_actions_in_the_parts_units():
     env = make("depth", normalised=False)
-    low, high = env.unwrapped.dm_env.physics.actuator_range()
+    low, high = env.unwrapped.environment.physics.actuator_range()
     np.testing.assert_allclose(env.action_space.low, low, rtol=1e-6)
     np.testing.assert_allclose(env.action_space.high, high, rtol=1e-6)
 
@@ -290,13 +290,79 @@ def test_pictures():
     env.close()
 
 
-def test_a_missing_extra_is_named():
-    program = (
-        "import sys; sys.modules['gymnasium'] = None\n"
-        "from twin.errors import InputError\n"
-        "try:\n    import twin.gym\nexcept InputError as error:\n    print(error)"
-    )
+HIDDEN = """
+import importlib.util, sys
+found = importlib.util.find_spec
+def find(name, package=None):
+    return None if name in hidden else found(name, package)
+importlib.util.find_spec = find
+sys.modules.update(dict.fromkeys(hidden))
+"""
+"""Packages of an extra that is not installed"""
+
+
+def without(packages, program):
+    """What a process of its own prints that does not find these packages."""
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", f"hidden = {packages!r}{HIDDEN}{program}"],
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
-    assert 'pip install "glider-twin[gym]"' in done.stdout
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("name", ["GliderEnv", "GliderVectorEnv", "StableBaselinesVec"])
+def test_a_missing_extra_is_named(name):
+    told = without(
+        ["gymnasium"],
+        "from twin import control\n"
+        "from twin.errors import InputError\n"
+        f"try:\n    control.{name}\nexcept InputError as error:\n    print(error)",
+    )
+    assert told.startswith(f"twin.control.{name} needs the package gymnasium")
+    assert told.endswith('pip install "glider-twin[gym]"\n')
+
+
+def test_without_gymnasium_the_tasks_are_there_for_dm_control():
+    told = without(
+        ["gymnasium"],
+        "from twin import control\n"
+        "environment = control.load('hold', task_kwargs={'random': 1})\n"
+        "print(environment.reset().first(), sorted(control.TASKS))",
+    )
+    assert told == "True ['depth', 'energy', 'hold', 'waypoints']\n"
+
+
+def test_nothing_of_dm_control_is_needed():
+    told = without(
+        ["dm_control", "dm_env"],
+        """
+import numpy as np
+from twin import control
+from twin.control.environment import load_environment
+from twin.control.policies import POLICIES
+for task in control.ALL_TASKS:
+    one, many = control.GliderEnv(task), control.GliderVectorEnv(task, 2)
+    one.reset(seed=1), many.reset(seed=1)
+    for _ in range(3):
+        action = one.action_space.sample()
+        _, alone, *_ = one.step(action)
+        _, together, *_ = many.step(np.stack([action, action]))
+        assert abs(alone - together[0]) < 1e-9
+    environment = load_environment(task, {"random": 2})
+    environment.reset()
+    for make in POLICIES.values():
+        assert environment.step(make(environment, 0)(None)).reward >= 0.0
+print("flown")
+try:
+    control.load("hold")
+except Exception as error:
+    print(type(error).__name__, error)
+""",
+    )
+    flown, refused = told.splitlines()
+    assert flown == "flown"
+    assert refused.startswith("InputError a task of dm_control needs the package dm_control")
+    assert 'pip install "glider-twin[suite]"' in refused

@@ -10,7 +10,7 @@ pytest.importorskip("stable_baselines3", reason="the extra 'sb3' is not installe
 
 from stable_baselines3 import PPO, SAC
 
-import twin.gym
+from twin import control
 from twin.errors import InputError
 
 DEPTH = "glider_twin/Depth-v0"
@@ -18,7 +18,7 @@ DEPTH = "glider_twin/Depth-v0"
 
 def vector(count, **settings):
     made = gymnasium.make_vec(DEPTH, num_envs=count, autoreset_mode="same_step", **settings)
-    return twin.gym.StableBaselinesVec(made)
+    return control.StableBaselinesVec(made)
 
 
 def test_ppo_learns_on_many_vehicles():
@@ -55,4 +55,4 @@ def test_the_last_observation_of_an_episode_is_handed_over():
 
 def test_another_way_of_resetting_is_refused():
     with pytest.raises(InputError, match='autoreset_mode="same_step"'):
-        twin.gym.StableBaselinesVec(gymnasium.make_vec(DEPTH, num_envs=2))
+        control.StableBaselinesVec(gymnasium.make_vec(DEPTH, num_envs=2))

@@ -10,22 +10,21 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra 'gym' is not inst
 
 from gymnasium.vector import AutoresetMode
 
-import twin.gym
-from twin import suite
+from twin import control
+from twin.control.registry import ALL_TASKS, environment_id
+from twin.control.waypoints import RADIUS
+from twin.control.white_noise import normal
 from twin.errors import InputError
-from twin.gym.noise import normal
-from twin.gym.registration import TASKS, environment_id
-from twin.suite.waypoints import RADIUS
 
 SEED = 5
-every_task = pytest.mark.parametrize("task", TASKS)
+every_task = pytest.mark.parametrize("task", ALL_TASKS)
 nothing_beside = {}
 everything = {"noise": {"depth": 0.2, "rates": 1e-3}, "current": "uniform:east=0.1"}
 
 
 def many(task, count, **settings):
     made = gymnasium.make_vec(environment_id(task), num_envs=count, **settings)
-    assert isinstance(made, twin.gym.GliderVectorEnv)
+    assert isinstance(made, control.GliderVectorEnv)
     return made
 
 
@@ -156,7 +155,7 @@ def test_a_reached_waypoint_is_replaced_for_that_vehicle_alone():
 
 
 def test_an_action_that_is_not_finite_is_named_with_its_vehicle():
-    many = twin.gym.GliderVectorEnv(num_envs=3)
+    many = control.GliderVectorEnv(num_envs=3)
     many.reset(seed=0)
     actions = np.zeros((3, 3), np.float32)
     actions[2, 1] = np.nan
@@ -192,7 +191,7 @@ def test_an_unstable_vehicle_ends_alone_and_no_nan_is_shown():
 )
 def test_what_it_does_not_serve_is_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        twin.gym.GliderVectorEnv("depth", **{"num_envs": 2, **settings})
+        control.GliderVectorEnv("depth", **{"num_envs": 2, **settings})
 
 
 def test_wrong_calls_are_refused():
@@ -211,11 +210,11 @@ def test_wrong_calls_are_refused():
 
 
 def test_a_task_that_draws_for_one_vehicle_only_is_refused():
-    class Old(type(suite.load("depth").task)):
+    class Old(type(control.load("depth").task)):
         def initialize_episode(self, physics):
             super().initialize_episode(physics)
 
-    old = Old(suite.load("depth").task.vehicle, max_depth=200.0)
+    old = Old(control.load("depth").task.vehicle, max_depth=200.0)
     with pytest.raises(InputError, match="draw its episodes in draw_episode"):
         old.serve([np.random.RandomState(0)])
 

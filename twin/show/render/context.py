@@ -8,9 +8,11 @@ process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, win
 from __future__ import annotations
 
 import atexit
+import contextlib
 import ctypes
 import os
 import sys
+from collections.abc import Iterator
 from typing import Protocol
 
 from twin.errors import TwinError
@@ -114,6 +116,27 @@ def new_context(width: int, height: int) -> Context:
     # MuJoCo ends EGL at exit; functions registered later run earlier, so contexts go first.
     atexit.register(context.free)
     return context
+
+
+@contextlib.contextmanager
+def keep_current() -> Iterator[None]:
+    """Leave this thread with the EGL context that it draws into now.
+
+    dm_control remembers which of its contexts is current, and does not ask OpenGL.
+    """
+    egl = sys.modules.get("OpenGL.EGL")
+    before = egl and (
+        egl.eglGetCurrentDisplay(),
+        egl.eglGetCurrentSurface(egl.EGL_DRAW),
+        egl.eglGetCurrentSurface(egl.EGL_READ),
+        egl.eglGetCurrentContext(),
+    )
+    try:
+        yield
+    finally:
+        if egl and before and before[-1]:
+            with contextlib.suppress(egl.EGLError):  # it has been freed since
+                egl.eglMakeCurrent(*before)
 
 
 def release(context: Context) -> None:
