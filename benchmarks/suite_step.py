@@ -13,8 +13,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from twin import suite
-from twin.suite.policies import POLICIES
+from twin import control
+from twin.control.policies import POLICIES
 
 STEPS = 400
 REPEATS = 9
@@ -37,8 +37,8 @@ def costs() -> None:
     from dm_control import suite as dm_suite
 
     print(f"{'task':24s} {'step':>8s} {'physics':>8s}  substeps")
-    for task in suite.ALL_TASKS:
-        environment = suite.load(task, task_kwargs={"random": 0, "time_limit": float("inf")})
+    for task in control.ALL_TASKS:
+        environment = control.load(task, task_kwargs={"random": 0, "time_limit": float("inf")})
         report(task, environment, environment.task.to_action(environment.physics.control()))
     for domain, task in YARDSTICKS:
         environment = dm_suite.load(domain, task, task_kwargs={"random": 0})
@@ -56,10 +56,10 @@ def report(name: str, environment, action) -> None:
 
 
 def rewards() -> None:
-    print(f"| mean reward | {' | '.join(f'`{task}`' for task in suite.ALL_TASKS)} |")
+    print(f"| mean reward | {' | '.join(f'`{task}`' for task in control.ALL_TASKS)} |")
     for name in POLICIES:
         cells = []
-        for task in suite.ALL_TASKS:
+        for task in control.ALL_TASKS:
             means = [episode(task, name, seed) for seed in range(EPISODES)]
             cells.append(f"{statistics.mean(means):.2f}")
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
@@ -67,13 +67,13 @@ def rewards() -> None:
 
 def episode(task: str, policy: str, seed: int) -> float:
     """Mean reward over the episode's full length: what is lost by ending it early counts as 0."""
-    environment = suite.load(task, task_kwargs={"random": seed})
+    environment = control.load(task, task_kwargs={"random": seed})
     pilot = POLICIES[policy](environment, seed)
     time_step, total = environment.reset(), 0.0
     while not time_step.last():
         time_step = environment.step(pilot(time_step))
         total += time_step.reward
-    return total / environment._step_limit
+    return total / environment.own.limit
 
 
 if __name__ == "__main__":

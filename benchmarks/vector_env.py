@@ -17,9 +17,9 @@ from collections.abc import Callable
 import gymnasium
 import numpy as np
 
-import twin.gym
 from benchmarks.figures import measured
-from twin.gym.registration import TASKS, environment_id
+from twin.control import ALL_TASKS, GliderVectorEnv
+from twin.control.registry import environment_id
 
 ROUNDS = 7
 SECONDS = 0.35
@@ -39,12 +39,12 @@ def measure(task: str, vehicles: int) -> tuple[float, float, float]:
     """Vector environment, bare batch and single environment [steps per second]."""
     many = gymnasium.make_vec(environment_id(task), num_envs=vehicles)
     one = gymnasium.make(environment_id(task)).unwrapped
-    assert isinstance(many, twin.gym.GliderVectorEnv)
+    assert isinstance(many, GliderVectorEnv)
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1.0, 1.0, (16, vehicles, 3)).astype(np.float32)
     many.reset(seed=0), one.reset(seed=0)
     turn = iter(range(10**9))
-    batch, substeps = many.physics.batch, many._substeps
+    batch, substeps = many.physics.batch, many.substeps
 
     def single() -> None:
         over = one.step(actions[next(turn) % 16, 0])[2:4]
@@ -69,7 +69,7 @@ def main() -> None:
         f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} {'times':>6s}"
     )
     found = []
-    for task in TASKS:
+    for task in ALL_TASKS:
         vector, bare, single = measure(task, vehicles)
         found.append((vector, vector / bare, vector / single))
         print(

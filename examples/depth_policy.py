@@ -7,11 +7,11 @@ random policies the best fifth says where to draw the next ones.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from twin import suite
+from twin import control
 
 GENERATIONS, POLICIES, EPISODES, BEST = 7, 16, 2, 4
 draw = np.random.default_rng(1)
-environment = suite.load(
+environment = control.load(
     "depth", task_kwargs={"random": 0}, environment_kwargs={"control_timestep": 10.0}
 )
 

@@ -27,8 +27,7 @@ from twin.cli.program import Program, ProgramCommand  # noqa: E402
 PROGRAMS = ("twin", "factory", "learn")
 FACES = {
     "twin": "twin",
-    "suite": "twin.suite",
-    "gym": "twin.gym",
+    "control": "twin.control",
     "factory": "factory",
     "learn": "learn",
 }
@@ -47,8 +46,8 @@ AREAS = {
     "twin.checks": "Checks",
     "twin.errors": "Errors",
     "twin.seams": "Kinds of your own",
-    "twin.suite": "Tasks",
-    "twin.gym": "Environments",
+    "twin.control.registry": "Tasks",
+    "twin.control": "Environments",
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.run": "Train and judge",
@@ -194,24 +193,13 @@ def python_page(face: str) -> str:
 def public_names(face: str) -> dict[str, str]:
     """Dotted place by public name of a package."""
     module = importlib.import_module(face)
-    places: Mapping[str, str] = getattr(module, "_PLACES", {})
-    if not places:  # a face that imports what it shows
-        return {name: f"{_home(module, name)}.{name}" for name in module.__all__}
+    places: Mapping[str, str] = module._PLACES
     return {
         name: place.replace(":", ".")
         if ":" in place or place == "twin.errors"
         else f"{place}.{name}"
         for name, place in places.items()
     }
-
-
-def _home(module: object, name: str) -> str:
-    """Where a name that a face imports is written."""
-    found = getattr(module, name)
-    source = getattr(found, "__module__", None)
-    if source and hasattr(importlib.import_module(source), name):
-        return str(source)
-    return {"TASKS": "twin.suite.registry", "ALL_TASKS": "twin.suite.loader"}[name]
 
 
 def area(place: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from twin.suite.requirement import INSTALL
+from twin.control.suite import ALONE, MUJOCO_BELOW
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -71,5 +71,18 @@ def test_python_3_13_has_all_that_dm_control_needs_but_labmaze() -> None:
 def test_the_suite_names_the_range_of_dm_control() -> None:
     suite = PROJECT["optional-dependencies"]["suite"]
     (range_,) = [Requirement(text) for text in suite if text.startswith("dm-control")]
-    asked = Requirement(INSTALL.split('"')[1])
+    asked = Requirement(ALONE.split('"')[1])
     assert (asked.name, asked.specifier) == (range_.name, range_.specifier)
+
+
+def test_the_suite_carries_the_mujoco_that_its_code_accepts() -> None:
+    """The tasks of dm_control alone need an older one: everything else takes the newer too."""
+    (ours,) = [Requirement(r) for r in PROJECT["dependencies"] if r.startswith("mujoco")]
+    suite = PROJECT["optional-dependencies"]["suite"]
+    (theirs,) = [Requirement(r) for r in suite if r.startswith("mujoco")]
+    newer = f"{MUJOCO_BELOW}.0.0"
+    assert newer in ours.specifier
+    assert newer not in theirs.specifier
+    least = {spec.version for spec in ours.specifier if spec.operator == ">="}
+    assert least == {spec.version for spec in theirs.specifier if spec.operator == ">="}
+    assert all(version in theirs.specifier for version in least)

@@ -60,7 +60,7 @@ def test_every_name_is_there_documented_and_where_the_types_say(face):
     assert _typed(face) == face._PLACES
 
 
-@pytest.mark.parametrize("name", ["twin", "twin.suite", "twin.gym", "factory", "learn"])
+@pytest.mark.parametrize("name", ["twin", "twin.control", "factory", "learn"])
 def test_every_public_name_has_a_docstring_of_its_own(name):
     """Not one that it inherits, nor the list of fields that a dataclass makes up."""
     face = importlib.import_module(name)
@@ -117,7 +117,7 @@ def test_no_module_bears_a_public_name(face):
 @pytest.mark.parametrize(
     "order",
     [
-        "import twin; twin.simulate; import twin.facade, twin.physics.simulation, twin.suite",
+        "import twin; twin.simulate; import twin.facade, twin.physics.simulation, twin.control",
         "import twin.facade, twin.physics.simulation; import twin",
         "import twin.commands.simulate; import twin; twin.simulate; import twin.commands.trim",
         "from twin import *",

@@ -16,7 +16,8 @@ import factory
 import twin
 from factory.generation.generated_store import GeneratedStore
 from factory.soundness import verify_store
-from twin import suite
+from twin import control
+from twin.control.registry import TASKS, check_task
 from twin.errors import InputError
 from twin.records.schema import (
     HYDROGRAPHY,
@@ -33,7 +34,6 @@ from twin.sensors.base import check_sensor
 from twin.sensors.base import table as sensor_table
 from twin.show.figures.base import FIGURES, FigureKind
 from twin.show.figures.base import table as figure_table
-from twin.suite.registry import TASKS, check_task
 
 REGISTRIES = (SENSORS, FIGURES, TASKS)
 every_registry = pytest.mark.parametrize("registry", REGISTRIES, ids=lambda r: r.noun)
@@ -71,9 +71,9 @@ def test_what_is_no_kind_is_refused(registry):
 def test_kinds_are_imported_when_they_are_asked_for():
     code = (
         "import sys; from twin.show.figures.base import FIGURES; "
-        "from twin.suite.registry import TASKS;"
+        "from twin.control.registry import TASKS;"
         "list(FIGURES), list(TASKS); "
-        "sys.exit('matplotlib' in sys.modules or 'twin.suite.hold' in sys.modules)"
+        "sys.exit('matplotlib' in sys.modules or 'twin.control.hold' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
 
@@ -382,10 +382,10 @@ def idle(vehicle="glider", *, random=None, environment_kwargs=None):
 
 
 def test_a_task_of_one_s_own_must_make_an_environment():
-    suite.register(idle)
+    control.register(idle)
     try:
         with pytest.raises(InputError, match="task 'idle' made 3: return"):
-            suite.load("idle")
+            control.load("idle")
     finally:
         TASKS.unregister("idle")
 

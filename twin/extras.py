@@ -56,7 +56,7 @@ def _mode() -> int:
 AGAIN = "pip install --force-reinstall --no-deps glider-twin"
 
 
-def require(package: str, *, extra: str, purpose: str, load: bool = True) -> None:
+def require(package: str, *, extra: str, purpose: str, load: bool = True, then: str = "") -> None:
     """Check that the packages of an extra are installed.
 
     Args:
@@ -64,6 +64,7 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Non
       extra: the extra of this project that brings it.
       purpose: what it is for, the start of the message.
       load: import it; without, only look for it, which is quick.
+      then: what the command that installs it goes on with.
 
     Raises:
       InputError: it cannot be imported; the message says which command installs it.
@@ -76,7 +77,7 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Non
     except ImportError as error:
         raise InputError(
             f"{purpose} needs the package {package}, which cannot be imported ({error}): "
-            f'pip install "glider-twin[{extra}]"'
+            f'pip install "glider-twin[{extra}]"{then}'
         ) from error
 
 

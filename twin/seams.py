@@ -199,25 +199,25 @@ FIGURES: Registry[Any] = Registry(
 TASKS: Registry[Any] = Registry(
     "task",
     group="glider_twin.tasks",
-    folder="twin/suite",
-    base="twin.suite.task.GliderTask",
+    folder="twin/control",
+    base="twin.control.task.GliderTask",
     page="howto/dm_control.md",
     shipped={
-        "hold": "twin.suite.hold:hold",
-        "depth": "twin.suite.depth:depth",
-        "waypoints": "twin.suite.waypoints:waypoints",
-        "energy": "twin.suite.energy:energy",
+        "hold": "twin.control.hold:hold",
+        "depth": "twin.control.depth:depth",
+        "waypoints": "twin.control.waypoints:waypoints",
+        "energy": "twin.control.energy:energy",
     },
-    check="twin.suite.registry:check_task",
+    check="twin.control.registry:check_task",
 )
 """Control tasks."""
 
 RANDOMISERS: Registry[Any] = Registry(
     "randomiser",
     group="glider_twin.randomisers",
-    folder="twin/suite",
-    base="twin.suite.conditions.Randomiser",
+    folder="twin/control",
+    base="twin.control.conditions.Randomiser",
     page="howto/dm_control.md#noise-currents-errors",
-    check="twin.suite.conditions:check_randomiser",
+    check="twin.control.conditions:check_randomiser",
 )
 """What draws the conditions of a task's episodes."""

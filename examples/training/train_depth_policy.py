@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from twin.gym import GliderEnv, StableBaselinesVec
-from twin.suite.policies import POLICIES
+from twin.control import GliderEnv, StableBaselinesVec
+from twin.control.policies import POLICIES
 
 TASK, HELD, FIRST_SEED = "glider_twin/Depth-v0", 10, 10_000
 steps, episodes = [int(word) for word in sys.argv[1:]] + [700_000, 24][len(sys.argv) - 1 :]
@@ -48,7 +48,7 @@ for name, make in POLICIES.items():
     means = []
     for seed in range(FIRST_SEED, FIRST_SEED + episodes):
         glider.reset(seed=seed)
-        policy, over, rewards = make(glider.dm_env, seed), False, 0.0
+        policy, over, rewards = make(glider.environment, seed), False, 0.0
         while not over:
             _, reward, terminated, truncated, _ = glider.step(policy(None))
             rewards, over = rewards + reward, terminated or truncated

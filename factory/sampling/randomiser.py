@@ -17,8 +17,8 @@ from factory.sampling.draw import Parameters
 from factory.sampling.mission_water import build_current, build_density
 from factory.sampling.parameters import BOTTOM, declared, override, parameter_table
 from factory.sampling.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
+from twin.control.conditions import Conditions
 from twin.errors import InputError
-from twin.suite.conditions import Conditions
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 
@@ -59,7 +59,7 @@ class TableRandomiser:
         self._vehicle, self._depth, self._duration = vehicle, depth, duration
 
     def draw(self, random: np.random.RandomState) -> Conditions:
-        """See `twin.suite.conditions.Randomiser`."""
+        """See `twin.control.conditions.Randomiser`."""
         rng = np.random.default_rng(random.randint(2**31))
         values = {name: drawn.draw(rng) for name, drawn in self.distributions.items()}
         parameters = _Task(duration_s=self._duration, values=values, segments=())

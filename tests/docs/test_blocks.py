@@ -25,7 +25,7 @@ from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
 from twin.navigation.estimators.base import VELOCITY_ESTIMATORS
-from twin.vehicle.assets import assets_folder
+from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_docs
@@ -41,8 +41,8 @@ RUN = {
     "docs/gallery.md": {"tests/twin/show/render/test_gallery.py": 7},
     "docs/howto/cluster.md": {"tests/docs/test_cluster.py": 13},
     "docs/howto/dm_control.md": {
-        "tests/twin/suite/test_suite_tasks.py": 3,
-        "tests/twin/gym/test_gym.py": 4,
+        "tests/twin/control/test_control_tasks.py": 3,
+        "tests/twin/control/test_glider_env.py": 4,
     },
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 15},
     "docs/howto/flight.md": {HERE: 3},

@@ -7,15 +7,16 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib import metadata
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
 
+from twin.control.suite import ALONE, require_dm_control
 from twin.errors import InputError
 from twin.extras import require, require_factory
 from twin.show.render.encode import Encoder
-from twin.suite.requirement import require_dm_control
 
 ROOT = Path(__file__).parents[2]
 
@@ -52,9 +53,19 @@ def test_the_suite_names_the_command_that_installs_dm_control(
 ) -> None:
     require_dm_control()
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"twin\.suite needs dm_control") as caught:
+    for version, line in (((3, 12), ""), ((3, 13), f" && {ALONE}")):
+        monkeypatch.setattr(sys, "version_info", version)
+        with pytest.raises(InputError, match="a task of dm_control needs the package") as caught:
+            require_dm_control()
+        assert str(caught.value).endswith(f'pip install "glider-twin[suite]"{line}')
+
+
+def test_a_mujoco_that_dm_control_cannot_use_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(metadata, "version", lambda name: {"mujoco": "4.0.0"}[name])
+    with pytest.raises(InputError, match=r"below 4, and mujoco 4\.0\.0 is installed") as caught:
         require_dm_control()
-    assert 'pip install --no-deps "dm-control>=1.0.50,<2"' in str(caught.value)
+    assert 'pip install "glider-twin[suite]"' in str(caught.value)
+    assert "GliderEnv" in str(caught.value)
 
 
 FOREIGN = '"""Of somebody else."""\nfrom .base import Factory\n'

@@ -29,7 +29,7 @@ sys.addaudithook(listen)
 """Notes every library that ctypes opens: PyOpenGL, GLFW and this project open OpenGL through it."""
 PLACES = {
     "context": "from twin.show.render.context import available_backend; available_backend()",
-    "suite": "import twin.suite",
+    "suite": "import twin.control.suite",
     "screen": """
 import os
 os.environ["DISPLAY"] = ":987"
@@ -62,8 +62,8 @@ except NoScreen:
 """Each place of the project that opens OpenGL"""
 DRAWN_BEFORE = {
     "by the suite": """
-import twin.suite
-environment = twin.suite.load("hold", task_kwargs={"random": 1})
+import twin.control
+environment = twin.control.load("hold", task_kwargs={"random": 1})
 assert environment.physics.render(camera_id=0).std() > 0
 """,
     "by a picture": """

@@ -37,7 +37,7 @@ def header(model: mujoco.MjModel) -> Any:
             return found
     raise VehicleError(
         "this MuJoCo model carries no vehicle's parameters, so it would move in vacuum: build it "
-        "with twin.suite.physics.Physics.from_vehicle or "
+        "with twin.control.physics.Physics.from_vehicle or "
         "twin.physics.mujoco_model.compile_model"
     )
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from factory.sampling.randomiser import field, table
-from twin import suite
+from twin import control
+from twin.control.conditions import Conditions
 from twin.errors import InputError, VehicleError
 from twin.physics.model_block import header
 from twin.physics.mujoco_model import compile_model, refit
 from twin.physics.native import block as b
-from twin.suite.conditions import Conditions
 from twin.vehicle.vehicle import load_vehicle
 
 GLIDER = load_vehicle("glider")
@@ -91,7 +91,7 @@ class Heavier:
 
 
 def test_conditions_belong_to_one_episode():
-    environment = suite.load("depth", {"random": 0}, {"randomise": Heavier()})
+    environment = control.load("depth", {"random": 0}, {"randomise": Heavier()})
     found = []
     for _ in range(3):
         environment.reset()
@@ -100,7 +100,7 @@ def test_conditions_belong_to_one_episode():
     # what compressed hull and depth make of it is small beside the error
     assert all(0.0 < net < 0.03 for net in found)
     environment.task.conditions = None
-    plain = suite.load("depth", {"random": 0})
+    plain = control.load("depth", {"random": 0})
     plain.reset()
     assert abs(plain.physics.net_buoyancy()) < 0.01
 
@@ -111,10 +111,10 @@ def test_conditions_belong_to_one_episode():
     ids=["field", "named"],
 )
 def test_many_vehicles_have_the_conditions_of_one(randomise):
-    gym = pytest.importorskip("twin.gym", reason="the extra 'gym' is not installed")
+    pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
     settings = {"randomise": randomise, "observation": "dict", "time_limit": 10.0}
-    together = gym.GliderVectorEnv("waypoints", 2, autoreset_mode="same_step", **settings)
-    alone = [gym.GliderEnv("waypoints", **settings) for _ in range(2)]
+    together = control.GliderVectorEnv("waypoints", 2, autoreset_mode="same_step", **settings)
+    alone = [control.GliderEnv("waypoints", **settings) for _ in range(2)]
     seen, _ = together.reset(seed=5)
     expected = [env.reset(seed=5 + i)[0] for i, env in enumerate(alone)]
     currents = []
@@ -132,4 +132,4 @@ def test_many_vehicles_have_the_conditions_of_one(randomise):
 
 def test_unknown_randomisers_are_refused():
     with pytest.raises(InputError, match="did you mean 'field'"):
-        suite.load("depth", environment_kwargs={"randomise": "feld"})
+        control.load("depth", environment_kwargs={"randomise": "feld"})

@@ -257,7 +257,7 @@ def test_tables_with_a_floor_need_a_model_with_one():
 
 
 def test_an_environment_keeps_its_floor_when_the_water_changes():
-    physics_module = pytest.importorskip("twin.suite.physics")
+    physics_module = pytest.importorskip("twin.control.physics")
     tables = Tables(floor=FlatFloor(depth_m=30.0).compile(0.0))
     model = compile_model("glider", tables=tables, reserve=500)
     physics = physics_module.Physics.from_model(model)

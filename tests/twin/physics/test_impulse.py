@@ -16,7 +16,7 @@ from twin.fossen.equations import acceleration, mass_distribution, turned_water
 from twin.fossen.forces import parameters_of
 from twin.fossen.matrices import quaternion_rate, rigid_body_mass, rotation_from_quaternion
 from twin.frames import euler_to_quaternion
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.current_text import parse_current
 from twin.water.current.sampler import sample_gradient

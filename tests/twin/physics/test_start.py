@@ -237,7 +237,7 @@ def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path
 
 def test_an_environment_refuses_a_place_that_it_would_not_use() -> None:
     pytest.importorskip("dm_control")
-    from twin.suite.physics import Physics
+    from twin.control.physics import Physics
 
     physics = Physics.from_vehicle()
     physics.set_start(Start(depth=20.0))

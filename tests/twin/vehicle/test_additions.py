@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.mission.segments import Hold
 from twin.physics.mujoco_model import compile_model
 from twin.vehicle.additions import with_law, with_part
-from twin.vehicle.assets import vehicle_names
+from twin.vehicle.presets import vehicle_names
 
 FIN: dict[str, Any] = {
     "kind": "fin",

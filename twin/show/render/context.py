@@ -8,9 +8,11 @@ process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, win
 from __future__ import annotations
 
 import atexit
+import contextlib
 import ctypes
 import os
 import sys
+from collections.abc import Iterator
 from typing import Protocol
 
 from twin.errors import TwinError
@@ -26,6 +28,10 @@ _MOST_DEVICES = 16
 
 class NoOpenGL(TwinError):
     """This machine cannot draw: a library is missing, or drawing was switched off."""
+
+
+class ForkedDrawing(TwinError):
+    """A process that was forked from one that had drawn wants to draw: it would wait for ever."""
 
 
 class Context(Protocol):
@@ -56,6 +62,26 @@ def available_backend() -> str | None:
     return None
 
 
+_drawing: int | None = None
+"""Process that first drew, among this one and those that it was forked from"""
+
+
+def claim_drawing() -> None:
+    """Say that this process draws; OpenGL's threads and locks do not live on in a forked one.
+
+    Raises:
+      ForkedDrawing: it was forked from a process that had drawn.
+    """
+    global _drawing
+    if _drawing not in (None, os.getpid()):
+        raise ForkedDrawing(
+            f"this process was forked from process {_drawing}, which had drawn before, so drawing "
+            "here would wait for ever: start processes with "
+            "multiprocessing.get_context('spawn'), or AsyncVectorEnv(..., context='spawn')"
+        )
+    _drawing = os.getpid()
+
+
 def new_context(width: int, height: int) -> Context:
     """An offscreen context of the preferred backend, released at exit if nobody does so before.
 
@@ -64,7 +90,9 @@ def new_context(width: int, height: int) -> Context:
 
     Raises:
       NoOpenGL: no backend works; the message names the Debian packages to install.
+      ForkedDrawing: this process was forked from one that had drawn.
     """
+    claim_drawing()
     backend = available_backend()
     if backend is None:
         raise NoOpenGL(_advice())
@@ -88,6 +116,27 @@ def new_context(width: int, height: int) -> Context:
     # MuJoCo ends EGL at exit; functions registered later run earlier, so contexts go first.
     atexit.register(context.free)
     return context
+
+
+@contextlib.contextmanager
+def keep_current() -> Iterator[None]:
+    """Leave this thread with the EGL context that it draws into now.
+
+    dm_control remembers which of its contexts is current, and does not ask OpenGL.
+    """
+    egl = sys.modules.get("OpenGL.EGL")
+    before = egl and (
+        egl.eglGetCurrentDisplay(),
+        egl.eglGetCurrentSurface(egl.EGL_DRAW),
+        egl.eglGetCurrentSurface(egl.EGL_READ),
+        egl.eglGetCurrentContext(),
+    )
+    try:
+        yield
+    finally:
+        if egl and before and before[-1]:
+            with contextlib.suppress(egl.EGLError):  # it has been freed since
+                egl.eglMakeCurrent(*before)
 
 
 def release(context: Context) -> None:

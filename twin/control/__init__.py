@@ -1,0 +1,61 @@
+"""Control tasks for a glider: hold heading and pitch, reach a depth, follow waypoints, save energy.
+
+The tasks, their water and their rewards are the project's own and stand on MuJoCo alone. They have
+three faces, on the model and the native callbacks of the batch:
+
+- Gymnasium (extra `gym`): importing this package registers `glider_twin/Depth-v0` and the others;
+  `gymnasium.make("twin.control:glider_twin/Depth-v0")` imports it by itself. `GliderEnv` and
+  `GliderVectorEnv` also take tasks of one's own by their names.
+- stable-baselines3 (extra `sb3`): `StableBaselinesVec` around a `GliderVectorEnv`.
+- dm_control (extra `suite`): `load("hold", task_kwargs={"random": 1})` returns a `dm_env`
+  environment, and `python -m twin.control --task hold` shows one in the viewer.
+
+`TASKS` has every task by name, `ALL_TASKS` names those of the package, `register` adds one.
+"""
+
+import importlib.util
+from typing import TYPE_CHECKING, Any
+
+from twin.control.registry import register_environments
+from twin.extras import require
+from twin.lazy import attach
+
+if TYPE_CHECKING:
+    from twin.control.glider_env import GliderEnv as GliderEnv
+    from twin.control.registry import ALL_TASKS as ALL_TASKS
+    from twin.control.registry import TASKS as TASKS
+    from twin.control.registry import register as register
+    from twin.control.stable_baselines import StableBaselinesVec as StableBaselinesVec
+    from twin.control.suite import load as load
+    from twin.control.vector_env import GliderVectorEnv as GliderVectorEnv
+
+_PLACES = {
+    "ALL_TASKS": "twin.control.registry:ALL_TASKS",
+    "GliderEnv": "twin.control.glider_env:GliderEnv",
+    "GliderVectorEnv": "twin.control.vector_env:GliderVectorEnv",
+    "StableBaselinesVec": "twin.control.stable_baselines:StableBaselinesVec",
+    "TASKS": "twin.control.registry:TASKS",
+    "load": "twin.control.suite:load",
+    "register": "twin.control.registry:register",
+}
+_OF_GYMNASIUM = ("GliderEnv", "GliderVectorEnv", "StableBaselinesVec")
+__all__ = [
+    "ALL_TASKS",
+    "TASKS",
+    "GliderEnv",
+    "GliderVectorEnv",
+    "StableBaselinesVec",
+    "load",
+    "register",
+]
+_get, __dir__ = attach(__name__, _PLACES)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OF_GYMNASIUM:
+        require("gymnasium", extra="gym", purpose=f"twin.control.{name}")
+    return _get(name)
+
+
+if importlib.util.find_spec("gymnasium") is not None:
+    register_environments()

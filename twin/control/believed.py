@@ -1,0 +1,175 @@
+"""Believed: a vehicle's state as it is known on board, by the names of `twin.control.physics`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify.start_values import net_mass
+from twin.navigation.navigator import NavigationState
+from twin.navigation.settings import Navigation
+from twin.physics.model_block import header, table
+from twin.physics.native import block
+from twin.physics.navigated import OnBoard
+from twin.physics.scenario import Scenario
+from twin.physics.start import Start
+from twin.physics.true_signals import LiveTruth
+from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.control.physics import WaterPhysics
+
+Array = NDArray[np.float64]
+
+LARGEST_SEED = 2**31
+
+
+class Believed:
+    """What observations of a navigated environment are made of.
+
+    It has the measurements of `Physics` that something on board can tell, and no others.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        navigation: Navigation,
+        *,
+        period: float,
+        samples: int,
+    ):
+        """For episodes of at most so many `samples`, one every `period` [s].
+
+        Raises:
+          InputError: the estimator does not suit the vehicle.
+        """
+        self.vehicle, self._navigation = vehicle, navigation
+        self._period, self._samples = period, samples
+        navigation.open(vehicle, period)
+        self.restart(np.random.RandomState(0))
+
+    def restart(self, random: np.random.RandomState) -> None:
+        """The next look is the first of an episode, whose sensors' errors come from `random`."""
+        self._random = random
+        self._on_board: OnBoard | None = None
+        self._time = -math.inf
+
+    def look(self, physics: WaterPhysics) -> None:
+        """Measure, once for every time."""
+        time = physics.time()
+        if self._on_board is not None and time <= self._time:
+            return
+        raw, model = physics.mj_data, physics.mj_model
+        if self._on_board is None:
+            row = block.log_row(model.nq, model.nv, model.nu)
+            floor = table(model, "floor")
+            half = 0.5 * float(header(model)["centred"]) * float(model.opt.timestep)
+            self._truth = LiveTruth(self.vehicle, row, half_step=half, floor=floor)
+            self._row = np.zeros(1, row)[0]
+            self._on_board = self._begin(physics, floor, table(model, "current"))
+        water = block_state(physics)
+        row = self._row
+        row["qpos"], row["qvel"], row["act"], row["ctrl"] = raw.qpos, raw.qvel, raw.act, raw.ctrl
+        for name in ("current", "density", "immersion", "net_mass"):
+            row[name] = water[name]
+        change = np.zeros(6)
+        if water["known"]:
+            change = (raw.qvel[:6] - water["earlier"]) / float(model.opt.timestep)
+        self._on_board.take(self._truth.sample(row, change))
+        self._time = time
+        self._seen = self._on_board.observe(time)
+
+    def _begin(self, physics: WaterPhysics, floor: Array, current: Array) -> OnBoard:
+        seed = int(self._random.randint(LARGEST_SEED))
+        depth = max(physics.depth(), 0.1)  # a Start is under water
+        scenario = Scenario(
+            vehicle=self.vehicle,
+            navigate=dataclasses.replace(self._navigation, seed=seed),
+            start=Start(north=physics.north(), east=physics.east(), depth=depth),
+            duration=self._samples * self._period,
+            sample_period=self._period,
+        )
+        return OnBoard(scenario, self._truth.names, self._samples, floor=floor, current=current)
+
+    @property
+    def _belief(self) -> NavigationState:
+        assert self._on_board is not None
+        assert self._on_board.belief is not None
+        return self._on_board.belief
+
+    def time(self) -> float:
+        """[s] of the last sample."""
+        return self._time
+
+    def north(self) -> float:
+        """[m] from the origin."""
+        return self._seen.north
+
+    def east(self) -> float:
+        """[m] from the origin."""
+        return self._seen.east
+
+    def depth(self) -> float:
+        """[m] below the surface."""
+        return self._seen.depth
+
+    def roll(self) -> float:
+        """[rad]"""
+        return self._seen.roll
+
+    def pitch(self) -> float:
+        """[rad]"""
+        return self._seen.pitch
+
+    def heading(self) -> float:
+        """[rad] in [0, 2 pi)"""
+        return self._seen.heading
+
+    def rates(self) -> Array:
+        """Roll, pitch, yaw rate [rad/s], (3,)."""
+        return np.array([self._seen.roll_rate, self._seen.pitch_rate, self._seen.yaw_rate])
+
+    def velocity_through_water(self) -> Array:
+        """Surge, sway, heave [m/s], (3,)."""
+        belief = self._belief
+        return np.array([belief.surge, belief.sway, belief.heave])
+
+    def surge(self) -> float:
+        """[m/s] through the water."""
+        return float(self.velocity_through_water()[0])
+
+    def speed(self) -> float:
+        """[m/s] through the water."""
+        return float(np.linalg.norm(self.velocity_through_water()))
+
+    def depth_rate(self) -> float:
+        """[m/s]"""
+        return self._belief.depth_rate
+
+    def current(self) -> Array:
+        """Of the water, NED [m/s], (3,); its vertical velocity is taken as zero."""
+        return np.array([self._seen.current_north, self._seen.current_east, 0.0])
+
+    def actuators(self) -> Array:
+        """Measured positions of the parts as fractions of their travel, -1 to 1, (parts,)."""
+        positions = np.array([self._seen.parts[name] for name in self.vehicle.part_names])
+        low, high = self.vehicle.actuator_min, self.vehicle.actuator_max
+        return np.asarray(2.0 * (positions - low) / (high - low) - 1.0)
+
+    def net_buoyancy(self) -> float:
+        """[kg] that the vehicle's file says of the measured pump and depth, + = heavy."""
+        pump = self.vehicle.steered("buoyancy")
+        if pump is None:
+            return 0.0
+        volume, depth = np.array([self._seen.parts[pump.name]]), np.array([self._seen.depth])
+        return float(net_mass(self.vehicle, volume, np.maximum(depth, 0.0))[0])
+
+
+def block_state(physics: WaterPhysics) -> np.void:
+    """What native code keeps of the water at the vehicle, a record of `block.STATE`."""
+    found: np.void = physics.mj_data.userdata[: block.STATE_WORDS].view(block.STATE)[0]
+    return found

@@ -1,0 +1,93 @@
+"""Registry: the control tasks by name; `register` adds one's own.
+
+A task is one file with a `GliderTask` and a function that makes its environment. The function takes
+a vehicle first and then keyword arguments with defaults, `random` and `environment_kwargs` among
+them; the first line of its docstring says what the task is.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from twin import seams
+from twin.errors import InputError
+from twin.registry import Registry
+
+GROUP = "glider_twin.tasks"
+"""Entry points of installed distributions: NAME = "module:function"."""
+NEEDED = ("vehicle", "random", "environment_kwargs")
+"""Arguments that `twin.control.load`, the viewer and Gymnasium's environments hand over"""
+Maker = Callable[..., Any]
+"""Makes the `twin.control.environment.Environment` of a task"""
+
+
+def register(maker: Maker) -> Maker:
+    """Add a task of your own under its function's name; usable as a decorator.
+
+    Raises:
+      InputError: it is only half there, or its name is taken.
+    """
+    TASKS.register(getattr(maker, "__name__", ""), maker)
+    return maker
+
+
+def check_task(name: str, maker: Any) -> Maker:
+    """The function when it is complete; raises InputError otherwise."""
+
+    def half(what: str) -> InputError:
+        return InputError(f"task {name!r} is only half there: {what}")
+
+    if not (inspect.isfunction(maker) and maker.__name__ == name):
+        raise half(f"{maker!r} must be a function of that name that makes its environment")
+    if not inspect.getdoc(maker):
+        raise half("its docstring must say what the task is")
+    parameters = inspect.signature(maker).parameters
+    lacking = [argument for argument in NEEDED if argument not in parameters]
+    if lacking:
+        raise half(f"it needs the arguments {', '.join(lacking)}")
+    for parameter in parameters.values():
+        if parameter.default is parameter.empty:
+            raise half(f"its argument {parameter.name!r} needs a default")
+    return maker
+
+
+TASKS: Registry[Maker] = seams.TASKS
+"""The functions that make the tasks, by name."""
+
+ALL_TASKS = TASKS.shipped()
+"""Names of the tasks that come with the package; `TASKS` has registered ones too."""
+
+NAMESPACE = "glider_twin"
+VERSION = 0
+"""Of the tasks as Gymnasium counts them: it rises when rewards are not to be compared any more."""
+
+
+def task_arguments(task_name: str) -> list[str]:
+    """Names of what `task_kwargs` of a task takes.
+
+    Raises:
+      UnknownName: there is no such task.
+    """
+    parameters = inspect.signature(TASKS[task_name]).parameters
+    return [name for name in parameters if name != "environment_kwargs"]
+
+
+def environment_id(task: str) -> str:
+    """Gymnasium's name of a task: `glider_twin/Depth-v0` of `depth`."""
+    return f"{NAMESPACE}/{task.capitalize()}-v{VERSION}"
+
+
+def register_environments() -> None:
+    """Register every task of the package with Gymnasium, for one vehicle and for many."""
+    import gymnasium
+
+    for task in ALL_TASKS:
+        if environment_id(task) not in gymnasium.registry:
+            gymnasium.register(
+                environment_id(task),
+                entry_point="twin.control.glider_env:GliderEnv",
+                vector_entry_point="twin.control.vector_env:GliderVectorEnv",
+                kwargs={"task": task},
+            )

@@ -1,0 +1,447 @@
+"""Task: what every task with a glider shares: actions, observations, the ends of an episode."""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.control.believed import Believed
+from twin.control.conditions import Conditions, Randomiser
+from twin.control.physics import WaterPhysics
+from twin.control.white_noise import UNSHOWN, Noisy
+from twin.errors import InputError, VehicleError
+from twin.mission.way import Way
+from twin.mission.way import way as steady_way
+from twin.numbers import numbers
+from twin.physics.start import Start
+from twin.vehicle.vehicle import Vehicle
+from twin.water.current.base import Current
+
+Array = NDArray[np.float64]
+Observation = collections.OrderedDict[str, Array]
+Place = tuple[int, ...]
+"""(index,) of one vehicle among many, or () of the only one."""
+
+CRUISE_PITCH = math.radians(35.0)
+"""[rad] of the glide that rewards and starts take as normal"""
+PROPELLED_PITCH = math.radians(15.0)
+"""[rad] likewise of a vehicle under a propeller, whose elevator holds no glider's pitch"""
+CRUISE_PUMP = 0.5
+"""Part of the pump's travel in that glide"""
+MARKER = "target"
+"""Name of the site that shows where to go"""
+VEHICLE_SCALES = {
+    "attitude": 1.0,  # rad
+    "rates": 0.1,  # rad/s
+    "velocity": 0.5,  # m/s
+    "depth": 100.0,  # m
+    "depth_rate": 0.2,  # m/s
+    "actuators": 1.0,
+    "net_buoyancy": 0.5,  # kg
+}
+"""Sizes that the observations of a vehicle usually have, in their units."""
+LARGEST_RATE = 8.0 * math.pi
+"""[rad/s] limit of observed rates: four turns a second; a propelled hull can roll at 0.8 of one"""
+FASTEST = 10.0
+"""[m/s] least limit of observed speeds"""
+FASTEST_CRUISES = 10.0
+"""Times the speed of the cruise, where that is more"""
+LARGEST_FRACTION = 2.0
+"""Limit of observed positions of parts, whose travel is from -1 to 1: room for a sensor's errors"""
+_HULL = "hull"
+_REWARDED = np.array([0.15, 0.85, 0.35])
+"""Colour of the hull at reward 1, when rewards are shown"""
+_COLOUR_POWER = 4
+"""As in dm_control: high rewards are told apart better"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What a pilot would aim at now; the autopilot flies it."""
+
+    pitch: float
+    """[rad], positive nose up"""
+    heading: float | None
+    """[rad], None: any"""
+    net_mass: float
+    """[kg], positive = heavy"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Episode:
+    """One draw of a task."""
+
+    start: Start
+    """Where and how the vehicle begins."""
+    goal: Mapping[str, Any]
+    """What to reach, by the names of `GliderTask.goals`."""
+    current: Current | None = None
+    """A steady current that belongs to the task; None: it brings none."""
+
+
+LARGEST_SEED = 2**31
+
+
+def episode_random(seed: int, episode: int) -> np.random.RandomState:
+    """The random numbers of the `episode`-th reset after `seed`, which depend on nothing else."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(episode,))
+    return np.random.RandomState(np.random.PCG64(sequence))
+
+
+class GliderTask:
+    """A task for one vehicle.
+
+    Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
+    from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
+    their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes
+    below `max_depth`.
+
+    A task that draws its episodes in `draw_episode` and whose formulas take arrays serves one
+    vehicle or, after `serve`, many at once: `physics` then is a `twin.control.many.ManyPhysics`,
+    and measurements, goals and rewards have the vehicle as their first axis.
+    """
+
+    goals: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+    """Attributes that an episode or its course sets for each vehicle, and their shapes."""
+    goal_scales: ClassVar[Mapping[str, float]] = {}
+    """Usual sizes of what `observe_goal` shows, in their units; others count as 1."""
+    goals_from: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    """Of what `observe_goal` makes each of its own, whose noise it shows: names of the vehicle's
+    observations, `heading` and `position`."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        max_depth: float,
+        normalised: bool = True,
+        random: np.random.RandomState | int | None = None,
+    ):
+        """Take a vehicle and a depth limit [m].
+
+        Raises:
+          InputError: the depth limit leaves no room. MissionError: the vehicle cannot cruise.
+        """
+        if not max_depth > 0:
+            raise InputError(f"max_depth {max_depth} m must be positive")
+        if not isinstance(normalised, bool):
+            raise InputError(f"normalised is {normalised!r}: give True or False")
+        if not isinstance(random, np.random.RandomState):
+            random = np.random.RandomState(random)
+        self.random = random
+        """Every random number of the only vehicle comes from here."""
+        self.visualize_reward = False
+        """Colour the hull by the reward"""
+        self.vehicle = vehicle
+        self.max_depth = float(max_depth)
+        self.normalised = normalised
+        self._low, self._high = vehicle.actuator_min, vehicle.actuator_max
+        self.propelled = vehicle.steered("speed") is not None
+        self.cruise_pitch = PROPELLED_PITCH if self.propelled else CRUISE_PITCH
+        """[rad] magnitude in the cruise"""
+        pump = vehicle.steered("buoyancy")
+        self.cruise_mass = 0.0
+        """[kg] net buoyancy of a cruise down; 0 without a pump, or under a propeller"""
+        if pump is not None and not self.propelled:
+            volume = pump.rest + CRUISE_PUMP * (pump.low - pump.rest)
+            self.cruise_mass = vehicle.net_mass_for_pump(float(volume))
+        self.cruise = self.way(-self.cruise_pitch)
+        self.conditions: Randomiser | None = None
+        """What draws the vehicle's errors and the water of an episode; None: as the files say."""
+        self.duration = math.inf
+        """[s] of an episode at most"""
+        self.period = math.inf
+        """[s] between two observations"""
+        self.count: int | None = None
+        """Vehicles that it serves at once; None is one, without an axis for it."""
+        self._generators: list[np.random.RandomState] = []
+        self._colour: Array | None = None
+        self.believed: Believed | None = None
+        """What observations are made of in place of the truth, in a navigated environment."""
+        self.noise: Callable[[], Mapping[str, Array]] | None = None
+        """Gives the errors of the observations that are being made, by name; None: no errors."""
+
+    # --- actions ------------------------------------------------------------------------------
+
+    def action_range(self) -> tuple[Array, Array]:
+        """Least and largest commands, (parts,) each, from -1 to 1 or in the parts' units."""
+        if not self.normalised:
+            return self._low.copy(), self._high.copy()
+        return np.full(len(self._low), -1.0), np.full(len(self._low), 1.0)
+
+    def to_command(self, action: ArrayLike) -> Array:
+        """Commanded positions of the parts, in their order and units, of an action.
+
+        Raises:
+          InputError: another shape, or a value that is not finite.
+        """
+        values: Array = numbers(action, "action")
+        parts = len(self.vehicle.parts)
+        shape = (parts,) if self.count is None else (self.count, parts)
+        names = ", ".join(self.vehicle.part_names)
+        if values.shape != shape:
+            many = "" if self.count is None else f" for each of {self.count} vehicles"
+            raise InputError(
+                f"action of shape {values.shape} must be of shape {shape}: {names}{many}"
+            )
+        if not np.isfinite(values).all():
+            *vehicle, part = np.argwhere(~np.isfinite(values))[0].tolist()
+            whose = f" of vehicle {vehicle[0]}" if vehicle else ""
+            raise InputError(
+                f"action{whose}: {self.vehicle.part_names[part]} is {values[(*vehicle, part)]}: "
+                f"actions must be finite numbers ({names})"
+            )
+        if not self.normalised:
+            return np.clip(values, self._low, self._high)
+        fraction = 0.5 * (np.clip(values, -1.0, 1.0) + 1.0)
+        return self._low + fraction * (self._high - self._low)
+
+    def to_action(self, command: ArrayLike) -> Array:
+        """The action that commands these positions; the inverse of `to_command`."""
+        values: Array = np.clip(np.asarray(command, float), self._low, self._high)
+        if not self.normalised:
+            return values
+        return 2.0 * (values - self._low) / (self._high - self._low) - 1.0
+
+    def before_step(self, action: ArrayLike, physics: WaterPhysics) -> None:
+        """Command the actuators."""
+        physics.set_control(self.to_command(action))
+
+    # --- episodes -----------------------------------------------------------------------------
+
+    def serve(self, generators: Sequence[np.random.RandomState]) -> None:
+        """Be the task of as many vehicles as there are `generators`, one of each.
+
+        Raises:
+          InputError: it draws its episodes for one vehicle only.
+        """
+        kind = type(self)
+        if kind.draw_episode is GliderTask.draw_episode or (
+            kind.initialize_episode is not GliderTask.initialize_episode
+        ):
+            raise InputError(
+                f"task {kind.__name__} serves one vehicle at a time: to serve many, draw its "
+                "episodes in draw_episode, and not in initialize_episode"
+            )
+        self._generators = list(generators)
+        self.count = len(self._generators)
+        for name, shape in self.goals.items():
+            setattr(self, name, np.zeros((self.count, *shape)))
+
+    def generator(self, at: Place) -> np.random.RandomState:
+        """The random numbers of one vehicle: `at` is (its index,), or () for the only one."""
+        return self._generators[at[0]] if at else self.random
+
+    def set_generator(self, random: np.random.RandomState, at: Place = ()) -> None:
+        """Draw from `random` from now on."""
+        if at:
+            self._generators[at[0]] = random
+        else:
+            self.random = random
+
+    def put(self, at: Place, **values: Any) -> None:
+        """Set attributes of `goals` for one vehicle."""
+        for name, value in values.items():
+            if at:
+                getattr(self, name)[at] = value
+            else:
+                setattr(self, name, value)
+
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """Where one vehicle begins and what it is to reach."""
+        raise NotImplementedError
+
+    def initialize_episode(self, physics: WaterPhysics) -> None:
+        """Draw an episode and begin it."""
+        episode = self.place(physics, ())
+        self.begin(physics, (), episode)
+        self.mark(physics)
+        self.after_step(physics)
+
+    def place(self, physics: WaterPhysics, at: Place) -> Episode:
+        """Draw an episode of one vehicle and write its start; `begin` follows."""
+        random = self.generator(at)
+        episode = self.draw_episode(random)
+        conditions = None if self.conditions is None else self.conditions.draw(random)
+        if episode.current is not None:
+            conditions = (conditions or Conditions()).flowing(episode.current)
+        # without a limit only the tasks' own currents flow, which are steady
+        duration = self.duration if math.isfinite(self.duration) else 1.0
+        physics.place(
+            at, episode.start, vehicle=self.vehicle, conditions=conditions, duration=duration
+        )
+        return episode
+
+    def begin(self, physics: WaterPhysics, at: Place, episode: Episode) -> None:
+        """Take over an episode whose vehicle has been placed."""
+        self.put(at, **episode.goal)
+
+    def mark(self, physics: WaterPhysics) -> None:
+        """Move the marker of a task that has one; it is called for a single vehicle."""
+
+    def after_step(self, physics: WaterPhysics) -> None:
+        """Colour the hull by the reward when rewards are shown."""
+        if not self.visualize_reward:
+            return
+        material = physics.mj_model.material(_HULL).id
+        colours = physics.mj_model.mat_rgba
+        if self._colour is None:
+            self._colour = colours[material, :3].copy()
+        blend = min(max(self.get_reward(physics), 0.0), 1.0) ** _COLOUR_POWER
+        colours[material, :3] = blend * _REWARDED + (1.0 - blend) * self._colour
+
+    def get_termination(self, physics: WaterPhysics) -> float | None:
+        """Discount 0 at the surface and below the depth limit, None otherwise."""
+        return 0.0 if self.lost(physics) else None
+
+    def lost(self, physics: WaterPhysics) -> Any:
+        """Whether the hull is at the surface or below the depth limit, for each vehicle."""
+        return (physics.immersion() < 1.0) | (physics.depth() > self.max_depth)
+
+    def way(self, pitch: float) -> Way:
+        """The steady way at `pitch` [rad]: the cruise's glide, or under the propeller."""
+        mass = -math.copysign(self.cruise_mass, pitch)
+        return steady_way(
+            self.vehicle, "task", "pitch", math.degrees(pitch), mass, None, within_travel=True
+        )
+
+    def gliding_start(self, *, depth: float, heading: float, pitch: float) -> Start:
+        """At the origin on the steady way at `pitch` [rad], depth [m], heading [rad]."""
+        way = self.way(pitch)
+        alpha = way.angle_of_attack
+        v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
+        actuators = tuple(way.command.tolist())
+        return Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
+
+    # --- observations -------------------------------------------------------------------------
+
+    def observe_vehicle(self, physics: WaterPhysics) -> Observation:
+        """What a vehicle knows about itself.
+
+        attitude: roll, pitch [rad]; rates: p, q, r [rad/s]; velocity: surge, sway, heave through
+        the water [m/s]; depth [m]; depth_rate [m/s]; actuators: fractions of travel, -1 to 1;
+        net_buoyancy [kg].
+        """
+        return collections.OrderedDict(
+            attitude=row(physics.roll(), physics.pitch()),
+            rates=physics.rates(),
+            velocity=physics.velocity_through_water(),
+            depth=row(physics.depth()),
+            depth_rate=row(physics.depth_rate()),
+            actuators=physics.actuators(),
+            net_buoyancy=row(physics.net_buoyancy()),
+        )
+
+    def get_observation(self, physics: WaterPhysics) -> Observation:
+        """The vehicle's state and then what the task asks for; as it is believed on board where the
+        environment is navigated, and with errors where there is noise."""
+        seen: Any = physics
+        if self.believed is not None:
+            self.believed.look(physics)
+            seen = self.believed
+        errors = {} if self.noise is None else self.noise()
+        if errors:
+            seen = Noisy(seen, errors)
+        observation = self.observe_vehicle(seen)
+        observation.update(self.observe_goal(seen))
+        for name in errors.keys() & observation.keys() - VEHICLE_SCALES.keys() - UNSHOWN.keys():
+            observation[name] = observation[name] + errors[name]  # the others have theirs by now
+        return observation
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """What observations stay within, by name, in their units, without their noise.
+
+        `fastest` bounds speeds and how far an episode leads; a depth is beyond its limit by one
+        control period at most; the net buoyancy is less than the vehicle's weight. Not named is
+        what has no limit.
+        """
+        fastest = self.fastest
+        margin = fastest * self.period
+        return {
+            "attitude": (-math.pi, math.pi),
+            "rates": (-LARGEST_RATE, LARGEST_RATE),
+            "velocity": (-fastest, fastest),
+            "depth": (-margin, self.max_depth + margin),
+            "depth_rate": (-fastest, fastest),
+            "actuators": (-LARGEST_FRACTION, LARGEST_FRACTION),
+            "net_buoyancy": (-self.vehicle.mass, self.vehicle.mass),
+            **self.goal_limits(),
+        }
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """Likewise of what `observe_goal` shows."""
+        return {}
+
+    @property
+    def fastest(self) -> float:
+        """[m/s] that no vehicle, current or hull adrift comes near."""
+        return max(FASTEST, FASTEST_CRUISES * self.cruise.speed)
+
+    def scale(self, name: str) -> float:
+        """The size that an observation usually has, in its unit; 1 where nothing is said."""
+        return self.goal_scales.get(name, VEHICLE_SCALES.get(name, 1.0))
+
+    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
+        """What the task asks for, by name, relative to the vehicle."""
+        raise NotImplementedError
+
+    def get_reward(self, physics: WaterPhysics) -> Any:
+        """Between 0 and 1, for each vehicle."""
+        raise NotImplementedError
+
+    def reference(self, physics: WaterPhysics) -> Reference:
+        """What a pilot would aim at now."""
+        raise NotImplementedError
+
+
+def row(*values: Any) -> Array:
+    """Numbers of one vehicle as shape (values,), or of many as (vehicles, values)."""
+    return np.stack([np.asarray(value, float) for value in values], axis=-1)
+
+
+def wrap_angle(angle: Any) -> Any:
+    """The same direction in [-pi, pi) [rad]."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def as_direction(angle: Any) -> Array:
+    """Sine and cosine of an angle [rad], which have no jump at a half turn, shape (..., 2)."""
+    return row(np.sin(angle), np.cos(angle))
+
+
+def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
+    """The vehicle with a translucent site named MARKER in its world; sites exert no force.
+
+    Args:
+      attributes: of the site, as in MJCF (type, size, ...).
+
+    Raises:
+      VehicleError: the file has no world body, or a site of that name.
+    """
+    root = ElementTree.fromstring(vehicle.xml)
+    world = root.find("worldbody")
+    if world is None or root.find(f".//site[@name='{MARKER}']") is not None:
+        raise VehicleError(
+            f"vehicle {vehicle.name!r}: the suite adds a site {MARKER!r} to <worldbody>; the file "
+            "needs that element and must not use the name"
+        )
+    # off the origin: MuJoCo gives a site at its body's origin the body's place for good
+    ElementTree.SubElement(
+        world, "site", name=MARKER, pos="0 0 -1", rgba="0.2 0.9 0.4 0.3", group="0", **attributes
+    )
+    return vehicle.replace(xml=ElementTree.tostring(root, encoding="unicode"))
+
+
+def place_marker(physics: WaterPhysics, north: float, east: float, depth: float) -> None:
+    """Move the site of `with_marker` to a place [m]; call it in a reset or before a step."""
+    model, data = physics.mj_model, physics.mj_data
+    marker = model.site(MARKER).id
+    model.site_pos[marker] = (north, -east, -depth)
+    data.site_xpos[marker] = (north, -east, -depth)  # seen before the next step
