@@ -11,7 +11,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from twin.control.suite import ALONE, MUJOCO_BELOW
+from twin.control.dm_suite import ALONE, MUJOCO_BELOW
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from factory.generation import completion
-from factory.generation.assembly import assemble, open_tree, shard_manifest
-from factory.generation.block import BlockDone, fly_block, sound_block
 from factory.generation.completion import complete
+from factory.generation.mission_block import BlockDone, fly_block, sound_block
 from factory.generation.pool import Job, local_pool
 from factory.generation.site import Site, locked
+from factory.generation.store_assembly import assemble, open_tree, shard_manifest
 from factory.generation.target import check_target, failures_in, give_name
 from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe

@@ -14,8 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from factory.generation import completion
-from factory.generation.assembly import assemble, shard_manifest
-from factory.generation.block import block_manifest, fly_block
 from factory.generation.completion import complete
 from factory.generation.generate import (
     Summary,
@@ -25,8 +23,10 @@ from factory.generation.generate import (
     waiting_blocks,
 )
 from factory.generation.manifest import Layout
+from factory.generation.mission_block import block_manifest, fly_block
 from factory.generation.pool import Job
 from factory.generation.site import Site, locked
+from factory.generation.store_assembly import assemble, shard_manifest
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
 from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe

@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.assembly import leave_shard, open_tree
 from factory.generation.attempts import FailedAttempt, FlownMission
-from factory.generation.block import Signals, fly_whole
 from factory.generation.bookkeeping import rows
 from factory.generation.completion import (
     FAILED_ATTEMPT,
@@ -31,8 +29,10 @@ from factory.generation.completion import (
     complete,
 )
 from factory.generation.generate import told
+from factory.generation.mission_block import Signals, fly_whole
 from factory.generation.pool import Job
 from factory.generation.site import Site, locked
+from factory.generation.store_assembly import leave_shard, open_tree
 from factory.generation.target import give_name
 from factory.sampling.draw import sensor_seed
 from factory.sampling.drawn_plan import samples_in

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.control.suite import ALONE, require_dm_control
+from twin.control.dm_suite import ALONE, require_dm_control
 from twin.errors import InputError
 from twin.extras import require, require_factory
 from twin.show.render.encode import Encoder

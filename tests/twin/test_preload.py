@@ -29,7 +29,7 @@ sys.addaudithook(listen)
 """Notes every library that ctypes opens: PyOpenGL, GLFW and this project open OpenGL through it."""
 PLACES = {
     "context": "from twin.show.render.context import available_backend; available_backend()",
-    "suite": "import twin.control.suite",
+    "suite": "import twin.control.dm_suite",
     "screen": """
 import os
 os.environ["DISPLAY"] = ":987"

@@ -21,12 +21,12 @@ from twin.extras import require
 from twin.lazy import attach
 
 if TYPE_CHECKING:
+    from twin.control.dm_suite import load as load
     from twin.control.glider_env import GliderEnv as GliderEnv
     from twin.control.registry import ALL_TASKS as ALL_TASKS
     from twin.control.registry import TASKS as TASKS
     from twin.control.registry import register as register
     from twin.control.stable_baselines import StableBaselinesVec as StableBaselinesVec
-    from twin.control.suite import load as load
     from twin.control.vector_env import GliderVectorEnv as GliderVectorEnv
 
 _PLACES = {
@@ -35,7 +35,7 @@ _PLACES = {
     "GliderVectorEnv": "twin.control.vector_env:GliderVectorEnv",
     "StableBaselinesVec": "twin.control.stable_baselines:StableBaselinesVec",
     "TASKS": "twin.control.registry:TASKS",
-    "load": "twin.control.suite:load",
+    "load": "twin.control.dm_suite:load",
     "register": "twin.control.registry:register",
 }
 _OF_GYMNASIUM = ("GliderEnv", "GliderVectorEnv", "StableBaselinesVec")

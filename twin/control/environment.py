@@ -1,7 +1,7 @@
 """Environment: the episodes of a task with one vehicle, step by step.
 
-Each way to use a task stands on it: `twin.control.suite` for dm_control, `twin.control.glider_env`
-for Gymnasium.
+Each way to use a task stands on it: `twin.control.dm_suite` for dm_control,
+`twin.control.glider_env` for Gymnasium.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ ROOM = 4096
 
 
 class WaterPhysics:
-    """What `Physics` and the one of `twin.control.suite` have in common: water and measurements."""
+    """What `Physics` and that of `twin.control.dm_suite` share: water and measurements."""
 
     unstable: ClassVar[type[Exception]] = SimulationUnstable
     """Raised by `step` when the state leaves the finite numbers"""

@@ -33,7 +33,7 @@ class View:
 
     def run(self, console: Console) -> int:
         """Open the window; returns when it is closed."""
-        from twin.control.suite import load
+        from twin.control.dm_suite import load
 
         if self.policy not in POLICIES:
             raise InputError(unknown_name("policy", self.policy, POLICIES))

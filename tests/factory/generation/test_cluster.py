@@ -17,9 +17,9 @@ from trees import contents
 import factory
 from factory.description import unfinished
 from factory.generation import cluster
-from factory.generation.block import fly_block
 from factory.generation.cluster import dask_executor
 from factory.generation.generate import generate
+from factory.generation.mission_block import fly_block
 from factory.generation.pool import Job
 from factory.generation.site import Site
 from factory.sampling.recipe import Recipe

@@ -21,16 +21,16 @@ import pytest
 from patience import HANG_S
 from trees import contents
 
-import factory.generation.block
 import factory.generation.generate
+import factory.generation.mission_block
 import twin.records.storage.stored_files
 from benchmarks.faults.here import Here
 from factory.description import unfinished
 from factory.flown_again import replay_failure
-from factory.generation.block import fly_block
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.manifest import LEAST_SHARD
+from factory.generation.mission_block import fly_block
 from factory.generation.pool import Job
 from factory.generation.site import Site, generating, locked
 from factory.sampling.recipe import Recipe
@@ -167,13 +167,13 @@ def test_a_block_made_twice_with_other_bytes_is_told(
     _stop_before_shards(monkeypatch, made, store)
     job = Job(made, site_of(made, store))
     assert fly_block(job, 0).number == 0  # the same bytes again
-    fly = factory.generation.block.fly_mission
+    fly = factory.generation.mission_block.fly_mission
 
     def rounded(*arguments: Any) -> Any:
         flown, signals = fly(*arguments)
         return flown, {**signals, "true_depth": signals["true_depth"] + np.float32(1e-3)}
 
-    monkeypatch.setattr(factory.generation.block, "fly_mission", rounded)
+    monkeypatch.setattr(factory.generation.mission_block, "fly_mission", rounded)
     with pytest.raises(StoreError, match="block 0 was made twice with different bytes"):
         fly_block(job, 0)
 
@@ -351,7 +351,9 @@ def test_a_dead_worker_is_told(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        factory.generation.block, "fly_mission", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+        factory.generation.mission_block,
+        "fly_mission",
+        lambda *_: os.kill(os.getpid(), signal.SIGKILL),
     )
     with pytest.raises(TwinError, match=r"a worker process ended abruptly.*--resume"):
         generate(recipe(), tmp_path / "missions.zarr", workers=2)
@@ -363,7 +365,7 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(factory.generation.block, "fly_mission", fail)
+    monkeypatch.setattr(factory.generation.mission_block, "fly_mission", fail)
     with pytest.raises(ZeroDivisionError, match="a bug") as caught:
         generate(recipe(), tmp_path / "missions.zarr", workers=1)
     assert "in fail" in str(caught.value.__cause__)

@@ -16,8 +16,8 @@ from dm_control import suite as dm_suite
 from dm_control.rl.control import PhysicsError
 
 from twin import control
+from twin.control.dm_suite import SuitePhysics as Physics
 from twin.control.physics import MEASUREMENTS
-from twin.control.suite import SuitePhysics as Physics
 from twin.errors import InputError, VehicleError
 from twin.mission.controller import Schedule
 from twin.physics.model_block import header

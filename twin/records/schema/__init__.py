@@ -6,8 +6,7 @@ in stores, radians in code.
 """
 
 from twin.records.schema.base import Variable
-from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
-from twin.records.schema.variables import (
+from twin.records.schema.declared import (
     MISSION,
     SCHEMA_VERSION,
     SIMULATED,
@@ -18,6 +17,7 @@ from twin.records.schema.variables import (
     variable,
     variables,
 )
+from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
 
 __all__ = [
     "HYDROGRAPHY",
