@@ -17,12 +17,17 @@ if TYPE_CHECKING:
 
 DEFAULT, PROPELLED = "default", "survey"
 """What a vehicle flies when nothing is said: a glider, and one with a propeller"""
-_FOLDER = Path(__file__).resolve().parent.parent / "missions"
 
 
 def mission_names() -> tuple[str, ...]:
-    """Names of the missions in `twin/missions/`."""
-    return tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
+    """Names of the missions in `assets/missions/`."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
+
+
+def _folder() -> Path:
+    from twin.vehicle.presets import assets_folder  # numpy, which help texts do without
+
+    return assets_folder() / "missions"
 
 
 def load_mission(
@@ -42,7 +47,7 @@ def load_mission(
     """
     text = str(mission)
     if text in mission_names():
-        return Mission.from_toml(_FOLDER / f"{text}.toml")
+        return Mission.from_toml(_folder() / f"{text}.toml")
     path = Path(text)
     if path.suffix.lower() in (".mi", ".ma"):
         from twin.mission.slocum_mission import read_slocum
