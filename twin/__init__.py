@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from twin import errors as errors
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
+    from twin.facade import scenario_of as scenario_of
     from twin.facade import simulate as simulate
     from twin.logs.flight_estimate import estimate_flight as estimate_flight
     from twin.mission.controller import Command as Command
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from twin.mission.shipped_missions import load_mission as load_mission
     from twin.mission.shipped_missions import mission_names as mission_names
     from twin.navigation.settings import Navigation as Navigation
+    from twin.physics.ballast import out_of_trim as out_of_trim
+    from twin.physics.remarks import remarks as remarks
     from twin.physics.scenario import Scenario as Scenario
     from twin.physics.scenario import Start as Start
     from twin.physics.settle import trim as trim
@@ -121,10 +124,13 @@ _PLACES = {
     "mission_names": "twin.mission.shipped_missions:mission_names",
     "open_store": "twin.records.store:open_store",
     "open_trajectory": "twin.records.trajectory_file:open_trajectory",
+    "out_of_trim": "twin.physics.ballast:out_of_trim",
     "parse_current": "twin.water.current.current_text:parse_current",
     "parse_density": "twin.water.density_spec:parse_density",
     "parse_floor": "twin.water.floor:parse_floor",
+    "remarks": "twin.physics.remarks:remarks",
     "resample": "twin.records.timeseries:resample",
+    "scenario_of": "twin.facade:scenario_of",
     "simulate": "twin.facade:simulate",
     "simulate_many": "twin.physics.simulation:simulate_many",
     "timeseries": "twin.records.timeseries:timeseries",

@@ -1,4 +1,4 @@
-"""Facade: `twin.simulate`, a mission from plain values to its trajectory in one call."""
+"""Facade: a mission from plain values to its scenario and its trajectory, in one call."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
@@ -20,6 +20,7 @@ from twin.physics.ballast import weighed
 from twin.physics.lookup_tables import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
+from twin.physics.start import parse_place
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -102,57 +103,45 @@ def simulate(
       InputError and its kinds: a name or value that cannot be used; nothing was flown.
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
-    suite = _suite(sensors)
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r}: give a function of an Observation")
-    if isinstance(seed, int) and seed < 0:
-        raise InputError(f"seed {seed} must be at least 0")
-    navigation = None
     if scenario is None:
-        navigation = Navigation.of(navigate)
-        if navigation is not None:
-            navigation = dataclasses.replace(
-                navigation,
-                sensors=navigation.suite if suite is None else suite,
-                seed=seed,
-                bottom_depth=bottom_depth,
-            )
-            suite = navigation.suite
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
-        flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
-        flown, ballast = weighed(
-            flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
-        )
-        if isinstance(mission, str | Path) or (mission is None and controller is None):
-            mission = load_mission_for(flown, mission, above_floor=floor is not None)
-        scenario = Scenario(
-            vehicle=flown,
-            ballast=ballast,
+        scenario = scenario_of(
+            vehicle=vehicle,
             mission=mission,
-            navigate=navigation,
+            current=current,
+            density=density,
+            ballast_at=ballast_at,
+            mass=mass,
+            compressibility=compressibility,
+            floor=floor,
             duration=duration,
             start=start,
-            current=parse_current(current) if isinstance(current, str) else current,
-            density=None if isinstance(density, str | Path) else density,
-            floor=parse_floor(floor) if isinstance(floor, str) else floor,
             origin=origin,
             hydrodynamics=hydrodynamics,
             timestep=timestep,
             integrator=integrator,
             sample_period=sample_period,
+            sensors=sensors,
+            seed=seed,
+            bottom_depth=bottom_depth,
+            navigate=navigate,
+            commanded=controller is not None,
         )
-        if isinstance(density, str | Path):
-            scenario = in_water(scenario, str(density))
     else:
         _refuse_beside(scenario, locals())
-        if isinstance(scenario.navigate, Navigation):
-            if suite is not None or seed != 0 or bottom_depth is not None:
-                raise InputError(
-                    "the scenario is navigated and has its own sensors: leave sensors, seed and "
-                    "bottom_depth out"
-                )
-            navigation, suite = scenario.navigate, scenario.navigate.suite
+        if isinstance(scenario.navigate, Navigation) and (
+            sensors is not None or seed != 0 or bottom_depth is not None
+        ):
+            raise InputError(
+                "the scenario is navigated and has its own sensors: leave sensors, seed and "
+                "bottom_depth out"
+            )
+    suite = _suite(sensors, seed)
+    if isinstance(scenario.navigate, Navigation):
+        suite = scenario.navigate.suite
     if isinstance(scenario.mission, Mission):
         scenario.mission.check(scenario.vehicle)
     if suite is None and (seed != 0 or bottom_depth is not None):
@@ -161,12 +150,91 @@ def simulate(
         raise InputError(
             "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
         )
-    trajectory = fly(scenario, controller)
-    provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
-    trajectory = dataclasses.replace(trajectory, provenance=provenance)
+    try:
+        trajectory = _named(fly(scenario, controller), scenario)
+    except SimulationUnstable as error:
+        if error.partial is not None:
+            error.partial = _named(error.partial, scenario)
+        raise
     if suite is None:
         return trajectory
     return with_sensors(trajectory, scenario, suite, seed=seed, bottom_depth=bottom_depth)
+
+
+def scenario_of(
+    *,
+    vehicle: str | Path | Vehicle = "glider",
+    mission: str | Path | Mission | Schedule | None = None,
+    current: str | Current | None = None,
+    density: str | Path | DensityProfile | None = None,
+    ballast_at: float | None = None,
+    mass: float | None = None,
+    compressibility: float | None = None,
+    floor: str | Floor | None = None,
+    duration: float | None = None,
+    start: Start | Mapping[str, Any] | str | None = None,
+    origin: Origin | None = None,
+    hydrodynamics: str = "coefficients",
+    timestep: float | None = None,
+    integrator: str | None = None,
+    sample_period: float = SAMPLE_PERIOD,
+    sensors: str | SensorSuite | None = None,
+    seed: int = 0,
+    bottom_depth: float | None = None,
+    navigate: str | VelocityEstimator | None = None,
+    commanded: bool = False,
+) -> Scenario:
+    """The scenario of plain values; nothing is flown.
+
+    Args: those of `simulate`; `sensors`, `seed` and `bottom_depth` are only those that guidance
+      navigates by.
+      start: likewise, or a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME".
+      commanded: a controller will give the commands, so that there is no mission by default.
+
+    Raises:
+      InputError and its kinds: a name or value that cannot be used.
+    """
+    suite = _suite(sensors, seed)
+    navigation = Navigation.of(navigate)
+    if navigation is not None:
+        navigation = dataclasses.replace(
+            navigation,
+            sensors=navigation.suite if suite is None else suite,
+            seed=seed,
+            bottom_depth=bottom_depth,
+        )
+    flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
+    flown, ballast = weighed(
+        flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
+    )
+    floor = parse_floor(floor) if isinstance(floor, str) else floor
+    if isinstance(mission, str | Path) or (mission is None and not commanded):
+        mission = load_mission_for(flown, mission, above_floor=floor is not None)
+    scenario = Scenario(
+        vehicle=flown,
+        ballast=ballast,
+        mission=mission,
+        navigate=navigation,
+        duration=duration,
+        start=parse_place(start) if isinstance(start, str) else start,
+        current=parse_current(current) if isinstance(current, str) else current,
+        density=None if isinstance(density, str | Path) else density,
+        floor=floor,
+        origin=origin,
+        hydrodynamics=hydrodynamics,
+        timestep=timestep,
+        integrator=integrator,
+        sample_period=sample_period,
+    )
+    if isinstance(density, str | Path):
+        scenario = in_water(scenario, str(density))
+    return scenario
+
+
+def _named(trajectory: Trajectory, scenario: Scenario) -> Trajectory:
+    """The trajectory with what its scenario says of itself."""
+    provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
+    return dataclasses.replace(trajectory, provenance=provenance)
 
 
 def in_water(scenario: Scenario, density: str) -> Scenario:
@@ -239,7 +307,10 @@ def _refuse_beside(scenario: Scenario, given: dict[str, Any]) -> None:
             )
 
 
-def _suite(sensors: str | SensorSuite | None) -> SensorSuite | None:
+def _suite(sensors: str | SensorSuite | None, seed: int) -> SensorSuite | None:
+    """The suite that is meant; refuses a wrong seed."""
+    if isinstance(seed, int) and seed < 0:
+        raise InputError(f"seed {seed} must be at least 0")
     if sensors is None:
         return None
     from twin.sensors import SensorSuite

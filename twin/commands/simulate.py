@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,8 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.navigation.settings import Navigation
     from twin.physics.scenario import Scenario
     from twin.records.trajectory import Trajectory
-    from twin.sensors import SensorSuite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,116 +89,69 @@ class Simulate(JsonOption):
 
     def run(self, console: Console) -> int:
         """Simulate, store, draw, summarise."""
-        from twin.errors import SimulationUnstable
-        from twin.navigation.settings import Navigation
-        from twin.physics.ballast import out_of_trim
-        from twin.physics.mujoco_model import quiet_mujoco
-        from twin.physics.remarks import remarks
-        from twin.physics.simulation import Simulation
+        import twin
+        from twin.errors import InputError, SimulationUnstable
         from twin.records.store import check_target
 
-        suite = self._suite()
-        scenario = self._scenario(suite)
-        if isinstance(scenario.navigate, Navigation):
-            suite = scenario.navigate.suite
-        check_plot_path(self.plot)
-        if self.out is not None:
-            check_target(self.out, overwrite=self.overwrite)
-        if told := out_of_trim(scenario.vehicle, scenario.ballast, scenario.density):
-            console.warn(told)
-        try:
-            with quiet_mujoco():
-                simulation = Simulation(scenario)
-                trajectory = simulation.run()
-        except SimulationUnstable as error:
-            if self.out is not None and error.partial is not None and len(error.partial.time):
-                self._write(scenario, error.partial)
-                console.note(f"the samples before it are in {self.out}")
-            raise
-        if suite is not None:
-            from twin.facade import with_sensors
-
-            trajectory = with_sensors(trajectory, scenario, suite, seed=self.seed)
-            if "measured_temperature" not in trajectory:
-                console.note(
-                    "the CTD measured nothing: this water column has only density; fly in "
-                    "--density thermocline, or a file with temperature and salinity"
-                )
-        if self.out is not None:
-            self._write(scenario, trajectory)
-        if self.plot is not None:
-            self._draw(trajectory)
-        for text in remarks(simulation, trajectory):
-            console.warn(text)
-        self._report(console, scenario, trajectory)
-        return 0
-
-    def _suite(self) -> SensorSuite | None:
-        """The sensors; refused before anything is flown."""
-        from twin.errors import InputError
-
-        if self.seed < 0:
-            raise InputError(f"--seed {self.seed} must be at least 0")
-        if self.sensors is not None:
-            from twin.sensors import SensorSuite
-
-            return SensorSuite.preset(self.sensors)
-        if self.seed != 0 and self.navigate == "truth":
+        if self.sensors is None and self.seed != 0 and self.navigate == "truth":
             raise InputError("--seed is for the sensors: give --sensors too, such as field")
-        return None
-
-    def _navigation(self, suite: SensorSuite | None) -> Navigation | None:
-        """What guidance sees; None for the truth."""
-        from twin.navigation.settings import Navigation
-
-        navigation = Navigation.of(self.navigate)
-        if navigation is None:
-            return None
-        sensors = navigation.suite if suite is None else suite
-        return dataclasses.replace(navigation, sensors=sensors, seed=self.seed)
-
-    def _scenario(self, suite: SensorSuite | None) -> Scenario:
-        from twin.facade import in_water
-        from twin.mission.shipped_missions import load_mission_for
-        from twin.physics.ballast import weighed
-        from twin.physics.scenario import Scenario
-        from twin.physics.start import parse_place
-        from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.current_text import parse_current
-        from twin.water.floor import parse_floor
-
-        vehicle = load_vehicle(self.vehicle)
-        vehicle, ballast = weighed(
-            vehicle,
+        scenario = twin.scenario_of(
+            vehicle=self.vehicle,
+            mission=self.mission,
+            current=self.current,
+            density=self.density,
             ballast_at=self.ballast_at,
             mass=self.mass,
             compressibility=self.compressibility,
-        )
-        mission = load_mission_for(vehicle, self.mission, above_floor=self.floor != "none")
-        scenario = Scenario(
-            vehicle=vehicle,
-            ballast=ballast,
-            mission=mission,
-            navigate=self._navigation(suite),
+            floor=self.floor,
             duration=self.duration,
-            start=None if self.start is None else parse_place(self.start),
-            current=parse_current(self.current),
-            floor=parse_floor(self.floor),
+            start=self.start,
             hydrodynamics=self.hydrodynamics,
             timestep=self.timestep,
             integrator=self.integrator,
             sample_period=self.sample_period,
+            sensors=self.sensors,
+            seed=self.seed,
+            navigate=self.navigate,
         )
-        return in_water(scenario, self.density)
+        check_plot_path(self.plot)
+        if self.out is not None:
+            check_target(self.out, overwrite=self.overwrite)
+        if told := twin.out_of_trim(scenario.vehicle, scenario.ballast, scenario.density):
+            console.warn(told)
+        alone = scenario.navigate is None  # a navigated scenario has its own sensors
+        try:
+            trajectory = twin.simulate(
+                scenario,
+                sensors=self.sensors if alone else None,
+                seed=self.seed if alone else 0,
+            )
+        except SimulationUnstable as error:
+            if self.out is not None and error.partial is not None and len(error.partial.time):
+                self._write(error.partial)
+                console.note(f"the samples before it are in {self.out}")
+            raise
+        senses = self.sensors is not None or not alone
+        if senses and "measured_temperature" not in trajectory:
+            console.note(
+                "the CTD measured nothing: this water column has only density; fly in "
+                "--density thermocline, or a file with temperature and salinity"
+            )
+        if self.out is not None:
+            self._write(trajectory)
+        if self.plot is not None:
+            self._draw(trajectory)
+        for text in twin.remarks(scenario, trajectory):
+            console.warn(text)
+        self._report(console, scenario, trajectory)
+        return 0
 
-    def _write(self, scenario: Scenario, trajectory: Trajectory) -> None:
-        from twin.facade import provenance_of
+    def _write(self, trajectory: Trajectory) -> None:
         from twin.records.mission_dataset import mission_dataset
         from twin.records.store import write_store
 
         assert self.out is not None
-        attributes = {**trajectory.provenance, **provenance_of(scenario)}
-        dataset = mission_dataset([trajectory], attributes=attributes)
+        dataset = mission_dataset([trajectory], attributes=trajectory.provenance)
         write_store(dataset, self.out, overwrite=self.overwrite)
 
     def _draw(self, trajectory: Trajectory) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import Mission, Waypoint
-from twin.physics.simulation import Simulation
+from twin.physics.lookup_tables import tables_of
+from twin.physics.scenario import Scenario
 from twin.records.mission_dataset import summarise
 from twin.records.trajectory import Trajectory
 from twin.water.current.grid_kernels import beyond_grid
@@ -19,18 +20,18 @@ Array = NDArray[np.float64]
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 
 
-def remarks(simulation: Simulation, run: Trajectory) -> list[str]:
+def remarks(scenario: Scenario, run: Trajectory) -> list[str]:
     """One sentence for each thing that went otherwise than the mission wanted.
 
     Args:
-      simulation: that flew.
-      run: what it flew.
+      scenario: that was flown.
+      run: what came of it.
     """
-    stronger, tables = _stronger_current(simulation, run), simulation.tables
+    stronger, tables = _stronger_current(scenario, run), tables_of(scenario, scenario.run_time())
     found = [
         _unfinished(run, stronger),
         stronger if run.provenance.get("ended") != "time limit" else "",
-        _short_of_target(simulation, run),
+        _short_of_target(scenario, run),
         _touched(run),
         _left_file(run, tables.floor, beyond_floor, "bathymetry", "depth"),
         _left_file(run, tables.current, beyond_grid, "current file", "velocity"),
@@ -58,9 +59,9 @@ def _unfinished(run: Trajectory, stronger: str) -> str:
     return f"the mission was not flown to its end: {reason}"
 
 
-def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
+def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
     """That a vehicle that goes to places met a current beyond its speed; empty where not."""
-    plan = simulation.scenario.mission
+    plan = scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
         return ""
     figures = summarise(run)
@@ -74,9 +75,8 @@ def _stronger_current(simulation: Simulation, run: Trajectory) -> str:
     )
 
 
-def _short_of_target(simulation: Simulation, run: Trajectory) -> str:
+def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
     """That a run ended on the way to a place, and how far from it; empty where it did not."""
-    scenario = simulation.scenario
     if not isinstance(scenario.mission, Mission):
         return ""
     flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]

@@ -20,8 +20,8 @@ AWAY = Waypoint(targets=({"north_m": 2000.0, "east_m": 0.0},), max_depth_m=30)
 
 
 def told(**fields) -> list[str]:
-    simulation = Simulation(Scenario(**fields))
-    return remarks(simulation, simulation.run())
+    scenario = Scenario(**fields)
+    return remarks(scenario, Simulation(scenario).run())
 
 
 def test_nothing_is_said_of_a_mission_that_was_flown():
