@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from learn.report.contents import RunEvaluation
 from learn.runs.run import RUNS, Run, free_name, open_run
 from learn.runs.run_folder import training_folder
-from learn.studies.finishing import Say, finish
+from learn.studies.finishing import Say, check_finish, finish
 from learn.studies.run_evaluation import evaluate_run
 from learn.training import fitting
 from learn.training.fitting import Watch
@@ -111,6 +111,7 @@ def train_and_finish(
       studies: called with the trained run, and what trains more, before it is evaluated; what it
         writes into the run's folder, such as an ablation, goes into the report.
     """
+    check_finish(config.store)
     with training_resources(workers, executor, memory) as resources:
         run = fitting.fit(
             config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,

@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -49,10 +50,17 @@ class Resources:
             self.executor.kill()
 
 
+QUIET = "ignore:resource_tracker:UserWarning"
+"""Of Python's tracker of semaphores, which would write a warning with its source line"""
+
+
 class _Pool(ProcessPoolExecutor):
     """Processes of this machine, begun afresh: torch's threads do not survive a fork."""
 
     def __init__(self, workers: int) -> None:
+        # killed processes leave semaphores; the tracker, begun with these options, removes them
+        if QUIET not in sys.warnoptions:
+            sys.warnoptions.append(QUIET)
         context = multiprocessing.get_context("spawn")
         super().__init__(workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),))
 
