@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.finishing import Say, finish
+from learn.finishing import Say, check_finish, finish
 from learn.report.contents import RunEvaluation
 from learn.run import RUNS, Run, free_name, open_run
 from learn.run_evaluation import evaluate_run
@@ -108,6 +108,7 @@ def train_and_finish(
       studies: called with the trained run, and what trains more, before it is evaluated; what it
         writes into the run's folder, such as an ablation, goes into the report.
     """
+    check_finish(config.store)
     with training_resources(workers, executor, memory) as resources:
         run = fitting.fit(
             config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,

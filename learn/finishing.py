@@ -28,16 +28,33 @@ from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.settings import ESTIMATED
+from twin.records.attributes import SENSORS
+from twin.records.presence import is_store, read_attributes
 from twin.records.reader import MissionStore
 from twin.records.storage.checksums import LIST, write_checksums
 from twin.records.storage.disk import sweep, sync_tree
 from twin.records.storage.whole import whole_file
+from twin.sensors.suite import SensorSuite
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
 PAPER_TEST_STORE = "paper-test.zarr"
 
 Say = Callable[[str], None]
+
+
+def check_finish(store: str) -> None:
+    """Refuse, before anything is trained, a store that `finish` cannot fly the paper's test for.
+
+    Raises:
+      UnknownName: a sensor of the store is not registered here, such as one of your own without its
+        plugin.
+    """
+    if not is_store(store) or is_log_store(store):  # reading it says what it is
+        return
+    sensors = read_attributes(store).get(SENSORS)
+    if sensors is not None:
+        SensorSuite.preset(str(sensors))
 
 
 def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:

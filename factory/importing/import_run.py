@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import difflib
 import shlex
 from collections.abc import Sequence
@@ -25,7 +24,7 @@ from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, Tally, summarise
 from twin.errors import InputError
-from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
+from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY, made_at
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,6 +61,7 @@ def import_logs(
     Raises:
       InputError: a file cannot be used; the message names it and says why.
     """
+    stamp = made_at().strftime("%Y-%m-%dT%H:%M:%SZ")
     importer = IMPORTERS[kind]
     if period is not None and not SHORTEST <= period <= LONGEST:
         raise InputError(f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
@@ -116,7 +116,6 @@ def import_logs(
     for name, value in words.items():
         command += [] if value is None else [f"--{name}", str(value)]
     command += ["--payload", *payload] if payload else []
-    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
     said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:

@@ -12,6 +12,7 @@ import math
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -180,10 +181,17 @@ class Resources:
             self.executor.kill()
 
 
+QUIET = "ignore:resource_tracker:UserWarning"
+"""Of Python's tracker of semaphores, which would write a warning with its source line"""
+
+
 class _Pool(ProcessPoolExecutor):
     """Processes of this machine, begun afresh: torch's threads do not survive a fork."""
 
     def __init__(self, workers: int) -> None:
+        # killed processes leave semaphores; the tracker, begun with these options, removes them
+        if QUIET not in sys.warnoptions:
+            sys.warnoptions.append(QUIET)
         context = multiprocessing.get_context("spawn")
         super().__init__(workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),))
 

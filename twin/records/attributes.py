@@ -5,9 +5,12 @@ They stand here and nowhere else, so that what a store says about itself has one
 
 from __future__ import annotations
 
+import datetime
+import os
 from collections.abc import Mapping
 from typing import Any
 
+from twin.errors import InputError, shown
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME
 
 SCHEMA, VERSION = "schema", "schema_version"
@@ -87,3 +90,22 @@ def says_simulated(attributes: Mapping[str, Any]) -> bool:
 def is_missions(attributes: Mapping[str, Any]) -> bool:
     """Whether these are the attributes of a store of missions, simulated or logged."""
     return attributes.get(SCHEMA) == CONVENTIONS[SCHEMA]
+
+
+EPOCH = "SOURCE_DATE_EPOCH"
+"""Environment variable with the seconds since 1970 that files say they were made at, so that the
+same inputs give the same bytes (reproducible-builds.org/specs/source-date-epoch)"""
+
+
+def made_at() -> datetime.datetime:
+    """What imports and exports say of when they were made, UTC: now, or what EPOCH says.
+
+    Raises:
+      InputError: EPOCH is no whole number of seconds in a year that has four digits.
+    """
+    given = os.environ.get(EPOCH, "")
+    if not given:
+        return datetime.datetime.now(datetime.UTC)
+    if given.isascii() and given.isdecimal() and len(given) <= 11:
+        return datetime.datetime.fromtimestamp(int(given), datetime.UTC)
+    raise InputError(f"{EPOCH} is {shown(given)}: give whole seconds since 1970, or leave it unset")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from factory.exporting.metadata import Metadata, with_metadata
 from factory.exporting.og1.simulated import SimulatedMission
 from factory.generation.generated_store import GeneratedStore, StoredFlight
+from twin.records.attributes import made_at
 from twin.records.logged import LogStore
 from twin.records.schema import SIMULATED
 from twin.records.trajectory import actuator_names
@@ -237,7 +238,7 @@ def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata)
         "history": facts.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
-        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
+        "date_created": stamp(made_at()),
         "keywords": f"simulation, {KEYWORDS}",
         "keywords_vocabulary": "GCMD Science Keywords",
         "processing_level": "simulated sensors, as measured",
@@ -283,7 +284,7 @@ def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) 
         "history": logs.history,
         "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
         "start_date": start,
-        "date_created": stamp(datetime.datetime.now(datetime.UTC)),
+        "date_created": stamp(made_at()),
         "keywords": KEYWORDS,
         "keywords_vocabulary": "GCMD Science Keywords",
         "processing_level": "sensor values as logged, cleaned of impossible ones, on a time grid",

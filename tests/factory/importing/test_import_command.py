@@ -164,3 +164,27 @@ def test_a_store_of_logs_can_be_described_and_drawn(
     picture = tmp_path / "log.png"
     assert TWIN.main(["plot", str(out), "--mission", "1", "--out", str(picture)]) == 0
     assert picture.stat().st_size > 10_000
+
+
+def test_imports_and_exports_of_one_moment_are_the_same_bytes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "logs").mkdir()
+    write_slocum(tmp_path / "logs", FLIGHT)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    found = []
+    for name in ("first", "second"):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / name).mkdir()
+        store, out = tmp_path / name / "real.zarr", tmp_path / name / "og1"
+        assert run(capsys, "import", "slocum", "logs", "--out", store)[0] == 0
+        assert run(capsys, "export", store, "--to", "og1", "--out", out)[0] == 0
+        files = sorted(path for path in (tmp_path / name).rglob("*") if path.is_file())
+        found.append({path.relative_to(tmp_path / name): path.read_bytes() for path in files})
+    assert found[0].keys() == found[1].keys()
+    assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+    assert open_store(store).attrs["history"].startswith("2023-11-14T22:13:20Z: factory import")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    code, _, err = run(capsys, "import", "slocum", "logs", "--out", tmp_path / "third.zarr")
+    assert code == 2
+    assert "SOURCE_DATE_EPOCH is 'yesterday': give whole seconds since 1970" in err

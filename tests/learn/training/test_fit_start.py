@@ -361,3 +361,42 @@ def test_what_a_kill_left_of_a_replacement_is_no_run(here):
     run = fit(small_config("s.zarr"), here / "runs" / "done", replace=True, resume=True)
     assert run.networks()
     assert not left.parent.exists()
+
+
+def test_a_store_with_a_sensor_that_is_not_here_is_refused_before_anything_is_trained(here, capsys):
+    path = here / "s.zarr" / "zarr.json"
+    metadata = json.loads(path.read_text())
+    metadata["attributes"]["sensors"] = "field+turbidity"
+    path.write_text(json.dumps(metadata))
+    code, _, err = call(capsys, "fit", "s.zarr", "--name", "own", *QUICK)
+    assert code == 2
+    assert "unknown sensor 'turbidity'" in err
+    assert "GLIDER_TWIN_PLUGINS" in err
+    assert not (here / "runs" / "own").exists()
+
+
+KILLED = """
+import multiprocessing, time
+from learn.training.resources import _Pool
+
+def hold(path):
+    lock = multiprocessing.get_context("spawn").Lock()
+    open(path, "w").close()
+    time.sleep(60)
+
+if __name__ == "__main__":
+    import pathlib, sys
+    pool = _Pool(1)
+    pool.submit(hold, sys.argv[1])
+    while not pathlib.Path(sys.argv[1]).exists():
+        time.sleep(0.01)
+    pool.kill()
+"""
+
+
+def test_killed_workers_leave_nothing_to_read(tmp_path):
+    program = tmp_path / "killed.py"
+    program.write_text(KILLED)
+    words = [sys.executable, str(program), str(tmp_path / "begun")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stderr == ""

@@ -93,6 +93,29 @@ def test_heading_step_settles_without_a_limit_cycle(direction, depth, turn_deg):
     assert np.abs(pitch_error).max() < 1.0
 
 
+def test_a_turn_between_legs_takes_longer_than_one_in_a_long_glide():
+    """docs/reference/missions.md: the inflections disturb it."""
+    turn = 60
+    first, second = (
+        SawTooth(max_depth_m=100, min_depth_m=10, pitch_deg=35, heading_deg=h, yos=3)
+        for h in (0, turn)
+    )
+    run = fly(first, second, name="turn")
+    inside = run["commanded_segment"] == 1
+    begun = np.flatnonzero(inside)[0]
+    time = run.time - run.time[begun]
+    off = np.abs(wrapped(run["true_heading"] - turn)) > 1.0
+    assert time[inside & ~off].min() < 300
+    assert 900 < time[inside & off].max() < 1020
+    worst = []
+    for leg in legs(run):
+        if leg.stop - leg.start > 240 and inside[leg].all():
+            error = (run["true_pitch"] - run["commanded_pitch"])[leg]
+            worst.append(np.abs(error[120:]).max())
+    assert 0.5 < worst[0] < 0.9
+    assert max(worst[1:]) < 0.5
+
+
 @pytest.mark.parametrize("rotation_deg", [35, -35])
 def test_spiral_turns_to_the_side_of_its_rotation_both_ways(rotation_deg):
     run = fly(
