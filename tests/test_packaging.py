@@ -20,6 +20,7 @@ import pytest
 import yaml
 from examples import script
 from packaging.requirements import Requirement
+from trees import keep_compiled
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -143,6 +144,7 @@ def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
                 (packages / top).symlink_to(str(distribution.locate_file(top)))
     install = [*PIP, "--python", environment / "bin" / "python", "install", "--no-deps"]
     _run([*install, "--quiet", "--no-index", wheel], cwd=folder)
+    keep_compiled(packages / "twin")
     return environment / "bin"
 
 

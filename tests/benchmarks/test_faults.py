@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="the injector needs a
 
 EVERY = {"whole_folder": 7, "whole_file": 2, "write_whole": 1, "fit-network": 7}
 """Every which operation of a writer fails here"""
-LONG = ("simulate", "import", "save", "generate", "fit")
+LONG = ("simulate", "import", "save", "generate", "fit", "export-og1")
 
 
 @pytest.mark.parametrize("name", EVERY)

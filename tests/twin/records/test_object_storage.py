@@ -93,7 +93,7 @@ def test_a_storage_that_never_answers_is_told(monkeypatch: pytest.MonkeyPatch) -
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         address = f"http://127.0.0.1:{silent.getsockname()[1]}"
-        with_environment(monkeypatch, {**KEYS, "AWS_ENDPOINT_URL": address})
+        with_environment(monkeypatch, {**KEYS, "AWS_ENDPOINT_URL": address, "AWS_TIMEOUT": "1s"})
         begun = time.monotonic()
         with pytest.raises(OSError, match="cannot be reached"):
             files_at("s3://bucket/m").read("zarr.json")
