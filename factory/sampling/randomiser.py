@@ -17,8 +17,8 @@ from factory.sampling.draw import Parameters
 from factory.sampling.mission_water import build_current, build_density
 from factory.sampling.parameters import BOTTOM, declared, override, parameter_table
 from factory.sampling.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
-from twin.errors import InputError
 from twin.control.conditions import Conditions
+from twin.errors import InputError
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 
