@@ -187,6 +187,7 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(
     read = [bare / "factory", "import", "csv", "log.csv", "--mapping", "mine.toml"]
     _run([*read, "--out", "log.zarr"], tmp_path)
     _run([bare / "twin", "plot", "run.zarr", "--out", "figure.png"], tmp_path)
+    assert "usage: twin identify" in _run([bare / "twin", "identify", "--help"], tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +218,41 @@ def test_import_learn_names_its_extra(bare: Path, tmp_path: Path) -> None:
         assert done.stderr.endswith('pip install "glider-twin[learn]"\n')
 
 
-def test_factory_boy_in_the_same_environment_is_named(wheel: Path, tmp_path: Path) -> None:
+def test_the_tasks_without_the_extra_suite_name_the_line_that_installs_it(
+    bare: Path, tmp_path: Path
+) -> None:
+    code = "from twin import control; print(*control.ALL_TASKS); control.load('hold')"
+    done = _ended([bare / "python", "-c", code], tmp_path, 1)
+    assert done.stdout == "hold depth waypoints energy\n"
+    last = done.stderr.splitlines()[-1]
+    assert "a task of dm_control needs the package dm_control" in last
+    assert 'pip install "glider-twin[suite]"' in last
+    done = _ended([bare / "python", "-m", "twin.control", "--task", "hold"], tmp_path, 2)
+    assert done.stderr.count("\n") == 1
+    assert 'pip install "glider-twin[suite]"' in done.stderr
+
+
+def _like_factory_boy(folder: Path) -> Path:
+    """A wheel of that name with a package `factory`, for where there is no network."""
+    about = "factory_boy-3.3.3.dist-info"
+    files = {
+        "factory/__init__.py": "from .base import Factory\n",
+        "factory/base.py": "class Factory:\n    pass\n",
+        f"{about}/METADATA": "Metadata-Version: 2.1\nName: factory_boy\nVersion: 3.3.3\n",
+        f"{about}/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+    }
+    files[f"{about}/RECORD"] = "".join(f"{name},,\n" for name in (*files, f"{about}/RECORD"))
+    made = folder / "factory_boy-3.3.3-py3-none-any.whl"
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, text in files.items():
+            archive.writestr(name, text)
+    return made
+
+
+@pytest.mark.parametrize("source_of", ["a wheel like it", "the network"])
+def test_factory_boy_in_the_same_environment_is_named(
+    wheel: Path, tmp_path: Path, source_of: str
+) -> None:
     environment = tmp_path / "environment"
     _run([sys.executable, "-m", "venv", environment], cwd=tmp_path)
     (packages,) = environment.glob("lib/python*/site-packages")
@@ -225,9 +260,11 @@ def test_factory_boy_in_the_same_environment_is_named(wheel: Path, tmp_path: Pat
     pip = [environment / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--quiet"]
     ours = [*pip, "install", "--no-index", "--no-deps", "--force-reinstall", wheel]
     _run(ours, cwd=tmp_path)
-    found = subprocess.run([*pip, "--retries", "0", "install", "factory_boy"], capture_output=True)
-    if found.returncode:
-        pytest.skip("pip cannot install factory_boy here")
+    theirs = [*pip, "--retries", "0", "install", "factory_boy"]
+    if source_of == "a wheel like it":
+        theirs = [*pip, "install", "--no-index", "--no-deps", _like_factory_boy(tmp_path)]
+    if subprocess.run(theirs, capture_output=True).returncode:
+        pytest.skip(f"pip cannot install factory_boy from {source_of}")
 
     def told(*words: str) -> str:
         said = _ended([environment / "bin" / words[0], *words[1:]], tmp_path, 2).stderr

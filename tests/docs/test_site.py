@@ -216,7 +216,7 @@ def test_the_pages_of_commands_have_every_option(
             assert set(re.findall(r"^`(--[\w.-]+)", section, re.MULTILINE)) == printed, command.name
 
 
-@pytest.mark.parametrize("page", ["twin", "suite", "gym", "factory", "learn"])
+@pytest.mark.parametrize("page", ["twin", "control", "factory", "learn"])
 def test_the_pages_of_python_have_every_public_name(
     site: Path, reference: ModuleType, page: str
 ) -> None:

@@ -4,6 +4,7 @@ The loop of an episode, the task and the physics are the project's own; here the
 `dm_control.suite` shows its own, with dm_control's physics around the same MuJoCo model.
 """
 
+# ruff: noqa: E402 - dm_control and MuJoCo settle how they draw while they are imported
 from __future__ import annotations
 
 import collections
@@ -14,18 +15,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-import mujoco
-import numpy as np
-from numpy.typing import NDArray
-
-from twin.control.environment import Environment, load_environment
-from twin.control.physics import WaterPhysics
 from twin.errors import InputError
 from twin.extras import preload_triton, require
-from twin.physics.model_block import header
-from twin.physics.native.install import install
 from twin.show.render.context import available_backend, claim_drawing
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 MUJOCO_BELOW = 4
 """dm-control 1.0.50 cannot load models under MuJoCo 4; the extra `suite` carries the same bound."""
@@ -72,11 +64,20 @@ def choose_backend() -> None:
 require_dm_control()
 choose_backend()
 
-import dm_env  # noqa: E402
-from dm_control import mujoco as dm_mujoco  # noqa: E402
-from dm_control.mujoco import wrapper  # noqa: E402
-from dm_control.rl import control  # noqa: E402
-from dm_env import specs  # noqa: E402
+import dm_env
+import mujoco
+import numpy as np
+from dm_control import mujoco as dm_mujoco
+from dm_control.mujoco import wrapper
+from dm_control.rl import control
+from dm_env import specs
+from numpy.typing import NDArray
+
+from twin.control.environment import Environment, load_environment
+from twin.control.physics import WaterPhysics
+from twin.physics.model_block import header
+from twin.physics.native.install import install
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 
 class SuitePhysics(dm_mujoco.Physics, WaterPhysics):
