@@ -159,14 +159,14 @@ BASELINES: Registry[Any] = Registry(
 FLIGHT_ESTIMATORS: Registry[Any] = Registry(
     "flight estimator",
     group="glider_twin.flight_estimators",
-    folder="twin/logs/estimators",
-    base="twin.logs.estimators.FlightEstimator",
+    folder="twin/logs",
+    base="twin.logs.flight_estimator.FlightEstimator",
     page="howto/flight.md#an-estimator-of-ones-own",
     shipped={
-        "flight": "twin.logs.estimators.models:FlightModel",
-        "steady": "twin.logs.estimators.models:SteadyModel",
+        "flight": "twin.logs.flight_estimator:FlightModel",
+        "steady": "twin.logs.flight_estimator:SteadyModel",
     },
-    check="twin.logs.estimators.base:check_flight_estimator",
+    check="twin.logs.flight_estimator:check_flight_estimator",
     name="kind",
 )
 """Velocities through the water of a logged dive."""

@@ -1,4 +1,1 @@
-"""The recipe: everything that decides the content of a store.
-
-Flight: one mission from its parameters to its signals.
-"""
+"""Sampling: what decides the bytes of a store, and one mission flown from its parameters."""

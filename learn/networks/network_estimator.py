@@ -18,7 +18,7 @@ from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.translation import Translation
-from twin.logs.estimators import FlightEstimator
+from twin.logs.flight_estimator import FlightEstimator
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
 from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter

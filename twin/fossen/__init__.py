@@ -1,4 +1,4 @@
-"""An independent 6-DOF glider model after Fossen: an independent check of the MuJoCo twin.
+"""Fossen: a second model of a vehicle's motion in six degrees of freedom, which checks the first.
 
 It shares the vehicle's parameters and the current sampler with the twin, and no equation.
 """

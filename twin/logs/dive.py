@@ -11,7 +11,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.speed import horizontal, motion_of, start_of
 from twin.identify.translation import Translation
-from twin.logs.estimators.base import FlightEstimator
+from twin.logs.flight_estimator import FlightEstimator
 from twin.logs.thermal_lag import CtdSeries
 from twin.records.reader import MissionStore
 

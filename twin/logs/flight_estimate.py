@@ -25,8 +25,8 @@ from twin.logs.corrected_track import (
 )
 from twin.logs.depth_averaged_current import DiveCurrent, currents, drift_of
 from twin.logs.dive import FlownDive, fly_dive, still
-from twin.logs.estimators import FlightEstimator, open_estimator
 from twin.logs.fix import Fixes, Place, fixes_of, places_of
+from twin.logs.flight_estimator import FlightEstimator, open_estimator
 from twin.logs.flight_summary import FlightSummary, phase_duration, phase_speed, summarise
 from twin.logs.smoothed_track import PHASE, SmoothedWay
 from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag

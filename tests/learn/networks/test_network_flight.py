@@ -11,7 +11,7 @@ import pytest
 import twin
 from learn.networks.network_estimator import NetworkFlight
 from twin.errors import InputError, StoreError
-from twin.logs.estimators import ESTIMATORS
+from twin.logs.flight_estimator import ESTIMATORS
 
 ROOT = Path(__file__).resolve().parents[3]
 OLD = ROOT / "tests" / "data" / "e2ff189"

@@ -20,7 +20,7 @@ from twin.errors import InputError, StoreError, UnknownName
 from twin.geodesy import from_tangent_plane
 from twin.identify.speed import motion_of
 from twin.logs import estimate_flight, flight_dataset
-from twin.logs.estimators import ESTIMATORS, FlightEstimator
+from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks

@@ -1,6 +1,7 @@
-"""Base of the estimators: what gives the velocity through the water of a logged dive.
+"""Flight estimators: ways to the velocity through the water of a logged dive, a seam.
 
-Registry of the estimators: names for the command line, and the kinds.
+The steady model has its forces in balance at every sample (`twin.identify.start_values`); the
+flight model integrates the three equations of translation (`twin.identify.translation`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from twin import seams
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
+from twin.identify.speed import motion_of
 from twin.identify.translation import Translation
 from twin.records.reader import MissionStore
 from twin.registry import Registry, missing_method, self_named
@@ -95,3 +97,39 @@ def open_estimator(text: str) -> FlightEstimator:
     """
     kind, _, argument = text.partition(":")
     return ESTIMATORS[kind].open(argument)
+
+
+class SteadyModel(FlightEstimator):
+    """The flight model of glider pilots, without inertia."""
+
+    kind = "steady"
+    summary = "forces in balance at every sample, zero at inflections"
+    modelled = True
+
+    def motion(
+        self,
+        store: MissionStore,
+        log: Log,
+        calibration: Calibration,
+        start: tuple[float, float, float],
+    ) -> Translation:
+        """See `FlightEstimator.motion`; `start` plays no part in a balance."""
+        return motion_of(log, calibration, "steady")
+
+
+class FlightModel(FlightEstimator):
+    """Weight, buoyancy, drag and lift with the vehicle's inertia."""
+
+    kind = "flight"
+    summary = "the vehicle's flight model with its inertia"
+    modelled = True
+
+    def motion(
+        self,
+        store: MissionStore,
+        log: Log,
+        calibration: Calibration,
+        start: tuple[float, float, float],
+    ) -> Translation:
+        """See `FlightEstimator.motion`."""
+        return motion_of(log, calibration, start=start)
