@@ -79,7 +79,7 @@ def generate(
     )
     with contextlib.ExitStack() as stack:
         if scheduler is not None:
-            from factory.generation.cluster import dask_executor
+            from factory.generation.executors import dask_executor
 
             executor = stack.enter_context(dask_executor(scheduler))
         if store is not None:

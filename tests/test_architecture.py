@@ -43,7 +43,7 @@ FLIPS = {
     "twin.control.physics": "the state is MuJoCo's",
     "twin.control.many": "the state is MuJoCo's",
     "twin.show.render.camera": "scenes are MuJoCo's",
-    "twin.show.render.rendered_flight": "scenes are MuJoCo's",
+    "twin.show.render.subject": "scenes are MuJoCo's",
     "twin.show.render.playback": "scenes are MuJoCo's",
     "twin.show.render.scene_geometry": "scenes are MuJoCo's",
     "twin.show.render.shapes": "scenes are MuJoCo's",

@@ -16,13 +16,13 @@ _FEATURES = (
     ("sensed", "roll_change_slow pitch_change_slow heading_change_slow"),
     ("sensed", "roll_rate pitch_rate yaw_rate"),
     ("sensed", "specific_force_x specific_force_y specific_force_z"),
-    ("flown", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
+    ("sensed", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
     ("sensed", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
-    ("flown", "depth"),
+    ("sensed", "depth"),
     ("sensed", "shift sin_rotation cos_rotation pump"),
     ("sensed", "shift_change rotation_change pump_change"),
     ("sensed", "shift_command sin_rotation_command cos_rotation_command pump_command"),
-    ("flown", "flight_surge flight_sway flight_attack"),
+    ("sensed", "flight_surge flight_sway flight_attack"),
 )
 """File and features, in the order in which networks take them."""
 

@@ -34,7 +34,7 @@ class Dask:
 
     def generate(self, recipe: Recipe, store: Path, *, resume: bool = False) -> None:
         """Have the workers make a store; for a process of its own, which then has threads."""
-        from factory.generation.cluster import dask_executor
+        from factory.generation.executors import dask_executor
 
         with dask_executor(self.address) as executor:
             generate(recipe, store, executor=executor, resume=resume)

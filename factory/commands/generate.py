@@ -98,7 +98,7 @@ class Generate(JsonOption):
         return 0
 
     def _all(self, recipe: Recipe, history: str, console: Console) -> Summary:
-        from factory.generation.cluster import dask_executor
+        from factory.generation.executors import dask_executor
         from factory.generation.generate import generate
 
         with contextlib.ExitStack() as stack:

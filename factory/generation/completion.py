@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.generation.bookkeeping import SEGMENT, Column, columns
-from factory.generation.pool import Job
+from factory.generation.executors import Job
 from factory.generation.store_assembly import ShardRows, open_tree, shard_manifest, stacked
 from factory.sampling.recipe import Recipe, sha256, versions
 from twin.errors import StoreError

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 
 from factory.generation import completion
 from factory.generation.completion import complete
+from factory.generation.executors import Job, local_pool
 from factory.generation.mission_block import BlockDone, fly_block, sound_block
-from factory.generation.pool import Job, local_pool
 from factory.generation.site import Site, locked
 from factory.generation.store_assembly import assemble, open_tree, shard_manifest
 from factory.generation.target import check_target, failures_in, give_name

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from factory.generation.attempts import FlownMission, fly_mission
 from factory.generation.bookkeeping import rows
+from factory.generation.executors import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
-from factory.generation.pool import Job, alone
 from factory.sampling.mission_water import mission_coordinates, mission_place
 from factory.sampling.recipe import Recipe, versions
 from twin.bounded import check_archive

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from factory.generation import completion
 from factory.generation.completion import complete
+from factory.generation.executors import Job
 from factory.generation.generate import (
     Summary,
     Watcher,
@@ -24,7 +25,6 @@ from factory.generation.generate import (
 )
 from factory.generation.manifest import Layout
 from factory.generation.mission_block import block_manifest, fly_block
-from factory.generation.pool import Job
 from factory.generation.site import Site, locked
 from factory.generation.store_assembly import assemble, shard_manifest
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of

@@ -28,9 +28,9 @@ from factory.generation.completion import (
     RECIPE_COPY,
     complete,
 )
+from factory.generation.executors import Job
 from factory.generation.generate import told
 from factory.generation.mission_block import Signals, fly_whole
-from factory.generation.pool import Job
 from factory.generation.site import Site, locked
 from factory.generation.store_assembly import leave_shard, open_tree
 from factory.generation.target import give_name

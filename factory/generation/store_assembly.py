@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.generation.executors import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.generation.mission_block import Block, block_manifest
-from factory.generation.pool import Job, alone
 from factory.sampling.recipe import versions
 from twin.bounded import FREE_BYTES, check_archive
 from twin.errors import StoreError

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from factory.generation.completion import FAILED_MISSION
+from factory.generation.executors import Job
 from factory.generation.manifest import missions_kept
-from factory.generation.pool import Job
 from factory.generation.site import Site
 from factory.sampling.recipe import Recipe, differences, read_recipe, recipe_document
 from twin.errors import StoreError

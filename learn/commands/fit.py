@@ -174,7 +174,7 @@ class Fit(JsonOption):
         with contextlib.ExitStack() as stack:
             executor = None
             if self.scheduler is not None:
-                from factory.generation.cluster import dask_executor
+                from factory.generation.executors import dask_executor
 
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))

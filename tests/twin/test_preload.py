@@ -33,7 +33,7 @@ PLACES = {
     "screen": """
 import os
 os.environ["DISPLAY"] = ":987"
-from twin.show.render.screen import NoScreen, require_screen
+from twin.show.render.context import NoScreen, require_screen
 try:
     require_screen()
 except NoScreen:
@@ -43,7 +43,7 @@ except NoScreen:
 from types import SimpleNamespace
 from queue import SimpleQueue
 import mujoco.viewer
-from twin.show.render.screen import NoScreen
+from twin.show.render.context import NoScreen
 from twin.show.render.window import Window
 def no_window(*arguments, **options):
     opened.append("glfw window")

@@ -85,11 +85,11 @@ class ViewMission:
 
     def _open(self, console: Console) -> int:
         """The window."""
-        from twin.show.render.screen import require_screen
+        from twin.show.render.context import require_screen
 
         require_screen()
         os.environ["MUJOCO_GL"] = "glfw"  # a window: MuJoCo must not look for EGL's functions
-        from twin.show.render.rendered_flight import Live, RenderedFlight, Replay
+        from twin.show.render.subject import Live, RenderedFlight, Replay
         from twin.show.render.window import KEYS, Window
 
         shot = self._shot()

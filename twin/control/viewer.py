@@ -12,7 +12,7 @@ from twin.cli.console import Console
 from twin.control.policies import POLICIES, Flown, Policy
 from twin.control.registry import TASKS
 from twin.errors import InputError, unknown_name
-from twin.show.render.screen import NoScreen
+from twin.show.render.context import NoScreen
 
 KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
 """What a user must know of dm_control's viewer; its free camera stays at the surface."""

@@ -16,11 +16,10 @@ from trees import contents
 
 import factory
 from factory.description import unfinished
-from factory.generation import cluster
-from factory.generation.cluster import dask_executor
+from factory.generation import executors as cluster
+from factory.generation.executors import Job, dask_executor
 from factory.generation.generate import generate
 from factory.generation.mission_block import fly_block
-from factory.generation.pool import Job
 from factory.generation.site import Site
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError, TwinError
@@ -64,7 +63,7 @@ def test_a_lost_worker_and_one_that_joins_change_no_byte(
 
 
 def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("factory.generation.cluster.TIMEOUT_S", 0.5)
+    monkeypatch.setattr("factory.generation.executors.TIMEOUT_S", 0.5)
     for address in (f"tcp://127.0.0.1:{free_port()}", "nonsense://x", "tcp://"):
         with (
             pytest.raises(InputError, match=r"--scheduler .* no dask scheduler answers"),

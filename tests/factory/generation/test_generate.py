@@ -27,11 +27,11 @@ import twin.records.storage.stored_files
 from benchmarks.faults.here import Here
 from factory.description import unfinished
 from factory.flown_again import replay_failure
+from factory.generation.executors import Job
 from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.manifest import LEAST_SHARD
 from factory.generation.mission_block import fly_block
-from factory.generation.pool import Job
 from factory.generation.site import Site, generating, locked
 from factory.sampling.recipe import Recipe
 from factory.soundness import verify_store

@@ -14,10 +14,10 @@ import pytest
 import factory.generation.attempts
 from factory.__main__ import PROGRAM
 from factory.generation.attempts import fly_mission
+from factory.generation.executors import Job
 from factory.generation.manifest import Manifest, missions_kept, read_manifest
 from factory.generation.mission_block import TABLE, Block
 from factory.generation.parts import ARRAY, StorePart, generate_part
-from factory.generation.pool import Job
 from factory.generation.site import Site
 from factory.generation.target import recipe_begun
 from factory.sampling.recipe import Recipe

@@ -166,7 +166,7 @@ def test_the_survey_is_flown_and_summarised(capsys, survey):
 
 @pytest.mark.parametrize("command", ["simulate", "view"])
 def test_the_gliders_mission_names_the_one_that_suits(capsys, command, monkeypatch):
-    monkeypatch.setattr("twin.show.render.screen.require_screen", lambda: None)
+    monkeypatch.setattr("twin.show.render.context.require_screen", lambda: None)
     chosen = ("default",) if command == "simulate" else ("--plan", "default")
     code, _, err = call(capsys, command, *chosen, "--vehicle", TORPEDO)
     assert code == 2
@@ -315,7 +315,7 @@ def test_the_picture_shows_a_propelled_vehicle(store, tmp_path, capsys):
 
 
 def test_a_live_flight_turns_the_propeller(torpedo):
-    from twin.show.render.rendered_flight import Live
+    from twin.show.render.subject import Live
 
     live = Live(Scenario(vehicle=torpedo, mission=twin.load_mission("survey")))
     first, second = live.at(30.0), live.at(30.1)

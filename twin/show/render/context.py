@@ -2,7 +2,8 @@
 
 EGL draws on a GPU or, with Mesa, on the CPU; OSMesa draws on the CPU only. Which of them works is
 found out before PyOpenGL is imported, because PyOpenGL settles for one of them for the rest of the
-process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, wins.
+process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, wins. Where a window is
+asked for, a missing screen is named with what to do.
 """
 
 from __future__ import annotations
@@ -12,11 +13,51 @@ import contextlib
 import ctypes
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from typing import Protocol
 
 from twin.errors import TwinError
 from twin.extras import preload_triton
+
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Environment variables that name a screen on Linux"""
+WAY_OUT = (
+    "`twin view --web` shows it in a browser, `twin render STORE --html dive.html` writes such a "
+    "page, `twin render` draws pictures and videos; `xvfb-run -a` (Debian package xvfb) gives the "
+    "command a virtual screen"
+)
+
+
+class NoScreen(TwinError):
+    """A window is wanted and there is no screen for it."""
+
+
+def require_screen() -> None:
+    """Open and close a hidden window.
+
+    Raises:
+      NoScreen: there is no screen, or it cannot show OpenGL; the message says what to do.
+    """
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in DISPLAYS):
+        raise NoScreen(f"no screen ({' and '.join(DISPLAYS)} are not set): {WAY_OUT}")
+    preload_triton()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW reports as warnings what is raised below
+        try:
+            import glfw
+        except ImportError as error:
+            raise NoScreen(f"no window library ({error}): {WAY_OUT}") from error
+        named = next((os.environ[name] for name in DISPLAYS if os.environ.get(name)), "here")
+        if not glfw.init():
+            raise NoScreen(f"the screen {named} cannot be opened: {WAY_OUT}")
+        glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
+        window = glfw.create_window(64, 64, "probe", None, None)
+        glfw.default_window_hints()
+        if not window:
+            raise NoScreen(f"the screen {named} shows no OpenGL: {WAY_OUT}")
+        glfw.destroy_window(window)
+
 
 BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 """Debian packages of each backend, the preferred backend first."""

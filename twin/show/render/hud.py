@@ -1,4 +1,7 @@
-"""HUD: what is drawn over every frame. The strip of readouts, labels, legend and depth curve."""
+"""HUD: what is drawn over every frame: readouts, labels, legend and depth curve.
+
+The panel is the part of it that stays the same in every frame of a shot.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,168 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
 from twin.show.render import lettering, tags
 from twin.show.render.camera import View
-from twin.show.render.canvas import NAME, SMALLEST_FONT, VALUE, Canvas, box, dot, tiles
-from twin.show.render.panel import draw_panel
+from twin.show.render.canvas import (
+    LEGEND,
+    NAME,
+    NAME_TOP,
+    NOTES_TOP,
+    SMALLEST_FONT,
+    TITLE,
+    VALUE,
+    Canvas,
+    box,
+    dot,
+    tiles,
+)
 from twin.show.render.playback import Poses
-from twin.show.render.readout import readouts
-from twin.show.render.stage import Stage
+from twin.show.render.readout import Readout, readouts
+from twin.show.render.ribbon import Ribbon
+from twin.show.render.stage import Line, Stage
 
 Pixels = NDArray[np.uint8]
+
+STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
+BAR = (190, 11)
+"""Width and height of the colour bar [pixel of the base picture]"""
+LEGEND_SHARE = 0.32
+"""Width of the legend over the picture's from which a small picture goes without"""
+LINE = 1.35
+"""Least height of a legend's row over its font size"""
+ROW = 20
+"""Height of a legend's row, likewise"""
+EDGE = (120, 190, 215, 150)
+CURVE = (200, 226, 238, 255)
+OVERSAMPLING = 3
+
+
+def draw_panel(
+    canvas: Canvas,
+    stage: Stage,
+    notes: Sequence[str],
+    columns: Sequence[float],
+    items: Sequence[Readout],
+) -> Pixels:
+    """The strip with the names of its readouts, the depth curve, the notes and the legend.
+
+    Args:
+      notes: lines for the upper left corner, the first of them bold.
+      columns: left edge of each readout [pixel]; readouts without one are left out.
+
+    Returns:
+      RGBA, shape (height, width, 4).
+    """
+    image = Image.new("RGBA", (canvas.width, canvas.height), (0, 0, 0, 0))
+    draw = ImageDraw.Draw(image)
+    ink = (*palette.INK, round(255 * STRIP_ALPHA))
+    draw.rectangle((0, canvas.strip_top, canvas.width, canvas.height), fill=ink)
+    draw.line((0, canvas.strip_top, canvas.width, canvas.strip_top), fill=EDGE)
+    face = lettering.font(canvas.font_size(NAME))
+    for item, x in zip(items, columns, strict=False):
+        y = canvas.strip_top + canvas.px(NAME_TOP)
+        draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
+    _draw_curve(image, canvas, stage.lines[0].ribbon, stage)
+    _draw_notes(draw, canvas, notes)
+    _draw_legend(image, canvas, stage)
+    return np.asarray(image)
+
+
+def _draw_curve(image: Image.Image, canvas: Canvas, ribbon: Ribbon, stage: Stage) -> None:
+    """Depth against time of the whole part."""
+    x0, y0, x1, y1 = canvas.curve
+    first, last = ribbon.span
+    depth = -ribbon.nodes[:, 2] / stage.layout.factors[2]
+    xs = (ribbon.time - first) / (last - first) * (x1 - x0)
+    ys = np.clip(depth / stage.layout.high[2], 0.0, 1.0) * (y1 - y0)
+    margin = 4
+    size = (x1 - x0 + 2 * margin, y1 - y0 + 2 * margin)
+    large = Image.new("RGBA", (OVERSAMPLING * size[0], OVERSAMPLING * size[1]), (0, 0, 0, 0))
+    draw = ImageDraw.Draw(large)
+    edge = OVERSAMPLING * margin
+    draw.line(
+        (edge, edge, edge + OVERSAMPLING * (x1 - x0), edge), fill=EDGE, width=canvas.px(2) + 1
+    )
+    points = [
+        (edge + OVERSAMPLING * x, edge + OVERSAMPLING * y) for x, y in zip(xs, ys, strict=True)
+    ]
+    draw.line(points, fill=CURVE, width=max(OVERSAMPLING, canvas.px(5)), joint="curve")
+    image.alpha_composite(large.resize(size, Image.Resampling.LANCZOS), (x0 - margin, y0 - margin))
+
+
+def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str]) -> None:
+    y = canvas.px(NOTES_TOP)
+    for i, line in enumerate(notes):
+        size = canvas.font_size(TITLE if i == 0 else LEGEND)
+        colour = (255, 255, 255, 255) if i == 0 else (*palette.DIM, 255)
+        draw.text(
+            (canvas.px(22), y), line, font=lettering.font(size, i == 0), fill=colour,
+            stroke_width=canvas.px(1), stroke_fill=(*palette.INK, 150),
+        )  # fmt: skip
+        y += round(1.4 * size)
+
+
+def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
+    """Names of the dead-reckoned tracks, the current and the colour scale, lower right.
+
+    A picture so small that the legend would cover the scene has none.
+    """
+    draw = ImageDraw.Draw(image)
+    size = canvas.font_size(LEGEND)
+    face, row, scale = lettering.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
+    bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
+    strongest = stage.current.strongest
+    digits = 2 if strongest >= 0.01 else 3
+    current = f"{stage.current_name}, up to {strongest:.{digits}f} m/s" if strongest else ""
+    names = [*(line.name for line in stage.lines[1:]), *([current] if current else [])]
+    wide = max(bar[0], lettering.width(scale.label, size))
+    wide = max([wide, *(canvas.px(34) + lettering.width(name, size) for name in names)])
+    high = 3 * row - canvas.px(6) + row * len(names)
+    if wide > LEGEND_SHARE * canvas.width:
+        return
+    left = canvas.width - canvas.px(20) - wide
+    top = canvas.strip_top - canvas.px(18) - high
+    pad = canvas.px(10)
+    draw.rounded_rectangle(
+        (left - pad, top - pad, left + wide + pad, top + high + canvas.px(4)),
+        radius=canvas.px(6),
+        fill=(*palette.INK, round(255 * LEGEND_ALPHA)),
+    )
+    y = top
+    for line in stage.lines[1:]:
+        _draw_line_key(draw, canvas, left, y + row // 2, line)
+        draw.text((left + canvas.px(34), y + row // 2), line.name, font=face, anchor="lm")
+        y += row
+    if current:
+        _draw_arrow_key(draw, canvas, left, y + row // 2)
+        draw.text((left + canvas.px(34), y + row // 2), current, font=face, anchor="lm")
+        y += row
+    draw.text((left, y + row // 2), scale.label, font=face, anchor="lm")
+    y += row
+    colours = palette.track_colours(np.linspace(0, 1, bar[0]), 0.0, 1.0)
+    rows = np.repeat((255 * colours).astype(np.uint8)[None], bar[1], axis=0)
+    image.paste(Image.fromarray(rows), (left, y))
+    y += bar[1] + canvas.px(2)
+    least, most = scale.ends
+    draw.text((left, y), least, font=face, anchor="la")
+    draw.text((left + bar[0], y), most, font=face, anchor="ra")
+
+
+def _draw_line_key(draw: ImageDraw.ImageDraw, canvas: Canvas, x: int, y: int, line: Line) -> None:
+    colour = palette.FUTURE if line.colour is None else line.colour
+    rgb = tuple(int(255 * c) for c in colour)
+    draw.line((x, y, x + canvas.px(26), y), fill=rgb, width=canvas.px(4))
+
+
+def _draw_arrow_key(draw: ImageDraw.ImageDraw, canvas: Canvas, x: int, y: int) -> None:
+    rgb = tuple(int(255 * c) for c in palette.CURRENT)
+    draw.line((x, y, x + canvas.px(18), y), fill=rgb, width=canvas.px(3))
+    head = [(26, 0), (16, -5), (16, 5)]
+    draw.polygon([(x + a * canvas.unit, y + b * canvas.unit) for a, b in head], fill=rgb)
+
 
 CURSOR = (255, 150, 60)
 

@@ -25,16 +25,16 @@ from twin.extras import preload_triton
 from twin.show.render import camera, sea
 from twin.show.render.camera import View
 from twin.show.render.canvas import frame_of
+from twin.show.render.context import NoScreen
 from twin.show.render.film import Subject
 from twin.show.render.graphics import shown, write_mesh
 from twin.show.render.motion import Motion, drift_of
 from twin.show.render.playback import Poses
 from twin.show.render.readout import readouts
-from twin.show.render.rendered_flight import RenderedFlight
-from twin.show.render.screen import NoScreen
 from twin.show.render.shapes import BACKDROP_GROUP, WATER_GROUP, Shape
 from twin.show.render.shot import Shot
 from twin.show.render.stage import build
+from twin.show.render.subject import RenderedFlight
 
 Array = NDArray[np.float64]
 

@@ -21,10 +21,9 @@ from twin.show.render.canvas import track_colours
 from twin.show.render.film import known_samples
 from twin.show.render.playback import moving_parts, poses
 from twin.show.render.readout import UNKNOWN, readouts
-from twin.show.render.rendered_flight import Replay
 from twin.show.render.scale import track_values
 from twin.show.render.shot import Shot
-from twin.show.render.subject import read_subject
+from twin.show.render.subject import Replay, read_subject
 
 FLIGHT = Flight(dives=2)
 

@@ -15,9 +15,9 @@ from pictures import short_scenario, short_subject, write_short_store
 
 from twin.__main__ import PROGRAM
 from twin.physics.simulation import simulate
+from twin.show.render.context import DISPLAYS
 from twin.show.render.playback import poses
-from twin.show.render.rendered_flight import Live, Replay
-from twin.show.render.screen import DISPLAYS
+from twin.show.render.subject import Live, Replay
 
 linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="other systems have a screen"
@@ -118,7 +118,7 @@ def test_a_live_flight_is_the_simulation_and_goes_back():
 IN_THE_WINDOW = """
 import sys, threading, time
 from PIL import ImageGrab
-from twin.show.render.rendered_flight import Replay
+from twin.show.render.subject import Replay
 from twin.show.render.shot import Shot
 from twin.show.render.window import Window
 from pictures import short_subject

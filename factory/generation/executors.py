@@ -1,10 +1,8 @@
-"""Pool: the standard pool of processes, as `generate` uses it when it is given no executor.
+"""Executors: what flies missions: a pool of this machine's processes, or a dask cluster.
 
 Processes are forked once everything is imported and compiled, where the system can fork: a fresh
 interpreter would need seconds for that. A worker ignores Ctrl-C, which its parent answers, and ends
 when the parent dies, which the standard pool does not see to.
-
-Job: what a task needs to know of the store that it works for.
 """
 
 from __future__ import annotations
@@ -13,19 +11,24 @@ import contextlib
 import ctypes
 import functools
 import json
+import logging
 import multiprocessing
 import multiprocessing.connection
 import os
+import pkgutil
 import signal
 import threading
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from typing import Any
 
 from factory.generation.manifest import Layout
 from factory.generation.site import Site, let_go
 from factory.sampling.recipe import Recipe, read_recipe
+from twin.errors import InputError, TwinError
+from twin.extras import require
+from twin.version import __version__
 
 _FORK = "fork"
 
@@ -154,3 +157,85 @@ def _keep(recipe: Recipe, site: Site) -> None:
     while len(_READY) >= _MOST_READY:
         del _READY[next(iter(_READY))]
     _READY[site.recipe] = recipe
+
+
+RETRIES = 2
+"""Times that a block which raised an error is flown again, perhaps by another worker. One whose
+worker is lost is flown again by dask itself, see its setting distributed.scheduler.allowed-failures
+"""
+TIMEOUT_S = 30.0
+"""[s] to reach the scheduler"""
+WORKERS_S = 10.0
+"""[s] after which a scheduler without workers is told of"""
+VERSION = "factory.generation.completion:__version__"
+"""What is there where blocks can be flown"""
+
+
+@contextlib.contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """The workers of the scheduler at `address`, such as tcp://127.0.0.1:8786.
+
+    Clusters of dask-jobqueue and dask-kubernetes have such an address too. Workers may come and go.
+
+    Raises:
+      InputError: dask.distributed is not installed, nobody answers there, or glider-twin is not
+        there in this version.
+      TwinError: the cluster was lost while it worked.
+    """
+    require("distributed", extra="cluster", purpose="--scheduler")
+    import distributed
+    from distributed.comm import CommClosedError
+    from distributed.scheduler import KilledWorker
+
+    try:
+        client = distributed.Client(address, timeout=TIMEOUT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(
+            f"--scheduler {address}: no dask scheduler answers there "
+            f"({' '.join(str(error).split())}); `dask scheduler` prints its address"
+        ) from error
+    with _quiet(), client:
+        try:
+            _check_workers(client, address)
+            yield client.get_executor(retries=RETRIES, pure=False)
+        except (KilledWorker, CommClosedError, CancelledError) as error:
+            reason = " ".join(str(error).split()) or "its scheduler is gone"
+            raise TwinError(
+                f"--scheduler {address}: the cluster was lost ({reason}). Finished blocks are "
+                "kept: --resume goes on from them"
+            ) from error
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the tracebacks that dask's client logs of a scheduler that is gone."""
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+def _check_workers(client: Any, address: str) -> None:
+    """Raise InputError unless the scheduler and all workers can fly blocks; warn of no workers.
+
+    A task that a worker cannot even read would end that worker, and then the next one.
+    """
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+    except TimeoutError:
+        warnings.warn(f"--scheduler {address} has no workers yet: waiting for some", stacklevel=2)
+    found = client.run(pkgutil.resolve_name, VERSION, on_error="return")
+    try:
+        found["the scheduler"] = client.run_on_scheduler(pkgutil.resolve_name, VERSION)
+    except Exception as error:  # whatever an import raises
+        found["the scheduler"] = error
+    for place, version in found.items():
+        if version != __version__ and not isinstance(version, OSError):  # else it has gone away
+            has = "cannot import it" if isinstance(version, Exception) else "has"
+            raise InputError(
+                f"--scheduler {address} needs glider-twin {__version__} on the scheduler and all "
+                f"workers: {place} {has} ({' '.join(str(version).split())})"
+            )
