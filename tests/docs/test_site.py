@@ -94,8 +94,8 @@ def test_pages_of_the_repository_lead_somewhere(hooks: ModuleType) -> None:
     """README, CONTRIBUTING, CHANGELOG and those beside them: files and headings."""
     pages = hooks.repository_pages(ROOT)
     assert {"README.md", "CONTRIBUTING.md", "CHANGELOG.md"} <= {page.name for page in pages}
-    dead = {page.name: hooks.dead_links(page) for page in pages}
-    assert {name: links for name, links in dead.items() if links} == {}
+    dead = {page: hooks.dead_links(page) for page in pages}  # two are named README.md
+    assert {page: links for page, links in dead.items() if links} == {}
 
 
 def test_a_dead_link_of_the_readme_ends_the_build(

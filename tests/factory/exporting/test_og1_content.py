@@ -95,6 +95,28 @@ def test_what_people_said_beside_the_log_is_in_the_file(og1: Path) -> None:
         assert ctd.sensor_calibration_date == "2023-05-23"
 
 
+UNITS = {
+    "TIME": "seconds since 1970-01-01T00:00:00Z", "LONGITUDE": "degrees_east",
+    "LATITUDE": "degrees_north", "POSITION_SD": "m", "DEPTH": "m", "LONGITUDE_GPS": "degrees_east",
+    "LATITUDE_GPS": "degrees_north", "MAGNETIC_VARIATION": "degree", "PRES": "dbar",
+    "PITCH": "degree", "ROLL": "degree", "HEADING": "degree", "BATTERY_SHIFT": "m",
+    "PUMPED_VOLUME": "cm3", "DENSITY": "kg m-3", "TEMP": "degree_Celsius", "PSAL": "1",
+    "CNDC": "S m-1", "GLIDER_SPEED_MODEL": "m s-1", "VERT_CURR_MODEL": "m s-1",
+    "ANGLE_OF_ATTACK_MODEL": "degree", "DAVG_CURR_NORTH": "m s-1",
+}  # fmt: skip
+"""As OceanGliders 1.0 has them: literals, not the tables that the exporter writes from"""
+
+
+def test_units_are_the_format_s_and_values_are_in_them(og1: Path, store: Path) -> None:
+    with netCDF4.Dataset(og1) as file:
+        assert {name: file[name].units for name in UNITS} == UNITS
+        depth, pressure = (np.nanmax(file[name][:].filled(np.nan)) for name in ("DEPTH", "PRES"))
+        pitch = np.nanmax(np.abs(file["PITCH"][:].filled(np.nan)))
+    assert depth == pytest.approx(FLIGHT.depth, rel=0.02)
+    assert pressure == pytest.approx(1.0065 * FLIGHT.depth, rel=0.03)  # 1 dbar is 0.994 m
+    assert pitch == pytest.approx(FLIGHT.pitch, rel=0.02)
+
+
 @needs_checker
 @pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
 def test_it_passes_the_cf_and_the_acdd_check(
