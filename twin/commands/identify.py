@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,6 +14,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from twin.cli.progress import Progress
     from twin.identify import Identification
     from twin.identify.handling import Handling
     from twin.identify.rollout import Refinement
@@ -114,14 +116,9 @@ class Identify(JsonOption):
         if self.pitch_offset is not None and "pitch_offset" not in self.parameters:
             given.add("pitch_offset")
         logs = load_logs(self.store, parse_rows(self.missions))
+        refined, handling = None, None
         with console.progress(total=1.0, label="identify", unit="") as progress:
-            done = 0.0
-
-            def report(part: float) -> None:
-                nonlocal done
-                progress.update(part - done)
-                done = part
-
+            report = _Stages(progress, refines=self.model == "twin", handles=not self.no_handling)
             found = identify(
                 logs,
                 nominal,
@@ -129,20 +126,20 @@ class Identify(JsonOption):
                 known=tuple(given),
                 model="steady" if self.model == "steady" else "flight",
                 fixes=not self.no_fixes,
-                progress=report,
+                progress=report.of("fit"),
             )
-        refined = None
-        if self.model == "twin":
-            from twin.identify.rollout import refine
+            if self.model == "twin":
+                from twin.identify.rollout import refine
 
-            refined = refine(logs, found)
-            found = refined.identification
-        handling = None
-        if not self.no_handling:
-            from twin.identify.handling import handle
+                refined = refine(logs, found, progress=report.of("refine"))
+                found = refined.identification
+            if not self.no_handling:
+                from twin.identify.handling import handle
 
-            handling = handle(logs, found, proof=self.out is not None)
-            found = handling.identification
+                handling = handle(
+                    logs, found, proof=self.out is not None, progress=report.of("handle")
+                )
+                found = handling.identification
         self._say(console, found, len(logs), refined)
         _remark(console, found)
         for text in confused(found):
@@ -267,6 +264,31 @@ class Identify(JsonOption):
                 for e in found.estimates
             },
         )
+
+
+STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
+"""What each stage takes of the whole, in comparison"""
+
+
+class _Stages:
+    """The stages of a command on one bar, so that it is full when all of them have ended."""
+
+    def __init__(self, progress: Progress, *, refines: bool, handles: bool):
+        self._progress, self._done = progress, 0.0
+        asked = {"fit": True, "refine": refines, "handle": handles}
+        self._names = [name for name in STAGES if asked[name]]
+        self._whole = sum(STAGES[name] for name in self._names)
+
+    def of(self, stage: str) -> Callable[[float], None]:
+        """What is called with the part of a stage that is done, 0 to 1."""
+        before = sum(STAGES[name] for name in self._names[: self._names.index(stage)])
+
+        def report(part: float) -> None:
+            done = (before + part * STAGES[stage]) / self._whole
+            self._progress.update(done - self._done)
+            self._done = done
+
+        return report
 
 
 def _say_handling(console: Console, handling: Handling) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +67,18 @@ class Handling:
     """What was left at the vehicle file's, and why"""
 
 
-def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) -> Handling:
+def handle(
+    logs: Sequence[Log],
+    found: Identification,
+    *,
+    proof: bool = True,
+    progress: Callable[[float], None] = lambda part: None,
+) -> Handling:
     """Fit pitch and turns, place the gains, and try the vehicle.
 
     Args:
       found: from `identify`. proof: fly it, and say what fails.
+      progress: called with the part done, 0 to 1.
     """
     notes: list[str] = []
     calibration = with_travel(logs, found.calibration)
@@ -85,7 +92,9 @@ def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) ->
     else:
         calibration = balance.calibration
         identification = _with(identification, balance)
+    progress(0.2)
     turns = turned(logs, calibration)
+    progress(0.6)
     if turns is None:
         notes.append("turns: too few steady parts in dives and climbs of these logs")
     else:
@@ -106,10 +115,12 @@ def handle(logs: Sequence[Log], found: Identification, *, proof: bool = True) ->
             calibration = with_gains(calibration, phases)
         except (MissionError, NoSteadyState, InputError) as error:
             notes.append(f"gains: {error}")
+        progress(0.8)
         if proof:
             lacking = failures(calibration, phases)
     else:
         lacking = ("the logs hold no steady dive and climb to try it in",)
+    progress(1.0)
     return Handling(
         identification=dataclasses.replace(identification, calibration=calibration),
         phases=phases,

@@ -11,7 +11,7 @@ differences fly side by side in one batch.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,8 +97,16 @@ class _Window:
         return slice(self.first + skip, self.last)
 
 
-def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
+def refine(
+    logs: Sequence[Log],
+    flight: Identification,
+    *,
+    progress: Callable[[float], None] = lambda part: None,
+) -> Refinement:
     """Fit the twin to windows of the logs, from what `identify` found.
+
+    Args:
+      progress: called with the part done, 0 to 1.
 
     Raises:
       InputError: no window with battery positions, or the twin does not fly them.
@@ -118,7 +126,8 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
             out = parameter.at(out, float(centre), float(offset))
         return out
 
-    for _ in range(ITERATIONS):
+    for iteration in range(ITERATIONS):
+        progress(iteration / ITERATIONS)
         points = [x] + [x + STEP * unit for unit in np.eye(len(x))]
         flown = _fly(windows, [calibrated(point) for point in points])
         scales = _scales(windows, flown[0], calibrated(x))
@@ -141,6 +150,7 @@ def refine(logs: Sequence[Log], flight: Identification) -> Refinement:
             for f, p in zip(_fly(windows, [calibrated(p) for p in tried]), tried, strict=True)
         ]
         x = tried[int(np.argmin(costs))]
+    progress(1.0)
     covariance = np.asarray(np.linalg.inv(hessian), np.float64)
     final = calibrated(x)
     results = _fly(windows, [final])[0]

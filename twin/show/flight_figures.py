@@ -106,6 +106,10 @@ def section(flight: xr.Dataset) -> Figure:
         )  # fmt: skip
         largest = float(np.percentile(np.abs(w[keep]), COVERED[0]))
         lines.set_clim(-largest, largest)
+        # the map is white at 0, as the page is: a rim shows the dives there
+        axes.add_collection(
+            LineCollection(list(segments[keep]), colors=style.GUIDE, linewidths=2.8)
+        )
         axes.add_collection(lines)
         ends = segments[keep][:, :, 0]
         axes.set_xlim(float(ends.min()), float(ends.max()))

@@ -179,8 +179,9 @@ def _graticule(frame: MapFrame) -> list[str]:
             x, y = frame.at(point)[0]
             if axis == 0:
                 parts.append(f'<path d="M{x:.1f} 0V{HEIGHT:g}"/>')
+                spare = ' class="spare"' if k % 2 else ""  # narrow screens leave these out
                 parts.append(
-                    f'<text x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{_name(value, "EW")}</text>'
+                    f'<text{spare} x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{_name(value, "EW")}</text>'
                 )
             else:
                 parts.append(f'<path d="M0 {y:.1f}H{WIDTH:g}"/>')

@@ -37,11 +37,12 @@ th, td { padding: .3rem .6rem .3rem 0; text-align: right; white-space: nowrap;
 th { color: var(--dim); font-weight: 600; vertical-align: bottom; }
 th:last-child, td:last-child { padding-right: 0; }
 svg { width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px;
-  touch-action: none; cursor: grab; display: block; }
-svg text { font: 13px system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
+  touch-action: pan-y pinch-zoom; cursor: grab; display: block; --unit: 1; }
+svg text { font: calc(13px * var(--unit)) system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
   paint-order: stroke; stroke: #fff; stroke-width: 3px; }
 .sea { fill: #eef4f8; } .land { fill: #e8e2d0; stroke: #8c8570; stroke-width: 1; }
-.grid path { stroke: #c5d0d9; stroke-width: .8; } .grid text { fill: var(--dim); font-size: 11px; }
+.grid path { stroke: #c5d0d9; stroke-width: .8; } .grid text { fill: var(--dim);
+  font-size: calc(11px * var(--unit)); }
 .track { fill: none; stroke: #333; stroke-width: 1.6; stroke-dasharray: 5 3; }
 .ninety { fill-opacity: .12; stroke-width: 1.2; }
 .half { fill-opacity: .2; stroke-width: 1.2; }
@@ -50,10 +51,16 @@ svg text { font: 13px system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
 .target path { fill: #fff; stroke: #000; stroke-width: 1.5; } .start rect { fill: #000; }
 .scale path { fill: none; stroke: #000; stroke-width: 1.5; } .scale text { text-anchor: middle; }
 svg * { vector-effect: non-scaling-stroke; }
+@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; } svg { --unit: 2.6; }
+  .grid .spare { display: none; } }
 """
 
 SCRIPT = """
 const map = document.getElementById("map"), box = map.viewBox.baseVal;
+// Words keep their size on the screen, on a phone and where the map is zoomed.
+const fit = () => map.style.setProperty("--unit", box.width / map.getBoundingClientRect().width);
+addEventListener("resize", fit);
+fit();
 map.addEventListener("wheel", event => {
   event.preventDefault();
   const by = event.deltaY > 0 ? 1.15 : 1 / 1.15, frame = map.getBoundingClientRect();
@@ -61,6 +68,7 @@ map.addEventListener("wheel", event => {
   const y = box.y + (event.clientY - frame.top) / frame.height * box.height;
   box.x = x + (box.x - x) * by; box.y = y + (box.y - y) * by;
   box.width *= by; box.height *= by;
+  fit();
 }, { passive: false });
 map.addEventListener("pointermove", event => {
   if (!event.buttons) return;

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import io
 import json
 import shutil
 from pathlib import Path
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 from twin.__main__ import PROGRAM
+from twin.cli.progress import Progress
+from twin.commands.identify import _Stages
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import (
     estimate_speed,
@@ -307,3 +310,19 @@ def test_command_refuses_bad_input_in_one_line(store, more, message, capsys):
     error = capsys.readouterr().err.strip()
     assert message in error
     assert "\n" not in error
+
+
+@pytest.mark.parametrize("refines", [False, True])
+@pytest.mark.parametrize("handles", [False, True])
+def test_the_bar_is_full_when_the_last_stage_ends(refines, handles):
+    progress = Progress(total=1.0, label="identify", unit="", stream=io.StringIO())
+    stages = _Stages(progress, refines=refines, handles=handles)
+    names = ["fit", *["refine"] * refines, *["handle"] * handles]
+    for name in names:
+        assert progress.done < 0.99
+        report = stages.of(name)
+        for part in (0.3, 1.0):
+            before = progress.done
+            report(part)
+            assert progress.done > before
+    assert progress.done == pytest.approx(1.0)

@@ -31,7 +31,7 @@ CURVE_SHARE = 0.22
 NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
 """From the strip's edge to the readouts' names and values, and from the picture's to the notes and
 the compass, likewise"""
-TITLE, VALUE, NAME, LABEL, LEGEND = 17, 25, 12, 14, 13
+TITLE, VALUE, NAME, LABEL, LEGEND = 19, 25, 16, 17, 16
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
 SMALLEST_FONT = 8
 """[pixel] below which letters are blots"""

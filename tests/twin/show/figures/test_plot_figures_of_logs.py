@@ -12,6 +12,7 @@ from logs import Flight, write_seaglider, write_slocum
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from PIL import Image
 from simulated_logs import simulated_log
 
 from factory.importing.import_run import import_logs
@@ -342,7 +343,25 @@ def test_the_flight_s_map_is_the_file_s(dives: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(tracks[0].get_ydata(), dataset["latitude"].values[0, :count])
     (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
     np.testing.assert_allclose(arrows.V, dataset["dac_north"].values)
-    bar = OF_FLIGHTS["w_section"](dataset).axes[0].collections[0]
+    bar = OF_FLIGHTS["w_section"](dataset).axes[0].collections[-1]
     low, high = bar.get_clim()
     assert low == -high
     assert bar.get_cmap().name == "balance"
+
+
+def test_dives_without_vertical_velocity_are_seen(dives: Path, tmp_path: Path) -> None:
+    from twin.logs import write_flight
+    from twin.show.flight_figures import FIGURES as OF_FLIGHTS
+    from twin.show.flight_figures import read_flight
+
+    write_flight(estimate_flight(dives), tmp_path / "a.nc")
+    dataset = read_flight(tmp_path / "a.nc")
+    still = 1e-6 * np.sign(dataset["w_water"])  # the white of the map
+    figure = OF_FLIGHTS["w_section"](dataset.assign(w_water=still + 0.0 * dataset["w_water"]))
+    figure.axes[0].collections[-1].set_clim(-0.05, 0.05)
+    figure.axes[0].set_axis_off()
+    figure.axes[1].remove()
+    figure.savefig(tmp_path / "still.png")
+    with Image.open(tmp_path / "still.png") as picture:
+        grey = np.asarray(picture.convert("L"))
+    assert (grey < 190).mean() > 0.005

@@ -12,7 +12,16 @@ from PIL import Image
 from twin.errors import InputError
 from twin.show.render import canvas as palette
 from twin.show.render.camera import fit, map_view, orbit_view, side_view
-from twin.show.render.canvas import Canvas
+from twin.show.render.canvas import (
+    BASE_WIDTH,
+    LABEL,
+    LEGEND,
+    NAME,
+    SMALLEST_FONT,
+    TITLE,
+    VALUE,
+    Canvas,
+)
 from twin.show.render.film import save_still, still
 from twin.show.render.painter import GLIDER_GROUPS, Painter
 from twin.show.render.scene_geometry import Frame, nice_step, plan, principal_azimuth, ticks
@@ -287,3 +296,8 @@ def test_colour_by_error_needs_tracks(subject, with_tracks):
     with painter_of(with_tracks, colour="error") as painter:
         assert painter.stage.scale.label == "position error of network [m]"
         assert painter.stage.scale.high >= 40.0
+
+
+def test_words_of_a_poster_are_read_at_half_its_width():
+    """As in a README beside a column, on a screen of 640 pixels."""
+    assert min(NAME, LABEL, LEGEND, TITLE, VALUE) * 640 / BASE_WIDTH >= SMALLEST_FONT
