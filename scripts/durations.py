@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 SLOW = ROOT / "tests" / "slow.json"
-FROM_S = 3.0
+FROM_S = 2.0
 """[s] of a file's tests together, from which on it is slow"""
 
 
