@@ -7,13 +7,13 @@ found.scores.mean["forecast"], found.scores.mean["persistence"]
 """
 
 from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast, hindcast
-from twin.forecast.forecast_leg import LoggedLeg, legs_of
 from twin.forecast.known import Known, known_from_logs, known_without_logs
 from twin.forecast.request import Request, mission_to
 from twin.forecast.scores import METHODS, Scores, scores_of
 from twin.forecast.surfacing import Surfacing
 from twin.forecast.surfacing_forecast import Forecast, forecast
 from twin.forecast.walk import HindcastSurfacing, walk
+from twin.logs.logged_leg import LoggedLeg, legs_of
 from twin.navigation.dead_reckoning import Ellipse
 
 __all__ = [

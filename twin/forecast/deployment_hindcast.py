@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
-from twin.forecast.forecast_leg import LoggedLeg, flown_velocities, legs_of
 from twin.forecast.scores import Scores, scores_of
 from twin.forecast.walk import HindcastSurfacing, walk
 from twin.geodesy import to_tangent_plane
+from twin.logs.logged_leg import LoggedLeg, flown_velocities, legs_of
 from twin.navigation.current import Tuned, tune
 from twin.records.logged import LogStore
 from twin.water.current.axes import Origin

@@ -14,14 +14,14 @@ import numpy as np
 
 from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
-from twin.forecast.forecast_leg import (
+from twin.geodesy import great_circle, position
+from twin.logs.logged_leg import (
     MODEL,
     LoggedLeg,
     flown_velocities,
     legs_of,
     why_no_legs,
 )
-from twin.geodesy import great_circle, position
 from twin.navigation.current import CurrentFilter, replay, tune
 from twin.records.logged import LogStore
 

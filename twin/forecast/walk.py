@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.forecast.forecast_leg import LoggedLeg
 from twin.geodesy import position
+from twin.logs.logged_leg import LoggedLeg
 from twin.navigation.current import CurrentFilter, CurrentParameters, begin_leg, pass_leg
 from twin.navigation.dead_reckoning import chi_squared
 

@@ -24,10 +24,10 @@ from twin.logs.corrected_track import (
     linear_track,
 )
 from twin.logs.depth_averaged_current import DiveCurrent, currents, drift_of
-from twin.logs.dive import FlownDive, fly_dive, still
 from twin.logs.fix import Fixes, Place, fixes_of, places_of
 from twin.logs.flight_estimator import FlightEstimator, open_estimator
 from twin.logs.flight_summary import FlightSummary, phase_duration, phase_speed, summarise
+from twin.logs.flown_dive import FlownDive, fly_dive, still
 from twin.logs.smoothed_track import PHASE, SmoothedWay
 from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag
 from twin.records.attributes import DEPLOYMENT

@@ -124,6 +124,18 @@ def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
         axes.set_ylabel("depth [m]")
 
 
+OTHER_COLOURS = tuple(c for name, c in PALETTE.items() if name not in ("blue", "black"))
+"""of tracks beside the truth"""
+
+
+def track_look(index: int) -> dict[str, Any]:
+    """Colour and dashes of a track beside the truth; no two of the first 28 are alike."""
+    return {
+        "color": OTHER_COLOURS[index % len(OTHER_COLOURS)],
+        "ls": ("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
+    }
+
+
 def thin(*arrays: Array, most: int = 4000) -> tuple[Array, ...]:
     """Every n-th sample so that at most `most` are left: enough for any printed width."""
     step = max(1, -(-len(arrays[0]) // most))

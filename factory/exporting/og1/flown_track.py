@@ -24,8 +24,8 @@ from twin.logs import (
 )
 from twin.logs.corrected_track import track_velocity
 from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
-from twin.logs.dive import FlownDive
 from twin.logs.fix import fixes_of, place_of
+from twin.logs.flown_dive import FlownDive
 from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_exportable
 from factory.importing.import_run import import_logs
 from twin.errors import StoreError
-from twin.forecast.forecast_leg import PITCH
 from twin.forecast.known import known_from_logs
+from twin.logs.logged_leg import PITCH
 from twin.records.store import write_store
 
 

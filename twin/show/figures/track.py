@@ -23,10 +23,6 @@ from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 
-OTHER_COLOURS = tuple(c for name, c in style.PALETTE.items() if name not in ("blue", "black"))
-"""Colours of tracks beside the truth."""
-
-
 MARKS = {"start": (0, "o"), "end": (-1, "s")}
 """Sample and marker of a track's ends"""
 MOST_COLUMNS = 3
@@ -64,7 +60,7 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         axes.plot(east / metres, north / metres, color=style.TRUTH, lw=2.4, label=word)
         for index, track in enumerate(tracks):
             n, e = style.thin(track.north, track.east)
-            axes.plot(e / metres, n / metres, lw=1.1, label=track.title, **line_look(index))
+            axes.plot(e / metres, n / metres, lw=1.1, label=track.title, **style.track_look(index))
     else:
         seconds, time_name = style.time_unit(time)
         points = np.column_stack([east, north]) / metres
@@ -140,14 +136,6 @@ def legend_columns(tracks: Sequence[NamedTrack]) -> int:
 def legend_rows(tracks: Sequence[NamedTrack], columns: int) -> int:
     """Rows of the legend beside other tracks: truth, start and end, and the tracks; 0 without."""
     return -(-(len(tracks) + 3) // columns) if tracks else 0
-
-
-def line_look(index: int) -> dict[str, Any]:
-    """Colour and dashes of a track beside the truth; no two of the first 28 are alike."""
-    return {
-        "color": OTHER_COLOURS[index % len(OTHER_COLOURS)],
-        "ls": ("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
-    }
 
 
 FIGURE = FigureKind(
@@ -233,7 +221,9 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         for index, track in enumerate(tracks):
             n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
             d = np.interp(t, time, depth)
-            axes.plot(e / metres, n / metres, d, lw=0.9, label=track.title, **line_look(index))
+            axes.plot(
+                e / metres, n / metres, d, lw=0.9, label=track.title, **style.track_look(index)
+            )
         for name, (end, marker) in MARKS.items():
             index = known[end]
             axes.plot(
