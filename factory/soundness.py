@@ -40,9 +40,11 @@ from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.schema.limits import simulated_limits
 
 
-def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None) -> StoreReport:
+def verify_store(
+    run: GeneratedStore, watch: Callable[[int], None] | None = None, *, workers: int = 1
+) -> StoreReport:
     """Read and check all that the store says; `check_files` compares its files. `watch` is called
-    with the number of missions just read."""
+    with the number of missions just read, by as many processes as there are `workers`."""
     names = run.signals()
     checks = {
         name: StoreCheck(name)
@@ -52,9 +54,7 @@ def verify_store(run: GeneratedStore, watch: Callable[[int], None] | None = None
     if checks["metadata"].problems:
         return StoreReport(len(run), 0, tuple(checks.values()))
     _check_parameters(run, checks["parameters"])
-    bytes_read = check_missions(
-        run, names, checks, lambda mission, rows: _check_mission(run, mission, rows, checks), watch
-    )
+    bytes_read = check_missions(run, names, checks, _check_mission, watch, workers)
     return StoreReport(len(run), bytes_read, tuple(checks.values()))
 
 

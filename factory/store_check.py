@@ -6,8 +6,10 @@ Kinematics: whether position, velocity, attitude, rates and current of a mission
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,8 @@ from twin.records.storage.checksums import damaged_files, has_checksums, read_ch
 from twin.records.storage.store_path import StorePath
 
 Block = Mapping[str, NDArray[np.float32]]
+MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
+"""Of a store, a mission's number, its signals, and the checks that count what is found"""
 MISSIONS_AT_ONCE = 16
 """Missions that are read and checked together: some 100 MB of hours of all signals"""
 MAX_NAMED = 20
@@ -55,14 +59,14 @@ class StoreReport:
         return not any(check.problems for check in self.checks)
 
 
-def check_files(store: StorePath) -> StoreCheck:
-    """Compare every file of a store with its list of checksums.
+def check_files(store: StorePath, workers: int = 1) -> StoreCheck:
+    """Compare every file of a store with its list of checksums, `workers` of them at a time.
 
     Stores of versions before 0.2 have no list: nothing is checked of them.
     """
     check = StoreCheck("files")
     if has_checksums(store):
-        check.problems += [str(damage) for damage in damaged_files(store)]
+        check.problems += [str(damage) for damage in damaged_files(store, workers=workers)]
         with contextlib.suppress(StoreError):  # a damaged list is a problem already
             check.done = len(read_checksums(store))
     return check
@@ -72,23 +76,78 @@ def check_missions(
     stored: MissionStore,
     names: list[str],
     checks: Mapping[str, StoreCheck],
-    check: Callable[[int, Block], None],
+    check: MissionCheck,
+    watch: Callable[[int], None] | None,
+    workers: int,
+) -> int:
+    """Read every mission shard by shard and call `check` with the store, its number, its signals
+    and the checks.
+
+    Args:
+      check: a function of a module, which other processes find by its name.
+      watch: called with the number of missions just read.
+      workers: processes that read; what they find does not depend on it.
+
+    Returns:
+      The bytes read.
+    """
+    size, total = MISSIONS_AT_ONCE, len(stored)
+    ranges = [range(first, min(first + size, total)) for first in range(0, total, size)]
+    if workers == 1 or len(ranges) < 2:
+        found = (_check_range(stored, names, tuple(checks), check, one) for one in ranges)
+        return _add_up(found, ranges, checks, watch)
+    from factory.generation.pool import local_pool
+
+    with local_pool(min(workers, len(ranges)), fork=False) as pool:
+        task = functools.partial(_check_elsewhere, stored.path, names, tuple(checks), check)
+        return _add_up(pool.map(task, ranges), ranges, checks, watch)
+
+
+def _add_up(
+    found: Iterable[tuple[dict[str, StoreCheck], int]],
+    ranges: list[range],
+    checks: Mapping[str, StoreCheck],
     watch: Callable[[int], None] | None,
 ) -> int:
-    """Read every mission shard by shard and call `check` with its number and its signals.
-
-    `watch` is called with the number of missions just read; returned are the bytes read.
-    """
+    """Add what was found in each range to the checks, in their order; the bytes read."""
     bytes_read = 0
-    for first in range(0, len(stored), MISSIONS_AT_ONCE):
-        missions = range(first, min(first + MISSIONS_AT_ONCE, len(stored)))
-        block = read_block(stored, names, missions, checks["chunks"])
-        bytes_read += sum(values.nbytes for values in block.values())
-        for row, mission in enumerate(missions):
-            check(mission, {name: values[row] for name, values in block.items()})
+    for missions, (parts, read) in zip(ranges, found, strict=True):
+        for name, part in parts.items():
+            checks[name].done += part.done
+            checks[name].problems += part.problems
+        bytes_read += read
         if watch is not None:
             watch(len(missions))
     return bytes_read
+
+
+def _check_range(
+    stored: MissionStore,
+    names: list[str],
+    kinds: tuple[str, ...],
+    check: MissionCheck,
+    missions: range,
+) -> tuple[dict[str, StoreCheck], int]:
+    """What is found in some missions, and the bytes read."""
+    checks = {kind: StoreCheck(kind) for kind in kinds}
+    block = read_block(stored, names, missions, checks["chunks"])
+    for row, mission in enumerate(missions):
+        check(stored, mission, {name: values[row] for name, values in block.items()}, checks)
+    return checks, sum(values.nbytes for values in block.values())
+
+
+def _check_elsewhere(
+    store: StorePath, names: list[str], kinds: tuple[str, ...], check: MissionCheck, missions: range
+) -> tuple[dict[str, StoreCheck], int]:
+    """The same in a process of its own, which keeps the store open."""
+    return _check_range(_opened(store), names, kinds, check, missions)
+
+
+@functools.lru_cache(maxsize=1)
+def _opened(store: StorePath) -> MissionStore:
+    from factory.generation.generated_store import open_missions
+
+    return open_missions(store)
 
 
 def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:

@@ -51,8 +51,11 @@ FASTEST_DEPTH = 5.0
 """[m/s] no glider sinks or climbs so fast"""
 
 
-def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> StoreReport:
-    """Read and check everything; `watch` is called with the number of dives just read."""
+def verify_logs(
+    logs: LogStore, watch: Callable[[int], None] | None = None, *, workers: int = 1
+) -> StoreReport:
+    """Read and check everything; `watch` is called with the number of dives just read, by as many
+    processes as there are `workers`."""
     names = logs.signals()
     checks = {
         name: StoreCheck(name)
@@ -63,9 +66,7 @@ def verify_logs(logs: LogStore, watch: Callable[[int], None] | None = None) -> S
         return StoreReport(len(logs), 0, tuple(checks.values()))
     _check_order(logs, checks["order"])
     _check_fixes(logs, checks["fixes"])
-    bytes_read = check_missions(
-        logs, names, checks, lambda mission, rows: _check_dive(logs, mission, rows, checks), watch
-    )
+    bytes_read = check_missions(logs, names, checks, _check_dive, watch, workers)
     return StoreReport(len(logs), bytes_read, tuple(checks.values()))
 
 

@@ -31,8 +31,10 @@ TOP_LEVEL = {
 
 FLIPS = {
     "twin.frames": "the constants themselves",
+    "twin.vehicle.additions": "vehicle files are MJCF",
     "twin.vehicle.mjcf": "vehicle files are MJCF",
     "twin.vehicle.vehicle": "vehicle files are MJCF",
+    "twin.vehicle.additions": "vehicle files are MJCF",
     "twin.vehicle.laws.ellipsoid": "the law is MuJoCo's, in the axes of its geoms",
     "twin.identify.vehicle_file": "vehicle files are MJCF",
     "twin.physics.mujoco_model": "the model is MuJoCo's",

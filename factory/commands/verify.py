@@ -11,6 +11,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.text_table import counted
+from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.store_check import StoreReport
@@ -29,14 +30,19 @@ class Verify(JsonOption):
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store, or another folder that a command wrote: a run, a page, an export"""
+    workers: int = 1
+    """processes that read; every call reads all bytes again, since a changed disk does not change
+    the size or the time of a file"""
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
+        if self.workers < 1:
+            raise InputError(f"--workers {self.workers} must be at least 1")
         from factory.store_check import MAX_NAMED, StoreReport, check_files
         from twin.records.storage.checksums import LIST
         from twin.records.storage.object_storage import files_at
 
-        files = check_files(self.store)
+        files = check_files(self.store, self.workers)
         plain = files_at(self.store).exists(LIST)
         ending = ""
         try:
@@ -82,5 +88,5 @@ class Verify(JsonOption):
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
             if isinstance(run, LogStore):
-                return what, verify_logs(run, watch=progress.update)
-            return what, verify_store(run, watch=progress.update)
+                return what, verify_logs(run, watch=progress.update, workers=self.workers)
+            return what, verify_store(run, watch=progress.update, workers=self.workers)

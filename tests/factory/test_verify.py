@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import zarr
 
+from factory.__main__ import PROGRAM
 from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.soundness import verify_store
-from factory.store_check import StoreReport, kinematic_problems
+from factory.store_check import StoreReport, check_files, kinematic_problems
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED
 from twin.records.store import read_trajectory
@@ -160,3 +161,28 @@ def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store:
     truth |= {f"true_{name}": exact[f"true_{name}"] for name in kept}
     truth |= {name: v for name, v in exact.items() if "velocity" in name or "current" in name}
     assert kinematic_problems(truth, 0.5) == []
+
+
+def test_what_is_found_does_not_depend_on_the_workers(
+    tmp_path: Path, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 1)
+    monkeypatch.setattr("twin.records.storage.checksums.FILES_AT_ONCE", 2)
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    cut_in_half(store)
+    run = GeneratedStore(store)
+    read: list[int] = []
+    alone, together = verify_store(run), verify_store(run, read.append, workers=2)
+    assert together == alone
+    assert not alone.ok
+    assert read == [1] * len(run)
+    found = [check_files(run.path, workers).problems for workers in (1, 3)]
+    assert found[0] == found[1] != []
+
+
+def test_workers_of_verify_are_a_number_above_zero(
+    paper_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert PROGRAM.main(["verify", str(paper_store), "--workers", "0"]) == 2
+    assert "--workers 0 must be at least 1" in capsys.readouterr().err

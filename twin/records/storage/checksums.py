@@ -14,9 +14,11 @@ Content: hashes of stores, by which runs and calibrations know what they were ma
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -38,6 +40,9 @@ ZARR_LIST = f"checksums/{ZARR_METADATA}"
 
 MOST_LIST = 2**30
 """[byte] of a list; a store of a million missions has one of some megabytes"""
+
+FILES_AT_ONCE = 1000
+"""That wait for the threads that read them"""
 
 What = Literal["changed", "missing", "unknown", "unreadable"]
 
@@ -166,10 +171,13 @@ def _declared(store: Path) -> int:
         return FREE_BYTES
 
 
-def damaged_files(folder: str | StorePath, only: Iterable[str] | None = None) -> Iterator[Damage]:
-    """Every file of a folder that is not what its list says; one file is read at a time.
+def damaged_files(
+    folder: str | StorePath, only: Iterable[str] | None = None, *, workers: int = 1
+) -> Iterator[Damage]:
+    """Every file of a folder that is not what its list says, in the order of the list.
 
     Args:
+      workers: files that are read at a time, in threads: hashing lets others run.
       only: files, or folders with all that is in them, relative to the folder; None: everything,
         which also finds files that the list does not name.
 
@@ -186,13 +194,25 @@ def damaged_files(folder: str | StorePath, only: Iterable[str] | None = None) ->
         yield Damage(key, "changed", str(error))
         return
     chosen = None if only is None else tuple(only)
-    for name, expected in sums.items():
-        if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen):
-            damage = _compare(files, name, expected)
-            if damage is not None:
-                yield damage
+    asked = [
+        name
+        for name in sums
+        if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen)
+    ]
+    compare = functools.partial(_compare_listed, files, sums)
+    if workers == 1:
+        yield from filter(None, map(compare, asked))
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            for first in range(0, len(asked), FILES_AT_ONCE):
+                batch = asked[first : first + FILES_AT_ONCE]
+                yield from filter(None, pool.map(compare, batch))
     if chosen is None:
         yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
+
+
+def _compare_listed(files: Files, sums: Mapping[str, FileSum], name: str) -> Damage | None:
+    return _compare(files, name, sums[name])
 
 
 def _compare(files: Files, name: str, expected: FileSum) -> Damage | None:
