@@ -96,7 +96,7 @@ def check_missions(
     if workers == 1 or len(ranges) < 2:
         found = (_check_range(stored, names, tuple(checks), check, one) for one in ranges)
         return _add_up(found, ranges, checks, watch)
-    from factory.generation.pool import local_pool
+    from factory.generation.executors import local_pool
 
     with local_pool(min(workers, len(ranges)), fork=False) as pool:
         task = functools.partial(_check_elsewhere, stored.path, names, tuple(checks), check)

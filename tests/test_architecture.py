@@ -34,7 +34,6 @@ FLIPS = {
     "twin.vehicle.additions": "vehicle files are MJCF",
     "twin.vehicle.mjcf": "vehicle files are MJCF",
     "twin.vehicle.vehicle": "vehicle files are MJCF",
-    "twin.vehicle.additions": "vehicle files are MJCF",
     "twin.vehicle.laws.ellipsoid": "the law is MuJoCo's, in the axes of its geoms",
     "twin.identify.vehicle_file": "vehicle files are MJCF",
     "twin.physics.mujoco_model": "the model is MuJoCo's",
