@@ -7,17 +7,14 @@ logs, tracks and a page of figures, a network. `fit` trains for real, on a store
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import functools
 import hashlib
 import json
 import os
 import traceback
-import types
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory
@@ -169,8 +166,7 @@ def _export(kind: str) -> Callable[[Path], Write]:
         from factory.generation.generated_store import open_exportable
 
         # the same flight must give the same bytes: a file says when it was made
-        terms: Any = import_module("factory.exporting.og1.terms")
-        terms.datetime = types.SimpleNamespace(**{**vars(datetime), "datetime": _Always})
+        os.environ["SOURCE_DATE_EPOCH"] = "1767225600"
         stores = {}
         for variant, flown in _flights().items():
             stores[variant] = inputs / f"{variant}.zarr"
@@ -185,15 +181,6 @@ def _export(kind: str) -> Callable[[Path], Write]:
         return write
 
     return prepare
-
-
-class _Always(datetime.datetime):
-    """A clock that stands."""
-
-    @classmethod
-    def now(cls, tz: datetime.tzinfo | None = None) -> _Always:
-        """Always the same moment."""
-        return cls(2026, 1, 1, tzinfo=tz)
 
 
 def _tracks(inputs: Path) -> Write:
