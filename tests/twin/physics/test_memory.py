@@ -118,7 +118,7 @@ for _ in range(5):
 np.testing.assert_array_equal(batch.bind("qpos"), expected)
 """,
     "a current that is deleted or replaced while a copy steps": """
-from twin.control.physics import Physics
+from twin.control.dm_suite import SuitePhysics as Physics
 from twin.physics.start import Start
 physics = Physics.from_vehicle("glider")
 current = Profile(depth=(0.0, 400.0), north=(0.2, -0.1), east=(0.0, 0.15))
