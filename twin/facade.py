@@ -186,9 +186,13 @@ def scenario_of(
 ) -> Scenario:
     """The scenario of plain values; nothing is flown.
 
-    Args: those of `simulate`; `sensors`, `seed` and `bottom_depth` are only those that guidance
-      navigates by.
-      start: likewise, or a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME".
+    Arguments without a line here are those of `simulate`.
+
+    Args:
+      start: as of `simulate`, or a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME".
+      sensors: that guidance navigates by.
+      seed: of their random draws.
+      bottom_depth: [m] for them, where there is no floor.
       commanded: a controller will give the commands, so that there is no mission by default.
 
     Raises:

@@ -45,6 +45,10 @@ class Site:
         """`recipe` is the hash of a recipe."""
         self.store, self.recipe = store, recipe
 
+    def __reduce__(self) -> tuple[type[Site], tuple[StorePath, str]]:
+        """A pool's thread pickles it while this process opens `files`: those stay here."""
+        return Site, (self.store, self.recipe)
+
     @property
     def local(self) -> bool:
         """Whether it is a folder of this machine."""

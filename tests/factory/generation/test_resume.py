@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -24,6 +25,15 @@ from factory.sampling.recipe import Recipe
 Recipes = Callable[..., Recipe]
 FLOWN_AGAIN = (0, 2)
 """missions whose blocks are lost before the resume"""
+
+
+def test_a_site_travels_without_what_its_process_has_opened(tmp_path: Path) -> None:
+    """A pool's thread pickles it while the process that flies opens its files."""
+    site = Site(tmp_path / "missions.zarr", "0" * 64)
+    assert site.files
+    assert site.tree
+    copy = pickle.loads(pickle.dumps(site))
+    assert vars(copy) == {"store": site.store, "recipe": site.recipe}
 
 
 def test_a_resumed_run_counts_only_what_it_flew_itself(

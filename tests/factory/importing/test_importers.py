@@ -78,10 +78,13 @@ def test_every_importer_has_logs_that_these_tests_write() -> None:
 
 
 def test_every_format_that_lies_in_the_folder_is_registered() -> None:
+    """A format is a file or a folder; files that begin with its name belong to it."""
     folder = ROOT / "factory" / "importing" / "formats"
     files = {path.stem for path in folder.glob("*.py")} - {"__init__", "base"}
     folders = {path.parent.name for path in folder.glob("*/__init__.py")}
-    assert files | folders == set(IMPORTERS.names())
+    names = set(IMPORTERS.names())
+    assert {name.partition("_")[0] for name in files} | folders == names
+    assert names <= files | folders
 
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)

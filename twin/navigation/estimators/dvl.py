@@ -64,7 +64,7 @@ class Dvl(Baseline):
     title = "DVL-aided"
     summary = (
         "Doppler log: over ground in bottom lock, through the water in water lock, gaps filled by "
-        "`steady_flight` or, where the vehicle is no glider, by the last velocity; the current "
+        "`steady_flight` or, where the vehicle is not a glider, by the last velocity; the current "
         "found in bottom lock carried on"
     )
     colour = "black"

@@ -287,6 +287,6 @@ def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> Non
 
 FIGURE = FigureKind(
     name="log",
-    summary="what a real vehicle measured; drawn for `overview` where there is no truth",
+    summary="what a real vehicle measured; drawn for `overview` where the truth is missing",
     draw=log_figure,
 )
