@@ -156,10 +156,16 @@ def payload_channels(
         tally.add("removed", there[0], int((~good).sum()), f"outside {low:g} to {high:g}")
         if not good.any():
             continue
-        declare(
-            Variable(
-                one.signal, unit, one.long_name or one.signal, one.standard_name, one.limits, True
-            )
+        entry = Variable(
+            one.signal, unit, one.long_name or one.signal, one.standard_name, one.limits, True
         )
+        try:
+            declare(entry)
+        except InputError:
+            if one.signal in mapped:
+                raise
+            why = f"a sensor of your own gives {one.signal} another meaning; map it by --payload"
+            leave_out(there[:1], why, tally)
+            continue
         channels[one.signal] = Channel(channel.time[good], channel.values[good])
     return channels

@@ -10,6 +10,7 @@ from logs import Flight, slocum_columns, write_slocum
 
 from factory.importing import import_logs
 from twin.errors import InputError
+from twin.records.schema import VARIABLES, Variable, declare, declare_stored
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
@@ -108,3 +109,23 @@ def test_a_wrong_mapping_is_refused(word: str, message: str, tmp_path: Path) -> 
     paths = write_slocum(tmp_path, FLIGHT, sci_suna_no3=np.ones(len(FLIGHT.time)))
     with pytest.raises(InputError, match=message):
         import_logs("slocum", paths, payload=[word])
+
+
+def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path, own_variables) -> None:
+    """A store with a sensor of one's own was opened before in this process."""
+    VARIABLES.pop("measured_turbidity", None)
+    declare_stored("measured_turbidity", {"units": "NTU", "long_name": "turbidity"})
+    paths = write_slocum(tmp_path, FLIGHT, sci_flntu_turb_units=np.ones(len(FLIGHT.time)))
+    dataset, _ = import_logs("slocum", paths)
+    assert dataset["measured_turbidity"].attrs["units"] == "1"
+
+
+def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path, own_variables) -> None:
+    VARIABLES.pop("measured_turbidity", None)
+    declare(Variable("measured_turbidity", "m", "of another kind"))
+    paths = write_slocum(tmp_path, FLIGHT, sci_flntu_turb_units=np.ones(len(FLIGHT.time)))
+    dataset, report = import_logs("slocum", paths)
+    assert "measured_turbidity" not in dataset
+    assert any("another meaning" in entry.detail for entry in report.entries)
+    with pytest.raises(InputError, match="exists already"):
+        import_logs("slocum", paths, payload=["turbidity=sci_flntu_turb_units"])

@@ -15,6 +15,9 @@ MISSION, TIME = "mission", "time"
 VARIABLES: dict[str, Variable] = {variable.name: variable for variable in SIGNALS}
 """Every variable by name, in storage order."""
 
+_STORED: set[str] = set()
+"""Names that this process knows from a store alone"""
+
 SIMULATED: tuple[str, ...] = tuple(
     name for name in VARIABLES if name not in LOGGED_ONLY | HYDROGRAPHY and name not in WITH_FLOOR
 )
@@ -38,12 +41,16 @@ def declare(entry: Variable) -> None:
     """Add a variable to `VARIABLES`, as sensors and parts of your own do.
 
     Raises:
-      InputError: the name has no group, or is declared with another meaning already.
+      InputError: the name has no group, or is declared with another meaning already. What only
+        a store said of the name gives way.
     """
     if entry.name.split("_", 1)[0] not in GROUPS:
         raise InputError(
             f"variable {entry.name!r} must begin with {', '.join(f'{g}_' for g in GROUPS)}"
         )
+    if entry.name in _STORED:
+        _STORED.discard(entry.name)
+        VARIABLES[entry.name] = entry
     known = VARIABLES.setdefault(entry.name, entry)
     if known != entry:
         raise InputError(f"variable {entry.name!r} exists already as {known}, not {entry}")
@@ -67,3 +74,4 @@ def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
             str(attributes.get("comment", "")),
         )
     )
+    _STORED.add(name)
