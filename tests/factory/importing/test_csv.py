@@ -457,6 +457,14 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> Non
         sailfish(tmp_path, vf=np.zeros(len(run)))
 
 
+def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path: Path) -> None:
+    columns = sailfish_columns()
+    minute = columns["time"] < columns["time"][0] + 70.0
+    short = {name: values[minute] for name, values in columns.items()}
+    with pytest.raises(InputError, match="metres per sample"):
+        sailfish(tmp_path, **(short | {"vf": np.full(int(minute.sum()), 0.15)}))
+
+
 def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:
     columns = sailfish_columns()
     slow = np.where(columns["vf"] == -SENTINEL, -SENTINEL, 0.4 + 0.02 * np.sin(columns["time"]))
