@@ -98,7 +98,7 @@ def read_table(path: Path) -> list[Mutant]:
     table = tomllib.loads(path.read_text())
     mutants = []
     for entry in table["mutant"]:
-        named = [table["tests"].get(name, [name]) for name in entry["tests"]]
+        named = [table.get("tests", {}).get(name, [name]) for name in entry["tests"]]
         mutants.append(Mutant(**{**entry, "tests": tuple(t for tests in named for t in tests)}))
     return mutants
 
