@@ -304,6 +304,7 @@ def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
          "unknown mapped signal 'measured_roll'"),
         (mine(corrections=[{"files": "*", "signal": "measured_pitch", "reason": "x"}]),
          "it changes nothing"),
+        (mine(corrections=[{"files": "*", "reason": "x", "sign": -1}]), ": signal is missing"),
         (mine(dvl_lock="floor"), "unknown dvl_lock 'floor'"),
         (mine(gap_s=0), "gap_s must be above 0"),
         (mine(tme={}), "unknown key 'tme': did you mean 'time'"),
