@@ -52,7 +52,7 @@ KEPT = "build/mutants"
 """folder in the root with what ran, a line for each mutant, and with what was compiled for it"""
 GOAL = 0.90
 """share of the mutants that the tests must kill"""
-WORK_S, PATIENCE_S = 300, 3000.0
+WORK_S, PATIENCE_S = 300, 900.0
 """[s] of a processor and of the clock for the tests of one mutant; one that hangs is noticed too"""
 FAILED, BROKEN = 1, 2
 """pytest's exit codes for a failed test and for a test file that cannot be imported"""

@@ -192,6 +192,7 @@ def test_a_sound_log_is_sound(store: Path, capsys: pytest.CaptureFixture[str]) -
     [
         (lambda d: d["measured_depth"].values.__setitem__((1, 30), np.nan), "finite", "sample 30"),
         (lambda d: d["measured_depth"].values.__setitem__((1, 30), 900.0), "depth", "changes by"),
+        (lambda d: d["measured_depth"].values[1, 30:].__iadd__(7.0 * PERIOD), "depth", "changes"),
         (lambda d: d["measured_pressure"].values.__imul__(10.0), "depth", "dbar/m"),
         (lambda d: d["measured_pitch"].values.__setitem__((0, 9), 300.0), "range", "to 300"),
         (lambda d: d["measured_gap"].values.__setitem__((2, 9), 0.5), "range", "code 0.5"),

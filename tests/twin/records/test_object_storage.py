@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import socket
@@ -17,7 +18,7 @@ from s3 import PACKAGES, s3_server
 from twin.errors import InputError
 from twin.records.storage import object_storage
 from twin.records.storage.object_storage import ObjectFiles, files_at
-from twin.records.storage.store_path import Url
+from twin.records.storage.store_path import Url, store_path
 
 pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
 
@@ -79,6 +80,25 @@ def test_a_wrong_key_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         assert re.search(r"the storage refuses .*403 Forbidden.*set AWS_ACCESS_KEY_ID", text)
         with pytest.raises(PermissionError, match="the storage refuses"):
             files_at("s3://bucket/m").write("a", b"1")
+
+
+@pytest.mark.parametrize(
+    ("answer", "let_in"), [("403 Forbidden", True), ("error sending request", False)]
+)
+def test_who_may_not_list_may_read(
+    monkeypatch: pytest.MonkeyPatch, answer: str, let_in: bool
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(answer)
+
+    monkeypatch.setattr("obstore.list", refuse)
+    monkeypatch.setattr(object_storage, "_open", lambda *_: None)
+    object_storage._meet.cache_clear()
+    bucket = store_path("s3://bucket/m")
+    assert isinstance(bucket, Url)
+    with contextlib.nullcontext() if let_in else pytest.raises(OSError, match="cannot be reached"):
+        object_storage._meet(bucket)
+    object_storage._meet.cache_clear()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:9", "storage.invalid"])
