@@ -488,10 +488,12 @@ def write_dbd(
     columns: Mapping[str, Array] | None = None,
     crc: str = "0badcafe",
     without: Sequence[str] = (),
+    factored: bool = True,
 ) -> list[Path]:
     """A Slocum's binary flight log and its cache file: sensors in native units, GPS among them.
 
-    `columns` replaces them all, time first: a science log (.ebd).
+    `columns` replaces them all, time first: a science log (.ebd). A log that is not `factored`
+    lists its sensors itself, behind its header.
 
     The format: 14 lines of text, the tag `s` with numbers that show the byte order, then for each
     cycle the tag `d`, two bits a sensor (0 nothing, 1 as before, 2 new) and the new values.
@@ -521,9 +523,12 @@ def write_dbd(
         "full_filename": f"{vehicle}-2023-317-0-0", "filename_extension": ending,
         "mission_name": "TEST.MI", "fileopen_time": "Tue_Nov_14_22:13:20_2023",
         "total_num_sensors": len(names), "sensors_per_cycle": len(names),
-        "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc, "sensor_list_factored": 1,
+        "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc,
+        "sensor_list_factored": int(factored),
     }  # fmt: skip
     data = bytearray("".join(f"{k}: {v}\n" for k, v in header.items()).encode())
+    if not factored:
+        data += cache.read_bytes()
     data += b"sa" + struct.pack("<hfd", 0x1234, 123.456, 123456789.12345)
     at_surface = {time: row for row, time in enumerate(gps["time"])}
     for row, time in enumerate(next(iter(names.values()))):
