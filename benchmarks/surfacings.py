@@ -1,12 +1,13 @@
 """Forecasts of surfacings and of currents on real deployments, each left out of what it is told.
 
-    python -m benchmarks.surfacings FOLDER [--leave-out NAME ...] [--priors] [--json]
+    python -m benchmarks.surfacings FOLDER [--shipped | --priors] [--waypoints 1] [--json]
 
 FOLDER holds stores of logs, or folders of logs whose names begin with their kind (slocum_...,
 seaglider_..., seaexplorer_...), which are imported. What is believed before the first dive
 (`twin.forecast.Priors`) is learned for each deployment from the others, and the deployment is then
-walked through from its second dive to its last. `--leave-out` keeps deployments out of all priors,
-`--priors` prints those of all others, as they are shipped.
+walked through from its second dive to its last. `--shipped` takes the shipped ones instead, for
+deployments that did not teach them; `--priors` prints those of all in the folder. `--waypoints 1`
+knows no more of a dive's list of waypoints than the first.
 
 A row has the forecast's error, that of the best rival of this deployment, their ratio with its 95 %
 bootstrap interval over dives, and what the ellipses hold; for currents the ratio to the best single
@@ -20,6 +21,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -65,18 +67,20 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
     stores = sorted(path for path in folder.iterdir() if is_store(path))
     if stores:
         return stores
+    shelf = work / "caches"
+    shelf.mkdir()
+    for path in sorted(folder.rglob("*.cac")):  # a deployment may need the list of another
+        shutil.copyfile(path, shelf / path.name)
     for top in sorted(path for path in folder.iterdir() if path.is_dir()):
         kind = top.name.split("_")[0].lower()
         if kind not in KINDS:
             continue
         holding = {path.parent for path in top.rglob("*") if path.suffix.lower() in LOGS}
-        caches = sorted({path.parent for path in top.rglob("*.cac")})
+        if top in holding:
+            holding = {top}  # folders below it are raw files of the same dives
         for number, place in enumerate(sorted(holding)):
-            if kind != "slocum" and place != top:
-                continue  # raw files of the dives that the tables above them hold
-            cache = next((one for one in caches if one != place), None)
             try:
-                dataset, _ = import_logs(kind, [place], cache=cache)
+                dataset, _ = import_logs(kind, [place], cache=shelf if kind == "slocum" else None)
             except TwinError as error:
                 print(f"left out: {place}: {error}", file=sys.stderr)
                 continue
@@ -238,26 +242,32 @@ def main(words: Sequence[str] | None = None) -> None:
     """See the module."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--leave-out", nargs="*", default=[], metavar="NAME")
+    parser.add_argument("--shipped", action="store_true")
+    parser.add_argument("--waypoints", type=int, default=None)
     parser.add_argument("--priors", action="store_true")
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args(words)
     with tempfile.TemporaryDirectory() as work:
         stores = stores_in(asked.folder, Path(work))
-        first = hindcast(stores, priors=neutral()).deployments
-        held_out = {name for name in asked.leave_out for one in first if name in label(one)}
-        teachers = [one for one in first if not any(name in label(one) for name in held_out)]
+        first = hindcast(
+            stores, priors=None if asked.shipped else neutral(), waypoints=asked.waypoints
+        ).deployments
         if asked.priors:
-            print(learned(teachers))
+            print(learned(first))
             return
-        second = [
-            again
-            for one in first
-            for again in hindcast(
-                [one.store], priors=learned([each for each in teachers if each is not one])
-            ).deployments
-            if again.name == one.name and again.surfacing.segments
-        ]
+        second = first
+        if not asked.shipped:
+            second = tuple(
+                again
+                for one in first
+                for again in hindcast(
+                    [one.store],
+                    priors=learned([each for each in first if each is not one]),
+                    waypoints=asked.waypoints,
+                ).deployments
+                if again.name == one.name
+            )
+        second = tuple(one for one in second if one.surfacing.segments)
     tables = {which: table(second, which) for which in ("surfacing", "current")}
     if asked.json:
         print(json.dumps(tables))

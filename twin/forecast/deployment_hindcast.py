@@ -114,6 +114,7 @@ def hindcast(
     vehicle: str | None = None,
     current: Current | None = None,
     priors: Priors | None = None,
+    waypoints: int | None = None,
     advance: Callable[[], object] = lambda: None,
 ) -> Hindcast:
     """Walk through every deployment of some stores of logs.
@@ -126,6 +127,7 @@ def hindcast(
         of depth rate and pitch, and where these are not logged the vehicle's reported current.
       current: forecast field that is known ahead.
       priors: what is believed before the first dive; by default what deployments have in common.
+      waypoints: how many of a dive's waypoints count as known, the first ones; None: all.
       advance: called once for each deployment that is done.
 
     Raises:
@@ -147,7 +149,7 @@ def hindcast(
             raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
     for path in paths:
-        for one in _store(path, train_fraction, vehicle, current, priors, advance):
+        for one in _store(path, train_fraction, vehicle, current, priors, waypoints, advance):
             _check_new(one, found)
             found.append(one)
     return Hindcast(
@@ -183,13 +185,17 @@ def _store(
     vehicle: str | None,
     current: Current | None,
     priors: Priors | None,
+    waypoints: int | None,
     advance: Callable[[], object],
 ) -> list[DeploymentHindcast]:
     with LogStore(path) as logs:
         flown = None if vehicle is None else flown_velocities(path, vehicle)
         found = []
         for name in dict.fromkeys(logs.deployments):
-            legs = legs_of(logs, name, flown)
+            legs = [
+                dataclasses.replace(one, targets=one.targets[:waypoints])
+                for one in legs_of(logs, name, flown)
+            ]
             if legs:
                 train = int(train_fraction * len(legs))
                 walked = walk(

@@ -32,7 +32,7 @@ PRIORS: Mapping[str, Prior] = {
 }
 """Of each order, as deployments have them in common (`python -m benchmarks.surfacings`); scales as
 part of the usual duration"""
-FREEDOM, COUNTED = 3.0, 2.0
+FREEDOM, COUNTED, FORGETTING = 3.0, 2.0, 0.9
 """See `Pool`: orders are kept to the minute until a pilot gives another"""
 
 
@@ -45,7 +45,7 @@ class Schedule:
     """Orders to surface, mixed by how well they foretold the ends so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = PRIORS):
-        self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED)
+        self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED, forgetting=FORGETTING)
         self._dives: list[tuple[float, float]] = []
 
     def expect(self, begin: float) -> Mixture:

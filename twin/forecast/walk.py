@@ -53,9 +53,9 @@ class Priors:
     current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: models.PRIORS)
     way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: way.PRIORS)
     schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: schedule.PRIORS)
-    surfacing_reach: Pair = (0.76, 4.7)
+    surfacing_reach: Pair = (0.81, 4.8)
     """[1] squared distances within which the two ellipses of a surfacing lie"""
-    current_reach: Pair = (0.65, 3.1)
+    current_reach: Pair = (0.69, 3.1)
     """[1] of a current"""
 
 

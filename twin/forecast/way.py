@@ -23,6 +23,8 @@ ARRIVED = 20.0
 """[m] from a waypoint at which the next one is gone to: a Slocum's lists say 10 m and more"""
 STEEPEST = 0.95
 """[1] sine of the most that a heading leans into a current across: beyond, no way is made"""
+FORGETTING = 0.9
+"""See `Pool`: where a vehicle is sent, and how, changes faster than the sea"""
 RECENT = 7
 """Dives whose median is the speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
@@ -108,7 +110,9 @@ class WayPool:
     """Kinds of ways, mixed by what they were worth on the dives so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = PRIORS):
-        self.pool = Pool({name: priors[name] for name in (GUIDED, AGAIN, NOWHERE)})
+        self.pool = Pool(
+            {name: priors[name] for name in (GUIDED, AGAIN, NOWHERE)}, forgetting=FORGETTING
+        )
         self._speeds: list[float] = []
         self._last: LoggedLeg | None = None
 

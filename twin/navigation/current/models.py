@@ -136,10 +136,10 @@ class Foretold:
 PERSISTENCE, MEAN, TIDE, FILTER = "persistence", "mean of three", "tidal fit", "filter"
 FIELD, BESIDE = "field", "filter beside the field"
 PRIORS: Mapping[str, Prior] = {
-    PERSISTENCE: Prior(0.17, 0.066),
-    MEAN: Prior(0.1, 0.071),
-    TIDE: Prior(0.12, 0.067),
-    FILTER: Prior(0.69, 0.8),
+    PERSISTENCE: Prior(0.17, 0.07),
+    MEAN: Prior(0.09, 0.075),
+    TIDE: Prior(0.11, 0.07),
+    FILTER: Prior(0.71, 0.82),
     FIELD: Prior(0.5, 0.1),
     BESIDE: Prior(0.5, 1.0),
 }

@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 FREEDOM = 5.0
 """[1] degrees of freedom of Student's t: as heavy as the tails of currents' changes are"""
-FORGETTING = 0.9
+FORGETTING = 0.95
 """[1] part that a weight's logarithm, and the count of errors behind a scale, keep at each value:
-ten values say what a model is worth"""
+twenty values say what a model is worth"""
 TEMPER = 0.5
 """[1] power of a likelihood: errors of neighbours are alike, so that two say as much as one"""
 COUNTED = 4.0
@@ -80,13 +80,19 @@ class Pool:
       priors: by the models' names.
       freedom: [1] degrees of Student's t, above 2.
       counted: [1] errors as which a prior's scale counts.
+      forgetting: [1] see `FORGETTING`.
 
     Raises:
       InputError: no model, or a weight or scale that is not positive.
     """
 
     def __init__(
-        self, priors: Mapping[str, Prior], *, freedom: float = FREEDOM, counted: float = COUNTED
+        self,
+        priors: Mapping[str, Prior],
+        *,
+        freedom: float = FREEDOM,
+        counted: float = COUNTED,
+        forgetting: float = FORGETTING,
     ):
         if not priors:
             raise InputError("a pool needs at least one model")
@@ -97,7 +103,7 @@ class Pool:
                     "must be positive: leave out a model that shall not count"
                 )
         self.names = tuple(priors)
-        self.freedom = freedom
+        self.freedom, self.forgetting = freedom, forgetting
         weights = np.array([prior.weight for prior in priors.values()])
         self._prior = weights / weights.sum()
         self._logarithms = np.log(self._prior)
@@ -166,14 +172,14 @@ class Pool:
         explained[known] = _normalised(self._logarithms[known] + likely)
         moved = self._logarithms.copy()
         before = _log_sum(moved[known])
-        moved[known] = FORGETTING * moved[known] + TEMPER * likely
+        moved[known] = self.forgetting * moved[known] + TEMPER * likely
         moved[known] += before - _log_sum(moved[known])  # those that said nothing keep their share
         kept = (1.0 - LEAST) * _normalised(moved) + LEAST * self._prior
         self._logarithms = np.log(kept)
         doubt = (self.freedom + size) / (self.freedom + distance)
         error = doubt * distance * (self._squares / self._count)[known] / size
-        self._squares[known] = FORGETTING * self._squares[known] + error
-        self._count[known] = FORGETTING * self._count[known] + 1.0
+        self._squares[known] = self.forgetting * self._squares[known] + error
+        self._count[known] = self.forgetting * self._count[known] + 1.0
         return explained
 
 
