@@ -46,10 +46,8 @@ class ProgramCommand:
 
     name: str
     """What the user types."""
-
     summary: str
     """One line for the program's help."""
-
     loader: str
     """Where its dataclass is: `package.module:Class`."""
 
@@ -68,13 +66,10 @@ class Program:
 
     name: str
     """What the user types."""
-
     summary: str
     """What it is for, one line."""
-
     commands: tuple[ProgramCommand, ...]
     """Its subcommands, in the order of the help."""
-
     needs: Callable[[], None] = lambda: None
     """Called before a command is imported; raises when something is not installed."""
 

@@ -21,6 +21,7 @@ from twin.control.pictures import Pictures
 from twin.control.placing import Nominal, place_vehicle, write_conditions
 from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
+from twin.numbers import Array
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
     header,
@@ -37,8 +38,6 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-
-Array = NDArray[np.float64]
 
 MEASUREMENTS = {
     "time": "s",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.errors import InputError, MissionError, SimulationUnstable, unknown_name
 from twin.fossen.equations import (
@@ -23,6 +23,7 @@ from twin.fossen.state import FossenState, FossenTrajectory
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.controller import Schedule
+from twin.numbers import Array
 from twin.physics.steady_motion import (
     Trim,
     advice,
@@ -34,7 +35,6 @@ from twin.physics.steady_motion import (
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
 
-Array = NDArray[np.float64]
 Density = Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
 
 DEFAULT_DT = 0.05

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.errors import InputError
 from twin.frames import quaternion_to_euler
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 
 def finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bounded import read_toml
 from twin.errors import MissionError, unknown_name
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.records.schema import Variable, variables
 from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
@@ -28,8 +29,6 @@ from twin.sensors.checks import (
     signal,
 )
 from twin.sensors.noise import normals
-
-Array = NDArray[np.float64]
 
 ANGLES = ("roll", "pitch", "heading")
 MARCH = 2.0

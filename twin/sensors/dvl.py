@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.records.schema import variables
 from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
@@ -42,8 +43,6 @@ from twin.sensors.checks import (
     signal,
 )
 from twin.sensors.noise import normals
-
-Array = NDArray[np.float64]
 
 DEG = math.pi / 180.0
 AZIMUTHS_DEG = (45.0, 135.0, 225.0, 315.0)

@@ -7,20 +7,16 @@ random numbers, drawn in the same order.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.sensors.base import NOWHERE, SensorRun, Surroundings
 from twin.sensors.noise import sensor_generator
-from twin.sensors.suite import is_exact
-
-if TYPE_CHECKING:
-    from twin.sensors.suite import SensorSuite
-
-Array = NDArray[np.float64]
+from twin.sensors.suite import SensorSuite, is_exact
 
 
 class LiveSuite:

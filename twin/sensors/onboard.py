@@ -34,11 +34,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 from twin.records.schema import variables
 from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
-
-Array = NDArray[np.float64]
 
 DEPTH_RATE, DVL = "depth-rate", "dvl"
 SPEEDS = (DEPTH_RATE, DVL)

@@ -12,13 +12,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.compiled import jit
 from twin.errors import InputError
-from twin.numbers import number, numbers
-
-Array = NDArray[np.float64]
+from twin.numbers import Array, number, numbers
 
 REFERENCE_DENSITY = 1025.0
 """[kg/m3], the density inside the Sea-Wing's coefficients (Zhang et al., 2013)"""

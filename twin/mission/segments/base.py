@@ -15,19 +15,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import seams
 from twin.errors import MissionError
 from twin.mission import mission_file as g
+from twin.numbers import Array
 from twin.registry import Registry, self_named
+from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from twin.mission.way import Way
-    from twin.vehicle.vehicle import Vehicle
 
-
-Array = NDArray[np.float64]
 
 SURFACED_MARGIN_M = 0.5
 """[m] added to half the hull's length: a vehicle that hangs at the surface by one end counts as

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -16,11 +13,8 @@ from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.level import Level
 from twin.mission.turning import circling
 from twin.mission.way import Way
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 MOST_TRIES = 300
 """Wider circles that are tried, each 2 % wider, to say which one is possible"""

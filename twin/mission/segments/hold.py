@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -20,12 +17,9 @@ from twin.mission.way import (
     checked_shift,
     reject_missing,
 )
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -15,12 +12,9 @@ from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.segments.level import check_place
 from twin.mission.way import reject_missing, standing_shift
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
@@ -19,11 +15,8 @@ from twin.mission.way import (
     reject_missing,
     way,
 )
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 DEFAULT_MIN_DEPTH_M = 5.0
 """Deep enough that the overshoot of an inflection (2 m for the Sea-Wing) stays submerged."""

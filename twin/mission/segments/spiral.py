@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -14,11 +11,8 @@ from twin.mission import mission_file as g
 from twin.mission.segments.base import command_of
 from twin.mission.segments.profile import Profile
 from twin.mission.way import checked_rotation
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
@@ -22,12 +19,9 @@ from twin.mission.way import (
     turn_limit,
     way,
 )
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.base import limit
 from twin.mission.segments.level import Level
 from twin.mission.way import Way, heading
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)

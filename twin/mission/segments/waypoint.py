@@ -7,10 +7,9 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import geodesy
 from twin.errors import MissionError, unknown_name
@@ -20,11 +19,8 @@ from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.profile import Profile
 from twin.mission.segments.surface import Surface
 from twin.mission.way import Way, check_near, check_reachable, turn_limit
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 DEGREES, METRES = ("latitude", "longitude"), ("north_m", "east_m")
 """Keys of a target: on the Earth, or from the origin of the mission's frame"""

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 MEMORY_S = 120.0
 """[s] that a baseline looks back: its longest average, and an inflection, over which it holds."""

@@ -61,40 +61,28 @@ class Grid(Current):
 
     path: str
     """CF netCDF file or zarr store."""
-
     latitude_deg: float | None = None
     """[degree] Where the mission starts; None: the mission's origin."""
-
     longitude_deg: float | None = None
     """[degree] Where the mission starts; None: the mission's origin."""
-
     time: str | None = None
     """UTC when the mission starts; None: the origin's time, or else the file's first time."""
-
     east: str | None = None
     """Variable of the eastward velocity; None: by standard_name, then by usual names."""
-
     north: str | None = None
     """Variable of the northward velocity; None: as above."""
-
     up: str | None = None
     """Variable of the upward velocity; None: as above, missing is zero; "none": leave it out."""
-
     units: str | None = None
     """Units of the velocities; None: the file's attribute."""
-
     land: str = "auto"
     """What marks land: "nan" (missing values), "zero", or "auto": zero for raw NEMO names."""
-
     hold_s: float = 3600.0
     """[s] How far the mission may leave the file's time range; the end value is held there."""
-
     reach_m: float | None = None
     """[m] Half-width of the box to load; None: what the mission can cover in its duration."""
-
     span_s: float | None = None
     """[s] Length of time to load; None: the mission's duration."""
-
     sha256: str | None = None
     """Hash of the box that was used; a file with other content is then refused."""
 

@@ -59,13 +59,10 @@ class Profile(Current):
 
     depth: tuple[float, ...]
     """[m] Depths, positive down, strictly increasing, shape (n,)."""
-
     north: tuple[float, ...]
     """[m/s] Toward north at those depths."""
-
     east: tuple[float, ...]
     """[m/s] Toward east at those depths."""
-
     down: tuple[float, ...] = ()
     """[m/s] Toward the bottom at those depths; empty means none."""
 

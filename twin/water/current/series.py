@@ -38,10 +38,8 @@ class Series(Current):
 
     interval: float
     """[s] between two values."""
-
     north: tuple[float, ...]
     """[m/s] Toward north."""
-
     east: tuple[float, ...]
     """[m/s] Toward east."""
 

@@ -37,16 +37,12 @@ class TidalEllipse:
 
     constituent: str
     """Name of the constituent, e.g. "M2"."""
-
     semi_major: float
     """[m/s] Speed along the major axis at maximum."""
-
     semi_minor: float = 0.0
     """[m/s] Speed along the minor axis; positive turns counterclockwise seen from above."""
-
     direction_deg: float = 0.0
     """[degree] Compass direction of the major axis, toward which the flood maximum points."""
-
     phase_deg: float = 0.0
     """[degree] Lag of the maximum after mission start."""
 

@@ -40,10 +40,8 @@ class Uniform(Current):
 
     north: float = 0.0
     """[m/s] Toward north."""
-
     east: float = 0.0
     """[m/s] Toward east."""
-
     down: float = 0.0
     """[m/s] Toward the bottom."""
 
