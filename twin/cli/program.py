@@ -60,6 +60,21 @@ class ProgramCommand:
         return command
 
 
+def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[ProgramCommand, ...]:
+    """Subcommands by name: the class of each in the package's module of that name, its summary.
+
+    A class elsewhere is given as `package.module:Class`.
+    """
+    return tuple(
+        ProgramCommand(
+            name=name,
+            summary=summary,
+            loader=place if ":" in place else f"{package}.{name}:{place}",
+        )
+        for name, (place, summary) in table.items()
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Program:
     """One of the three programs."""
