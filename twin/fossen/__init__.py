@@ -5,6 +5,6 @@ It shares the vehicle's parameters and the current sampler with the twin, and no
 
 from twin.fossen.model import DEFAULT_DT as DEFAULT_DT
 from twin.fossen.model import FossenModel as FossenModel
-from twin.fossen.state import FossenState as FossenState
-from twin.fossen.state import FossenTrajectory as FossenTrajectory
+from twin.fossen.model import FossenState as FossenState
+from twin.fossen.model import FossenTrajectory as FossenTrajectory
 from twin.fossen.steady import SteadyMotion as SteadyMotion

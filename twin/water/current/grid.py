@@ -10,7 +10,6 @@ import numpy as np
 
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin, same_place
 from twin.water.current.base import Current
 from twin.water.current.box import Box, load_box
@@ -106,7 +105,7 @@ class Grid(Current):
     @classmethod
     def parse(cls, rest: str) -> Grid:
         """From the name of a file and NAME=VALUE."""
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if len(positional) != 1:
             raise CurrentError(
                 "grid: give one file first, as grid:FILE.nc,lat=49,lon=-16,time=2000-01-05,"
@@ -117,7 +116,7 @@ class Grid(Current):
             if name not in cls.settings:
                 raise CurrentError(unknown_name("grid setting", name, cls.settings))
             number = name in ("lat", "lon", "hold", "reach", "span")
-            settings[cls.settings[name]] = text.number("grid", name, value) if number else value
+            settings[cls.settings[name]] = checks.number("grid", name, value) if number else value
         return cls(path=positional[0], **settings)
 
     def load(self, duration_s: float, origin: Origin | None = None) -> tuple[Box, Grid]:
