@@ -59,8 +59,7 @@ class Mission:
                     f"{label}: segments[{index}] is {segment!r}; give one of "
                     f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"
                 )
-        if self.duration_s is not None:
-            check.limit(label, "duration_s", self.duration_s, "s")
+        check.optional(check.limit, label, "duration_s", self.duration_s, "s")
         check.within(label, "start_depth_m", self.start_depth_m, "m", 0.0)
         check.heading(label, "start_heading_deg", self.start_heading_deg)
         check.pitch(label, "ascent_pitch_deg", self.ascent_pitch_deg)

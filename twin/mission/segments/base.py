@@ -38,11 +38,13 @@ class Segment:
 
     kind: ClassVar[str] = ""
     """Name in mission files."""
+    limits: ClassVar[tuple[str, ...]] = ()
+    """Fields of which it needs one to end by itself; without any it always does."""
 
     @property
     def limited(self) -> bool:
         """Whether the segment ends by itself."""
-        return True
+        return not self.limits or any(getattr(self, name) is not None for name in self.limits)
 
     def flown_as(self) -> tuple[Segment, ...]:
         """The segments that guidance flies for it, a row each; itself unless a kind is made of

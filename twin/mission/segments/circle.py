@@ -25,6 +25,7 @@ class Circle(Level):
     """A level circle through the water: the wanted heading turns at speed over radius."""
 
     kind: ClassVar[str] = "circle"
+    limits = ("turns", "duration_s")
 
     radius_m: float
     """[m] through the water, positive to starboard."""
@@ -37,15 +38,8 @@ class Circle(Level):
         super().__post_init__()
         if not abs(check.number(self.kind, "radius_m", self.radius_m)) > 0.0:
             check.fail(self.kind, "radius_m", self.radius_m, "a radius, positive to starboard")
-        if self.turns is not None:
-            check.limit(self.kind, "turns", self.turns, "")
-        if self.duration_s is not None:
-            check.limit(self.kind, "duration_s", self.duration_s, "s")
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.turns is not None or self.duration_s is not None
+        check.optional(check.limit, self.kind, "turns", self.turns, "")
+        check.optional(check.limit, self.kind, "duration_s", self.duration_s, "s")
 
     def _duration(self, steady: Way) -> float | None:
         times = [] if self.duration_s is None else [float(self.duration_s)]

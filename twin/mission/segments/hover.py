@@ -22,6 +22,7 @@ class Hover(Segment):
     """Drift with the water at a depth, or at a height above the sea floor."""
 
     kind: ClassVar[str] = "hover"
+    limits = ("duration_s",)
 
     depth_m: float | None = None
     """Depth to keep [m]; this or `altitude_m`."""
@@ -36,13 +37,7 @@ class Hover(Segment):
         check_place(self.kind, self.depth_m, self.altitude_m)
         most = check.MAX_PITCH_DEG
         check.within(self.kind, "pitch_deg", self.pitch_deg, "deg", -most, most)
-        if self.duration_s is not None:
-            check.limit(self.kind, "duration_s", self.duration_s, "s")
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.duration_s is not None
+        check.optional(check.limit, self.kind, "duration_s", self.duration_s, "s")
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A row with the pump's loop about neutral and the battery's about its standing shift.

@@ -56,11 +56,9 @@ class Level(Segment):
     def __post_init__(self) -> None:
         kind = self.kind
         check_place(kind, self.depth_m, self.altitude_m)
-        if self.min_altitude_m is not None:
-            check.limit(kind, "min_altitude_m", self.min_altitude_m, "m")
+        check.optional(check.limit, kind, "min_altitude_m", self.min_altitude_m, "m")
         check.within(kind, "min_depth_m", self.min_depth_m, "m", 0.0)
-        if self.speed_m_s is not None:
-            check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
+        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
         check.pitch(kind, "max_pitch_deg", self.max_pitch_deg)
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(kind, field, value, "deg", 0.0, 90.0, open_low=True)

@@ -27,8 +27,7 @@ class SawTooth(Profile):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.heading_deg is not None:
-            check.heading(self.kind, "heading_deg", self.heading_deg)
+        check.optional(check.heading, self.kind, "heading_deg", self.heading_deg)
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(self.kind, field, value, "deg", 0.0, 90.0, open_low=True)
 

@@ -30,8 +30,7 @@ class Spiral(Profile):
     def __post_init__(self) -> None:
         super().__post_init__()
         check.rotation(self.kind, "rotation_deg", self.rotation_deg)
-        if self.climb_rotation_deg is not None:
-            check.rotation(self.kind, "climb_rotation_deg", self.climb_rotation_deg)
+        check.optional(check.rotation, self.kind, "climb_rotation_deg", self.climb_rotation_deg)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A profile with a fixed position of what turns the vehicle."""
