@@ -173,7 +173,7 @@ class PlotMission:
             if self.missions is None:
                 chosen = [self.mission]
             else:
-                from twin.commands.identify import parse_rows
+                from twin.cli.options import parse_rows
 
                 rows = parse_rows(self.missions)
                 chosen = list(range(len(store))) if rows is None else rows
