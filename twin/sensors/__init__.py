@@ -6,6 +6,7 @@ A sensor of one's own is one file: see docs/reference/sensors.md and `register`.
 from twin.sensors.altimeter import Altimeter as Altimeter
 from twin.sensors.attitude import Attitude as Attitude
 from twin.sensors.base import SENSORS as SENSORS
+from twin.sensors.base import Outset as Outset
 from twin.sensors.base import Sensor as Sensor
 from twin.sensors.base import Surroundings as Surroundings
 from twin.sensors.base import register as register
