@@ -259,19 +259,15 @@ class WaterPhysics:
 
     def measurements(self) -> dict[str, float]:
         """Every scalar of MEASUREMENTS now, and the position of each part, by name."""
-        roll_rate, pitch_rate, yaw_rate = self.rates()
-        surge, sway, heave = self.velocity_through_water()
-        north, east, down = self.current()
+        vectors = {
+            ("roll_rate", "pitch_rate", "yaw_rate"): self.rates(),
+            ("surge", "sway", "heave"): self.velocity_through_water(),
+            ("current_north", "current_east", "current_down"): self.current(),
+        }
         derived = {
-            "roll_rate": roll_rate,
-            "pitch_rate": pitch_rate,
-            "yaw_rate": yaw_rate,
-            "surge": surge,
-            "sway": sway,
-            "heave": heave,
-            "current_north": north,
-            "current_east": east,
-            "current_down": down,
+            name: value
+            for names, values in vectors.items()
+            for name, value in zip(names, values, strict=True)
         }
         found = {
             name: float(derived[name] if name in derived else getattr(self, name)())
