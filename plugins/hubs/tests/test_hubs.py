@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -300,7 +301,10 @@ def test_installed_the_formats_need_no_import_and_without_it_the_way_is_told() -
         "m.entry_points = lambda group: [m.EntryPoint(*p, group) for p in {}.items()]; "
         "from factory.exporting import EXPORTERS; print(EXPORTERS['lerobot'].ending)"
     )
-    run = functools.partial(subprocess.run, cwd=root, capture_output=True, text=True)
+    paths = os.pathsep.join([str(root), str(root / "plugins/hubs")])
+    run = functools.partial(
+        subprocess.run, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True
+    )
     installed = run([sys.executable, "-c", code.replace("{}", repr(points))])
     assert installed.stdout == "-lerobot\n", installed.stderr
     missing = run([sys.executable, "-c", code])
