@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
     from learn.report.contents import Contents as Contents
+    from learn.report.contents import ReportFigure as ReportFigure
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.report_figure import ReportFigure as ReportFigure
     from learn.run import Run as Run
     from learn.run import newest_run as newest_run
     from learn.run import open_run as open_run
@@ -58,7 +58,7 @@ _PLACES = {
     "Network": "learn.networks.base:Network",
     "NetworkConfig": "learn.networks.config:NetworkConfig",
     "Prediction": "learn.networks.predictor:Prediction",
-    "ReportFigure": "learn.report.report_figure:ReportFigure",
+    "ReportFigure": "learn.report.contents:ReportFigure",
     "Run": "learn.run:Run",
     "RunEvaluation": "learn.report.contents:RunEvaluation",
     "TrainingConfig": "learn.training.schedule:TrainingConfig",

@@ -19,8 +19,7 @@ from learn.folds import Folds, read_folds
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
-from learn.report.log_page import build_log_page
-from learn.report.run_page import build_page
+from learn.report.run_page import build_log_page, build_page
 from learn.report.training_data import LABELS, TRAINING_PANELS
 from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.run_evaluation import evaluate_run, evaluation_split, is_log_store

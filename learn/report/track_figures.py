@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.report.contents import Contents, Shown, colour_of, title_of
+from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from learn.report.lines import (
     BESIDE_DVL,
     MARKS,
@@ -23,7 +23,6 @@ from learn.report.lines import (
     water_lines,
     with_bottom_lock,
 )
-from learn.report.report_figure import ReportFigure
 from twin.navigation.dead_reckoning import Array
 from twin.show import style
 from twin.show.figures.track import LEGEND, space_axes
