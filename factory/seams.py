@@ -35,9 +35,9 @@ EXPORTERS: Registry[Any] = Registry(
     base="factory.exporting.Exporter",
     page="reference/factory.md#exports",
     shipped={
-        "mcap": "factory.exporting.mcap:MCAP",
+        "mcap": "factory.exporting.formats:MCAP",
         "og1": "factory.exporting.og1:OG1",
-        "parquet": "factory.exporting.parquet:PARQUET",
+        "parquet": "factory.exporting.formats:PARQUET",
     },
     apart=dict.fromkeys(("huggingface", "lerobot"), "pip install ./plugins/hubs"),
     check="factory.exporting.base:check_exporter",
