@@ -292,7 +292,8 @@ def _check_dive(
         )  # fmt: skip
         if name in CODES:
             odd = np.setdiff1d(inside[np.isfinite(inside)], CODES[name])
-            checks["range"].expect(not odd.size, f"{what}: {name} has the unknown code {odd[:1]}")
+            codes = ", ".join(f"{code:g}" for code in odd)
+            checks["range"].expect(not odd.size, f"{what}: {name} has the unknown code {codes}")
     if "measured_depth" not in rows:
         return
     depth = rows["measured_depth"][:samples].astype(float)

@@ -151,10 +151,8 @@ def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
         north, east = style.thin(truth[:, 0], truth[:, 1], most=2500)
         axes.plot(east, north, floor, color=style.GUIDE, lw=0.8, label="truth on the floor")
         for name, (index, marker) in MARKS.items():
-            axes.plot(
-                truth[index, 1], truth[index, 0], depth[index], marker, ms=5, mfc="white",
-                mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
-            )  # fmt: skip
+            x, y = truth[index, 1], truth[index, 0]
+            axes.plot(x, y, depth[index], marker, ms=5, label=name, zorder=10, **style.END)
         figure.legend(**LEGEND, ncols=3)
     return figure
 
