@@ -251,7 +251,7 @@ def test_bytes_are_those_of_rosbags() -> None:
 def test_what_has_no_date_or_takes_no_option_is_told(
     field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from factory.exporting import ExportOptions, mcap
+    from factory.exporting import ExportOptions
 
     run = GeneratedStore(field_store)
     with pytest.raises(InputError, match="mcap export takes no --vehicle"):
@@ -260,5 +260,5 @@ def test_what_has_no_date_or_takes_no_option_is_told(
     nowhere["datetime"] = np.full(len(nowhere["datetime"]), np.datetime64("NaT"))
     monkeypatch.setattr("factory.exporting.mcap_samples.sample_coordinates", lambda *_: nowhere)
     with pytest.raises(StoreError, match="lacks the start time of mission 0"):
-        mcap.MCAP.export(run, [0], tmp_path / "b")
+        EXPORTERS["mcap"].export(run, [0], tmp_path / "b")
     assert list(tmp_path.iterdir()) == []

@@ -18,7 +18,7 @@ from twin.show.render.graphics import Graphics, shown
 from twin.show.render.hud import Hud
 from twin.show.render.motion import Motion, drift_of
 from twin.show.render.playback import Poses, poses
-from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP
+from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, GLIDER_GROUPS, WATER_GROUP
 from twin.show.render.shot import Shot
 from twin.show.render.stage import Stage, build
 from twin.vehicle.vehicle import Vehicle
@@ -26,8 +26,6 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-GLIDER_GROUPS = (1, 2)
-"""Outside and inside of the glider"""
 INSET_EDGE = (150, 200, 220)
 
 

@@ -208,7 +208,9 @@ def grains(centres: Array, sizes: Array) -> Shape:
 VEHICLE = "vehicle/"
 """Prefix of the attached glider's names"""
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
-"""Geom groups; the glider's own are 1 and 2, its fluid geoms 4 stay hidden."""
+"""Geom groups; fluid geoms 4 stay hidden."""
+GLIDER_GROUPS = (1, 2)
+"""Outside and inside of the glider"""
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
 """Bodies that props hang on"""
 AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
