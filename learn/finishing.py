@@ -12,8 +12,8 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
-from learn.evaluation.score import ReferenceVelocity
+from learn.evaluation.evaluation import Evaluation, evaluate
+from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
 from learn.repeated_fits import read_seeds

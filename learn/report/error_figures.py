@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from learn.evaluation.evaluation import DVL, NETWORK, Evaluation
+from learn.evaluation.evaluation import Evaluation
+from learn.evaluation.score import DVL, NETWORK
 from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from learn.report.lines import dots, explain, ground_lines, plain_decades, with_bottom_lock
 from twin.show import style

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from learn.data.labels import MODE
-from learn.evaluation.evaluation import DVL, FLOOR, NETWORK
+from learn.evaluation.score import DVL, FLOOR, NETWORK
 from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dvl_cleaning import BOTTOM

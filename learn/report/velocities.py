@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from learn.evaluation.deviation import network_position_sd
-from learn.evaluation.evaluation import NETWORK, Evaluation
-from learn.evaluation.score import LAUNCH_S
+from learn.evaluation.evaluation import Evaluation
+from learn.evaluation.score import LAUNCH_S, NETWORK
 from learn.report.contents import (
     KNOWLEDGE_TITLES,
     Contents,
