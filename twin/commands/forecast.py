@@ -158,12 +158,12 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
+        from twin import Origin
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.coordinates import unix_seconds
-        from twin.water.current.axes import Origin
 
         vehicle = self._vehicle(console, logs)
         mission = self._mission(vehicle)
@@ -210,8 +210,8 @@ class ForecastSurfacings(JsonOption):
         return request, known.at(unix_seconds(time))
 
     def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
+        from twin import load_vehicle
         from twin.identify.start_values import start_vehicle
-        from twin.vehicle.vehicle import load_vehicle
 
         if self.vehicle is not None or logs is None:
             return load_vehicle(USUAL_VEHICLE if self.vehicle is None else self.vehicle)

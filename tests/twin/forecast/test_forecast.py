@@ -13,6 +13,8 @@ from logs import START, Flight, write_slocum
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
+from twin.cli.console import Console
+from twin.commands.forecast import ForecastSurfacings
 from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
@@ -305,6 +307,17 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> N
     assert "vehicle mine (seaglider) is of another" in other_kind(store, load_vehicle(str(mine)))
     mine.write_text(load_vehicle("slocum-200").xml)
     assert other_kind(store, load_vehicle(str(mine))) == ""
+
+
+def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store) -> None:
+    console = Console(json=True)
+    for words, name in (
+        ({"logs": store}, "slocum-1000"),
+        ({"vehicle": "spray"}, "spray"),
+        ({}, "glider"),
+    ):
+        command = ForecastSurfacings(goto="36.9,-122.5", **words)
+        assert command._vehicle(console, words.get("logs")).name == name
 
 
 def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
