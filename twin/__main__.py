@@ -34,6 +34,11 @@ PROGRAM = Program(
             loader="twin.commands.identify:Identify",
         ),
         ProgramCommand(
+            name="energy",
+            summary="what electronics, pump, drives and payload take; charge of later dives",
+            loader="twin.commands.energy:AccountEnergy",
+        ),
+        ProgramCommand(
             name="flight",
             summary="speed, vertical water velocity, currents and corrected tracks of logs",
             loader="twin.commands.flight:EstimateFlight",
