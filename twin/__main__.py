@@ -35,7 +35,7 @@ PROGRAM = Program(
         ),
         ProgramCommand(
             name="energy",
-            summary="what electronics, pump, drives and payload take; charge of later dives",
+            summary="where the counted charge goes: electronics, moves, payload; days left",
             loader="twin.commands.energy:AccountEnergy",
         ),
         ProgramCommand(

@@ -158,7 +158,7 @@ class Identify(JsonOption):
 
             used = counted_energy(self.store, found.calibration.vehicle)
             if used is not None:
-                console.note("electronics, pump and drives take what the log's counter says")
+                console.note("energy by the log's counter of charge")
             write_vehicle(
                 found.calibration,
                 self.out,

@@ -205,12 +205,12 @@ def _log(
     elif depth is not None:
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, place, tally)
-    native = {
+    sensors = {
         n: Channel(time[there], columns[n][there])
         for n in SLOCUM_SENSORS
         if n in columns and (there := np.isfinite(columns[n])).any()
     }
-    channels |= slocum_batteries(native, tally)
+    channels |= slocum_batteries(sensors, tally)
     found = {
         n: Channel(time[there], columns[n][there])
         for n in extra
