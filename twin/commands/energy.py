@@ -40,7 +40,7 @@ class AccountEnergy(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, try, say, write."""
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.identify.vehicle_file import write_consumption
         from twin.logs.energy_use import energy_use, second_half

@@ -59,14 +59,17 @@ class EnergyTimeline:
                 "counter of charge and its voltage (a Slocum's m_coulomb_amphr_total and "
                 "m_battery); import logs that have them"
             )
-        ordered = sorted(rows, key=lambda k: logs.starts[k])
+        ordered = sorted(rows, key=lambda k: (logs.deployments[k], logs.starts[k]))
+        owner = np.concatenate(
+            [np.full(int(logs.samples[k]), logs.deployments[k], object) for k in ordered]
+        )
         self.time = np.concatenate([logs.time(k) for k in ordered])
         self.mission = np.concatenate([np.full(int(logs.samples[k]), k) for k in ordered])
         step = np.diff(self.time, prepend=self.time[0])
-        self.chain = np.cumsum(
-            np.concatenate([[False], (np.diff(self.mission) != 0) & (step[1:] > LONGEST_STAY)])
-            | (step < 0.0)
-        )
+        parted = (step < 0.0) | (step > LONGEST_STAY)
+        parted[1:] &= self.mission[1:] != self.mission[:-1]
+        parted[1:] |= owner[1:] != owner[:-1]
+        self.chain = np.cumsum(parted)
         known = np.concatenate([[False], np.diff(self.chain) == 0])
         self.step = np.where(known, step, 0.0)
 

@@ -108,13 +108,22 @@ class EnergyUse:
         }
 
 
-def counted_energy(store: str | StorePath, vehicle: str | Path | Vehicle) -> EnergyUse | None:
-    """`energy_use`; None where the store has not counted its energy, or holds no logs."""
+def counted_energy(
+    store: str | StorePath, vehicle: str | Path | Vehicle, *, newest: bool = False
+) -> EnergyUse | None:
+    """`energy_use`; None where the store has not counted its energy, or holds no logs.
+
+    With `newest` of the deployment that began last alone.
+    """
     with MissionStore(store) as found:
         if not found.logged:
             return None
+    missions = None
+    if newest:
+        with LogStore(store) as logs:
+            missions = logs.missions_of(logs.deployments[int(np.argmax(logs.starts))])
     try:
-        return energy_use(store, vehicle)
+        return energy_use(store, vehicle, missions=missions)
     except NotCounted:
         return None
 

@@ -110,6 +110,27 @@ def test_a_counter_that_starts_again_is_left_out_and_counted(
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
 
 
+def test_counters_of_two_vehicles_are_not_one(
+    columns: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    """The second begins within a minute of the first one's end, at another count."""
+    files = []
+    for number, name in enumerate(("unit1", "unit2")):
+        moved = number * float(np.ptp(columns["time"]) + 30.0)
+        table = {**columns, "time": columns["time"] + moved}
+        table["m_coulomb_amphr_total"] = columns["m_coulomb_amphr_total"] + 50.0 * number
+        gps = gps_columns(FLIGHT)
+        files.append(write_csv(tmp_path / f"{name}_flight.csv", table))
+        fixes = {**gps, "time": gps["time"] + moved}
+        files.append(write_csv(tmp_path / f"{name}_gps.csv", fixes))
+    path = write_store(import_logs("slocum", files)[0], tmp_path / "both.zarr")
+    found = energy_use(path, "slocum-200")
+    assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
+    newest = counted_energy(path, "slocum-200", newest=True)
+    assert newest is not None
+    assert len(newest.dives) * 2 == len(found.dives)
+
+
 def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_path: Path) -> None:
     """A reading in ten minutes: an equation goes from one to the next."""
     charge = columns["m_coulomb_amphr_total"].copy()
