@@ -5,7 +5,8 @@ in takes a valve; a battery is moved by a screw against friction and its own wei
 won back. The pressure is that of water of the vehicle's reference density under its own gravity,
 as everywhere in the physics.
 
-Hotel load and pump efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
+Vehicle files say their own figures and where they are from; without any, hotel load and pump
+efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
 dive 10, 12 April 2024, NANOOS, basestation3 file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS`
 of Core, LPSleep, Compass and GPS and of the sensor controller with its CTD at 14.8 V is 3.96 kJ in
 13 560 s; the pump took 4.69 kJ at 12.6 V for 236 cm3 at 700 m. The other figures are ours, of the
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 HOTEL = "hotel"
 """What the share of the electronics is called beside the names of the parts"""
+AFLOAT = 1.5
+"""[m] above which a vehicle is at the surface, as imports have it"""
 ENERGY = "true_energy_"
 """Begins the names of signals of energy; `true_energy_pump` is that of the part `pump`"""
 
@@ -42,10 +45,18 @@ class Consumption:
 
     hotel_power: float = 0.3
     """[W] electronics and sensors, all the time: 0.29 in that dive"""
+    surface_power: float = 0.0
+    """[W] beside it at the surface: radio, GPS, air pump"""
+    payload_power: float = 0.0
+    """[W] of sensors while they sample; a simulated vehicle's always do"""
     pump_efficiency: float = 0.36
     """hydraulic over electrical power of the pump: 0.36 in that dive"""
     hull_vacuum: float = 3e4
     """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
+    pump_loss: float = 0.0
+    """[Pa] energy over the volume that is pumped out, at any depth: motor and gear"""
+    pump_return: float = 0.0
+    """[Pa] energy over the volume that is let in: valve, or the motor that holds it back"""
     screw_efficiency: float = 0.4
     """mechanical over electrical power of the battery's drives"""
     rail_friction: float = 0.1
@@ -89,7 +100,9 @@ class Consumption:
           before, after: positions of the parts, in their order and units, shape (..., parts).
           depth: [m]. pitch: [rad]. duration: [s]. Numbers, or as many as there are moves.
         """
-        shares = {HOTEL: np.broadcast_to(self.hotel_power * np.asarray(duration), after.shape[:-1])}
+        afloat = np.asarray(depth) < AFLOAT
+        power = self.hotel_power + self.payload_power + self.surface_power * afloat
+        shares = {HOTEL: np.broadcast_to(power * np.asarray(duration), after.shape[:-1])}
         for i, part in enumerate(vehicle.parts):
             shares[part.name] = np.asarray(
                 part.energy(

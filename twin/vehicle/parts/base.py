@@ -67,7 +67,8 @@ class Carrier(Protocol):
 
 LOSSES = (
     "pump_efficiency", "hull_vacuum", "screw_efficiency", "rail_friction", "bearing_torque",
-    "propeller_efficiency", "hotel_power",
+    "propeller_efficiency", "hotel_power", "surface_power", "payload_power", "pump_loss",
+    "pump_return",
 )  # fmt: skip
 """Names of a file's numbers that say what its drives and electronics take"""
 
@@ -78,6 +79,14 @@ class Losses(Protocol):
     @property
     def pump_efficiency(self) -> float:
         """Hydraulic over electrical power of a pump."""
+
+    @property
+    def pump_loss(self) -> float:
+        """[Pa] energy over the volume that is pumped out, at any depth."""
+
+    @property
+    def pump_return(self) -> float:
+        """[Pa] energy over the volume that is let in."""
 
     @property
     def hull_vacuum(self) -> float:
