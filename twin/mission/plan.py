@@ -288,5 +288,14 @@ def _gains(vehicle: Vehicle) -> Array:
         part = vehicle.steered(control)
         if part is not None:
             gains[low], gains[low + 1] = part.low, part.high
+    gains[g.FOLLOWERS] = len(vehicle.followers)
+    names = vehicle.part_names
+    for k, follower in enumerate(vehicle.followers):
+        part, lead = vehicle.part(follower.part), vehicle.part(follower.lead)
+        first = g.FOLLOWER + g.FOLLOWER_COLUMNS * k
+        gains[first : first + g.FOLLOWER_COLUMNS] = (
+            *(names.index(lead.name), names.index(part.name), follower.weight),
+            *(lead.rest, part.low, part.high),
+        )
     gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
     return gains
