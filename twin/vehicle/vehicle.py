@@ -125,6 +125,8 @@ class Vehicle:
     `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
     followers: tuple[Follower, ...] = ()
     """Parts that go along with those of `steering`: `twin.vehicle.allocation`."""
+    idle: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Parts that guidance leaves at rest, and the part that does what each could do."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
     """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
     that do not say theirs."""
@@ -458,6 +460,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
         followers=shared,
+        idle=idle_parts(parts, steering, shared, alone),
         usual_glide=numeric("usual_glide", 2) if "usual_glide" in reader.numerics else USUAL_GLIDE,
         usual_mission=reader.text("usual_mission", ""),
         summary=reader.text("summary", ""),
@@ -469,15 +472,6 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         },
     )
     _refuse_unknown(reader)
-    if idle := idle_parts(parts, steering, shared, alone):
-        what = ", ".join(f"{part} (beside {other})" for part, other in idle.items())
-        warnings.warn(
-            f"vehicle {vehicle.name!r} ({path}): guidance leaves {what} at rest: say which part is "
-            "to steer by <text name='steer.CONTROL' data='PART'/>, or command the others by "
-            "'parts' of a hold or from Python",
-            RuntimeWarning,
-            stacklevel=2,
-        )
     if vehicle.metacentric_height < -LEVEL:
         warnings.warn(
             f"vehicle {vehicle.name!r} ({path}): its centre of gravity is "

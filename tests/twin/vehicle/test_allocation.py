@@ -13,6 +13,7 @@ import twin
 from twin.checks.published import held_flight
 from twin.errors import VehicleError
 from twin.mission.cruise import cruise_rate, surplus
+from twin.mission.segments import Hold, SawTooth
 from twin.vehicle.additions import with_part
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -35,14 +36,12 @@ def x_tail() -> Vehicle:
         text = text.replace(
             f'<site name="{name}" pos="-0.7 0 0"', f'<site name="{name}" pos="-0.7 {port} 0.1"'
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        vehicle = parse_vehicle(text, TORPEDO)
-        for name, side in (("low_port", 1.0), ("low_starboard", -1.0)):
-            vehicle = with_part(
-                vehicle, name, kind="fin", place=(-0.7, -0.1 * side, 0.1),
-                numbers={"axis": (0.0, side * DIAGONAL, -DIAGONAL), **BLADE}, **TRAVEL,
-            )  # fmt: skip
+    vehicle = parse_vehicle(text, TORPEDO)
+    for name, side in (("low_port", 1.0), ("low_starboard", -1.0)):
+        vehicle = with_part(
+            vehicle, name, kind="fin", place=(-0.7, -0.1 * side, 0.1),
+            numbers={"axis": (0.0, side * DIAGONAL, -DIAGONAL), **BLADE}, **TRAVEL,
+        )  # fmt: skip
     return vehicle
 
 
@@ -178,15 +177,22 @@ def test_a_named_part_steers_alone_and_nobody_is_told():
             numbers={"axis": (0.0, 0.0, 1.0), **BLADE}, steers=("heading",), **TRAVEL,
         )  # fmt: skip
     assert vehicle.steering["heading"] == "aft_rudder"
-    assert vehicle.followers == ()
+    assert (vehicle.followers, vehicle.idle) == ((), {})
 
 
 def test_what_cannot_go_along_is_named():
-    with pytest.warns(RuntimeWarning, match=r"leaves ballast \(beside pump\) at rest"):
-        vehicle = with_part(
-            "glider", "ballast", kind="pump", travel=(-100.0, 100.0), lag=2.0, rate=50.0
-        )
+    vehicle = with_part(
+        "glider", "ballast", kind="pump", travel=(-100.0, 100.0), lag=2.0, rate=50.0
+    )
     assert vehicle.followers == ()
+    assert vehicle.idle == {"ballast": "pump"}
+    dive = twin.Mission(segments=[SawTooth(yos=1, max_depth_m=50.0)])
+    with pytest.warns(RuntimeWarning, match=r"leaves ballast \(beside pump\) at rest"):
+        dive.compile(vehicle)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hold = Hold(net_mass_kg=0.3, parts={"ballast": 20.0}, duration_s=60.0)
+        twin.Mission(segments=[hold], at_end="hold").compile(vehicle)
 
 
 def test_one_part_cannot_be_named_for_two_controls():
@@ -202,6 +208,6 @@ def test_one_part_cannot_be_named_for_two_controls():
 def test_shipped_vehicles_have_one_part_of_each():
     for name in vehicle_names():
         vehicle = load_vehicle(name)
-        assert vehicle.followers == ()
+        assert (vehicle.followers, vehicle.idle) == ((), {})
         position = vehicle.rest
         assert vehicle.allocated(position) is position
