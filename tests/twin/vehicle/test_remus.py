@@ -67,3 +67,5 @@ def test_it_flies_the_shipped_survey():
     run = twin.simulate(vehicle=REMUS)
     assert run.provenance["ended"] == "flown"
     assert 29.0 < run["true_depth"].max() < 33.0
+    watts = run["true_energy_propeller"][-1] / run.time[-1]
+    assert 5.0 < watts < 22.0  # 18 W at 1.5 m/s; the survey is slower
