@@ -38,42 +38,29 @@ class Follower:
     """its way from rest over that of the lead; from the lead's rest"""
 
 
-def teams(parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str]) -> Teams:
-    """For each shared control its lead first, then the parts of the lead's kind that can help.
-
-    alone: controls whose one part the file has named, which share nothing.
-    """
-    by_name = {part.name: part for part in parts}
-    found = {}
-    for control in SHARED:
-        if control not in steering:
-            continue
-        lead = by_name[steering[control]]
-        able = [p for p in parts if type(p) is type(lead) and control in p.controls()]
-        mates = [] if control in alone else [p for p in able if p is not lead]
-        found[control] = [lead, *mates]
-    return found
-
-
-Teams = dict[str, list[Part]]
-
-
 def followers(
     parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str] = ()
 ) -> tuple[Follower, ...]:
     """Who goes along with whom, by the wrenches of the parts; () where each part is alone.
 
+    Args:
+      steering: name of the part that guidance moves for each control.
+      alone: controls whose one part the file has named, which share nothing.
+
     Raises:
       VehicleError: there are more than MOST_FOLLOWERS.
     """
     found: list[Follower] = []
-    for control, team in teams(parts, steering, alone).items():
-        if len(team) > 1:
-            lead, *others = team
-            weights = _weights(control, team)
+    by_name = {part.name: part for part in parts}
+    for control in (c for c in SHARED if c in steering and c not in alone):
+        lead = by_name[steering[control]]
+        able = [p for p in parts if type(p) is type(lead) and control in p.controls()]
+        mates = [part for part in able if part is not lead]
+        if mates:
+            weights = _weights(control, [lead, *mates])[1:]
             found += [
                 Follower(lead=lead.name, part=part.name, weight=float(weight))
-                for part, weight in zip(others, weights[1:], strict=True)
+                for part, weight in zip(mates, weights, strict=True)
                 if abs(weight) > NEGLIGIBLE
             ]
     if len(found) > MOST_FOLLOWERS:
