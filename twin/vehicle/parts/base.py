@@ -299,7 +299,7 @@ class Part:
         """Electrical energy [J] of short moves between two positions; 0 unless a kind says.
 
         Everything is a number or one per move, shape (n,). depth: [m]. pitch: [rad].
-        duration: [s].
+        duration: [s]. A kind that `spins` is also given `speed`: [m/s] of surge through the water.
         """
         return np.zeros(np.shape(after))
 
