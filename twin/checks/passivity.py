@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from twin.fossen import FossenModel
 from twin.fossen.equations import mass_distribution
 from twin.fossen.matrices import rigid_body_mass
-from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.presets import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 
@@ -95,6 +96,12 @@ def check_passivity(vehicle: Vehicle) -> list[Decay]:
         worst = int(np.argmax(gains))
         found.append(Decay(model=model, motion=labels[worst], gain=float(gains[worst])))
     return found
+
+
+def check_still_water(vehicle: Vehicle | None = None) -> list[tuple[Vehicle, Decay]]:
+    """The worst decays of a vehicle, or of every shipped one."""
+    checked = [vehicle] if vehicle else [load_vehicle(name) for name in vehicle_names()]
+    return [(one, decay) for one in checked for decay in check_passivity(one)]
 
 
 def _starts(vehicle: Vehicle) -> Iterator[tuple[str, Array]]:

@@ -59,7 +59,7 @@ class CheckModels(JsonOption):
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
         from twin.checks import check_logs
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.show.check_page import build_page, table
         from twin.show.figures.page_layout import check_page_target
@@ -86,12 +86,11 @@ class CheckModels(JsonOption):
 
     def _models(self, console: Console) -> int:
         """The two models, the published motions and still water."""
+        from twin import load_vehicle
         from twin.checks import agreement as check
         from twin.checks import passivity
         from twin.checks.published import ANGLES
         from twin.errors import InputError
-        from twin.vehicle.presets import vehicle_names
-        from twin.vehicle.vehicle import load_vehicle
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
         seed = SEED if self.seed is None else self.seed
@@ -131,8 +130,7 @@ class CheckModels(JsonOption):
                 console.item(f"source {number}: {source}")
         else:
             console.say(f"no published motion of {vehicle.name!r} is on record")
-        checked = map(load_vehicle, vehicle_names()) if self.vehicle is None else iter((vehicle,))
-        decays = [(one, decay) for one in checked for decay in passivity.check_passivity(one)]
+        decays = passivity.check_still_water(None if self.vehicle is None else vehicle)
         broken += [decay.text(one) for one, decay in decays if not decay.ok]
         console.say()
         console.table(
