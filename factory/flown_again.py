@@ -107,7 +107,7 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
       StoreError: the store knows no such failure.
     """
     _check_physics(run)
-    known = {(m, failure.attempt): failure for m, failure in run.failures()}
+    known = {(one.mission, one.attempt): one for one in run.failures()}
     if (mission, attempt) not in known:
         listing = ", ".join(f"{m} ({a})" for m, a in sorted(known)) or "none"
         raise StoreError(

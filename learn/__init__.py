@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
     from learn.report.contents import Contents as Contents
+    from learn.report.contents import ReportFigure as ReportFigure
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.report_figure import ReportFigure as ReportFigure
     from learn.run import Run as Run
     from learn.run import newest_run as newest_run
     from learn.run import open_run as open_run

@@ -20,7 +20,7 @@ TOP_LEVEL = {
     },
     "factory": {
         "__init__", "__main__", "description", "facade", "flown_again", "logs_page",
-        "missions_page", "seams", "soundness", "store_check", "verify_logs",
+        "missions_page", "seams", "soundness", "store_check",
     },
     "learn": {
         "__init__", "__main__", "api", "files", "finishing", "folds", "repeated_fits", "run",

@@ -49,7 +49,7 @@ class ExportStore(JsonOption):
     flight model makes track, velocities and currents [default: the shipped one of the log's kind]
     """
     metadata: Path | None = None
-    """og1, huggingface, lerobot: YAML file in pyglider's layout with title, people, licence,
+    """og1, data sets: YAML file in pyglider's layout with title, people, licence,
     citation, project and instruments [default: metadata.yml or deployment.yml beside the store, and
     what the import found beside the log]"""
 
