@@ -93,21 +93,24 @@ class Consumption:
         depth: ArrayLike,
         pitch: ArrayLike,
         duration: ArrayLike,
+        speed: ArrayLike = 0.0,
     ) -> dict[str, Array]:
         """Energy [J] of short moves: that of the electronics as `hotel`, and that of each part.
 
         Args:
           before, after: positions of the parts, in their order and units, shape (..., parts).
           depth: [m]. pitch: [rad]. duration: [s]. Numbers, or as many as there are moves.
+          speed: [m/s] of surge through the water, which a turning screw feels.
         """
         afloat = np.asarray(depth) < AFLOAT
         power = self.hotel_power + self.payload_power + self.surface_power * afloat
         shares = {HOTEL: np.broadcast_to(power * np.asarray(duration), after.shape[:-1])}
         for i, part in enumerate(vehicle.parts):
+            advance: dict[str, Any] = {"speed": speed} if part.spins else {}
             shares[part.name] = np.asarray(
                 part.energy(
                     vehicle, before[..., i], after[..., i], self,
-                    depth=depth, pitch=pitch, duration=duration,
+                    depth=depth, pitch=pitch, duration=duration, **advance,
                 )
             )  # fmt: skip
         return shares
@@ -121,10 +124,11 @@ class Consumption:
         depth: float,
         pitch: float,
         duration: float,
+        speed: float = 0.0,
     ) -> float:
         """Energy [J] of one short move, electronics and parts together; as `shares`."""
-        shares = self.shares(vehicle, before, after, depth=depth, pitch=pitch, duration=duration)
-        return float(sum(shares.values()))
+        at = {"depth": depth, "pitch": pitch, "duration": duration, "speed": speed}
+        return float(sum(self.shares(vehicle, before, after, **at).values()))
 
     def signals(
         self, vehicle: Vehicle, signals: Mapping[str, Array], time: Array
@@ -135,29 +139,47 @@ class Consumption:
         moved straight from one position to the other.
 
         Args:
-          signals: true_depth [m], true_pitch [degree] and true_PART of each part in its stored
-            unit, shape (time,), of a trajectory or of a mission of any store.
+          signals: what `needed_signals` names: true_depth [m], true_pitch [degree], true_surge
+            [m/s] where a screw turns, and true_PART of each part in its stored unit, shape
+            (time,), of a trajectory or of a mission of any store.
           time: [s], shape (time,).
 
         Raises:
           UnknownName: a signal is missing.
         """
-        names = ["true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names)]
-        for name in names:
+        for name in needed_signals(vehicle):
             if name not in signals:
                 raise UnknownName("signal of this mission", name, signals)
-        depth, pitch, *parts = (np.asarray(signals[name], float) for name in names)
-        scale = [part.quantity.scale for part in vehicle.parts]
-        positions = np.stack(parts, axis=-1) / scale if parts else np.zeros((len(depth), 0))
-        middle = [0.5 * (values[1:] + values[:-1]) for values in (depth, np.deg2rad(pitch))]
+
+        def read(name: str) -> Array:
+            return np.asarray(signals[f"true_{name}"], float)
+
+        def middle(values: Array) -> Array:
+            return np.asarray(0.5 * (values[1:] + values[:-1]))
+
+        positions = np.zeros((len(time), len(vehicle.parts)))
+        for i, part in enumerate(vehicle.parts):
+            positions[:, i] = read(part.name) / part.quantity.scale
         shares = self.shares(
             vehicle, positions[:-1], positions[1:],
-            depth=middle[0], pitch=middle[1], duration=np.diff(time),
+            depth=middle(read("depth")), pitch=middle(np.deg2rad(read("pitch"))),
+            duration=np.diff(time),
+            speed=middle(read("surge")) if _spins(vehicle) else 0.0,
         )  # fmt: skip
         return {
             ENERGY + name: np.concatenate([np.zeros(min(len(time), 1)), np.cumsum(share)])
             for name, share in shares.items()
         }
+
+
+def _spins(vehicle: Vehicle) -> bool:
+    return any(part.spins for part in vehicle.parts)
+
+
+def needed_signals(vehicle: Vehicle) -> list[str]:
+    """Names of the signals that `Consumption.signals` reads."""
+    surge = ["true_surge"] if _spins(vehicle) else []
+    return ["true_depth", "true_pitch", *surge, *(f"true_{name}" for name in vehicle.part_names)]
 
 
 @functools.lru_cache(maxsize=16)
