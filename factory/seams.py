@@ -21,6 +21,7 @@ IMPORTERS: Registry[Any] = Registry(
         "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
         "og1": "factory.importing.formats.og1:OG1",
         "ngdac": "factory.importing.formats.ngdac:NGDAC",
+        "spray": "factory.importing.formats.spray:SPRAY",
         "lrauv": "factory.importing.formats.lrauv:LRAUV",
         "csv": "factory.importing.formats.csv:CSV",
     },

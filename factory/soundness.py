@@ -180,7 +180,7 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
         recipe = run.recipe
     except TwinError as error:
         # another program's missions cannot be drawn again here; its values are checked all the same
-        if run.settings.get(VERSIONS) == versions():
+        if run.settings.get(VERSIONS) == versions(run.vehicle):
             check.problems.append(str(error))
     for mission in range(len(run)):
         parameters = run.parameters(mission)

@@ -480,6 +480,46 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
     return paths
 
 
+def write_spray(path: Path, flight: Flight, missions: Sequence[int] = (7,)) -> Path:
+    """A Spray's binned file: of each dive its middle, and a profile of its climb in bins of 10 m.
+
+    As spraydata.ucsd.edu publishes them: (depth, profile), places and times of both middles.
+    """
+    import netCDF4
+
+    bins = np.arange(10.0, flight.depth + 20.0, 10.0)
+    year = 366.0 * 86400.0
+    rows: list[list[float]] = []
+    for number, mission in enumerate(missions):
+        for dive in range(flight.dives):
+            start, end = flight.dive_times(dive)
+            fixes = np.array([start, end])
+            latitude, longitude = flight.position(fixes)
+            middle = [0.5 * (v[0] + v[1]) for v in (fixes + year * number, latitude, longitude)]
+            profile = [
+                0.25 * v[0] + 0.75 * v[1] for v in (fixes + year * number, latitude, longitude)
+            ]
+            rows.append([*profile, *middle, flight.east, flight.north, float(mission)])
+    names = (
+        "time", "lat", "lon", "time_uv", "lat_uv", "lon_uv", "u_depth_mean", "v_depth_mean",
+        "mission",
+    )  # fmt: skip
+    reached = bins <= flight.depth
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("depth", len(bins))
+        file.createDimension("profile", len(rows))
+        file.createVariable("depth", "f8", ("depth",))[:] = bins
+        for name, column in zip(names, zip(*rows, strict=True), strict=True):
+            file.createVariable(name, "f8", ("profile",))[:] = column
+            if name.startswith("time"):
+                file[name].units = "seconds since 1970-01-01T00:00:00Z"
+        for name, values in (("temperature", 15.0 - 0.02 * bins), ("salinity", 33.0 + 0.0 * bins)):
+            column = np.where(reached, values, np.nan)
+            grid = file.createVariable(name, "f8", ("depth", "profile"))
+            grid[:] = np.repeat(column[:, None], len(rows), axis=1)
+    return path
+
+
 def write_dbd(
     folder: Path,
     flight: Flight,

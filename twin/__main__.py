@@ -21,6 +21,10 @@ PROGRAM = Program(
                 "Identify",
                 "parameters of a vehicle from its own logs; a new vehicle file",
             ),
+            "energy": (
+                "AccountEnergy",
+                "where the counted charge goes: electronics, moves, payload; days left",
+            ),
             "flight": (
                 "EstimateFlight",
                 "speed, vertical water velocity, currents and corrected tracks of logs",

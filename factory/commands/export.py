@@ -72,6 +72,14 @@ class ExportStore(JsonOption):
             )
         size = sum(path.stat().st_size for path in written)
         console.say(f"wrote {counted(len(missions), what)} to {out} ({size / 1e6:.1f} MB)")
+        if "vehicle" in exporter.takes and self.vehicle is None and isinstance(run, LogStore):
+            from twin.identify.start_values import start_vehicle
+
+            name = start_vehicle(self.store).name
+            console.warn(
+                f"track and flight terms are by the shipped vehicle {name}, not by one identified "
+                "from these logs: give --vehicle what `twin identify` wrote"
+            )
         console.answer(store=self.store, to=self.to, out=out, missions=missions, bytes=size)
         return 0
 

@@ -80,7 +80,7 @@ def _fly_block(job: Job, number: int) -> BlockDone:
         last=flown[-1].mission,
         files={site.block(number): site.files.put(site.block(number), data)},
         failures=sum(len(one.failures) for one in flown),
-        versions=versions(),
+        versions=versions(recipe.vehicle),
     )
     leave_manifest(site.files, site.block_manifest(number), manifest)
     return BlockDone(number, tuple(len(one.failures) for one in flown))

@@ -131,7 +131,7 @@ def leave_shard(
             last=missions[-1],
             files=files,
             failures=len(failures),
-            versions=versions(),
+            versions=versions(job.recipe.vehicle),
         ),
     )
 

@@ -172,11 +172,16 @@ class ForecastSurfacings(JsonOption):
             console.note(f"reading {logs}")
             from twin.forecast.draws import identified
             from twin.identify.start_values import other_kind
+            from twin.identify.vehicle_file import with_consumption
+            from twin.logs.energy_use import counted_energy
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
             known = known_from_logs(logs, str(vehicle.path) if model else None)
+            if (used := counted_energy(logs, vehicle, newest=True)) is not None:
+                vehicle = with_consumption(vehicle, used.consumption)
+                console.note(f"energy by the log's counter: {used.power:.2f} W so far")
         if self.from_ is not None:
             place = parse_place(self.from_)
             if "time" not in place:

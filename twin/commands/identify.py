@@ -154,11 +154,16 @@ class Identify(JsonOption):
                 )
             from twin.identify.answer import provenance_of
             from twin.identify.vehicle_file import write_vehicle
+            from twin.logs.energy_use import counted_energy
 
+            used = counted_energy(self.store, found.calibration.vehicle)
+            if used is not None:
+                console.note("energy by the log's counter of charge")
             write_vehicle(
                 found.calibration,
                 self.out,
                 provenance_of(found, self.store),
+                consumption=None if used is None else used.consumption,
                 overwrite=self.overwrite,
             )
             console.say(f"vehicle: {self.out}")

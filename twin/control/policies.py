@@ -74,7 +74,7 @@ class Autopilot:
             loop = kp * error - kd * yaw_rate
             rotation = min(max(turn * loop, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = rotation
-        return task.to_action(command)
+        return task.to_action(vehicle.allocated(command))
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
         """Positions that hold the steady way, and what the heading loop is multiplied by there.
@@ -126,7 +126,7 @@ class Proportional:
             moved = turning.sense("heading") * vehicle.heading_pid[0] * error
             moved = min(max(moved, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = moved
-        return task.to_action(command)
+        return task.to_action(vehicle.allocated(command))
 
 
 def autopilot(environment: Flown, seed: int) -> Policy:

@@ -316,7 +316,7 @@ class GliderTask:
         way = self.way(pitch)
         alpha = way.angle_of_attack
         v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
-        actuators = tuple(way.command.tolist())
+        actuators = tuple(self.vehicle.allocated(way.command).tolist())
         return Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
 
     # --- observations -------------------------------------------------------------------------

@@ -121,7 +121,8 @@ def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
     nu_r = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     density = vehicle.reference_density
     force = float(vehicle.law.wrench(nu_r, density)[0])
-    for part in vehicle.parts:
-        position = rate if part.name == vehicle.steering.get("speed") else part.rest
-        force += float(part.wrench(position, nu_r, density, DEEP)[0])
+    position = vehicle.rest
+    position[vehicle.part_names.index(vehicle.steering["speed"])] = rate
+    for part, at in zip(vehicle.parts, vehicle.allocated(position), strict=True):
+        force += float(part.wrench(float(at), nu_r, density, DEEP)[0])
     return force

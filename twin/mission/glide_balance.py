@@ -158,10 +158,12 @@ def imbalance(
     """Force [N] and moment about the CB [N m] left over, shape (6,), body FRD.
 
     Args:
-      position: of the parts, shape (parts,), in their units.
+      position: of the parts, shape (parts,), in their units; those that go along with others are
+        moved with them.
       velocity: through the water, shape (3,) [m/s], body FRD.
       pitch, roll: [rad]. turn_rate: about the vertical [rad/s], positive to starboard.
     """
+    position = vehicle.allocated(position)
     down = np.array(
         [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
     )

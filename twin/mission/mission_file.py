@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 from twin.errors import MissionError, shown, unknown_name
 from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
+from twin.vehicle.allocation import MOST_FOLLOWERS
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -76,7 +77,10 @@ BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth [m], 
 BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # the pump, likewise
 PITCHES_AT_REST = 26  # 1: the pitching part is a battery, which needs no flow
 COMPASS_OFFSET = 27  # [rad] that the compass reads beyond the true heading
-GAINS = 28
+FOLLOWERS = 28  # how many parts go along with others
+FOLLOWER = 29  # first of them: lead, part, weight, the lead's rest, lowest and highest position
+FOLLOWER_COLUMNS = 6
+GAINS = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown

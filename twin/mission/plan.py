@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -182,6 +183,7 @@ class Mission:
                 'give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
+        self._name_idle(vehicle)
         rows = [
             part.row(vehicle, self._label(i))
             for i, segment in enumerate(self.segments)
@@ -191,6 +193,22 @@ class Mission:
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
+
+    def _name_idle(self, vehicle: Vehicle) -> None:
+        """Warn of parts that neither guidance nor a segment of this mission moves."""
+        named = {
+            name for segment in self.segments for name in getattr(segment, "parts", None) or ()
+        }
+        idle = {part: other for part, other in vehicle.idle.items() if part not in named}
+        if idle:
+            what = ", ".join(f"{part} (beside {other})" for part, other in idle.items())
+            warnings.warn(
+                f"vehicle {vehicle.name!r}: guidance leaves {what} at rest: say which part is to "
+                "steer by <text name='steer.CONTROL' data='PART'/> in its file, or command the "
+                "others by 'parts' of a hold or from Python",
+                RuntimeWarning,
+                stacklevel=3,
+            )
 
     def compile_end(self, vehicle: Vehicle) -> Array:
         """The table's last row: what is flown after the segments; MissionError as `compile`."""
@@ -285,5 +303,14 @@ def _gains(vehicle: Vehicle) -> Array:
         part = vehicle.steered(control)
         if part is not None:
             gains[low], gains[low + 1] = part.low, part.high
+    gains[g.FOLLOWERS] = len(vehicle.followers)
+    names = vehicle.part_names
+    for k, follower in enumerate(vehicle.followers):
+        part, lead = vehicle.part(follower.part), vehicle.part(follower.lead)
+        first = g.FOLLOWER + g.FOLLOWER_COLUMNS * k
+        gains[first : first + g.FOLLOWER_COLUMNS] = (
+            *(names.index(lead.name), names.index(part.name), follower.weight),
+            *(lead.rest, part.low, part.high),
+        )
     gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
     return gains

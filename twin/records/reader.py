@@ -44,7 +44,7 @@ from twin.records.storage.store_arrays import (
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.store import open_store
 from twin.records.trajectory import sample_times
-from twin.vehicle.consumption import Consumption
+from twin.vehicle.consumption import Consumption, needed_signals
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 if TYPE_CHECKING:
@@ -284,7 +284,7 @@ class MissionStore:
             raise StoreError(f"store {self.path} holds logs, which say nothing of energy")
         self.check_mission(mission)
         vehicle, samples = self.vehicle, int(self.samples[mission])
-        names = ("true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names))
+        names = needed_signals(vehicle)
         signals = {name: self.row(name, mission)[:samples].astype(float) for name in names}
         losses = Consumption.of(vehicle) if consumption is None else consumption
         return losses.signals(vehicle, signals, sample_times(samples, self.period))

@@ -81,7 +81,7 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
     dataset, report = import_logs("slocum", [tmp_path])
     told = [e.detail for e in report.entries if e.subject.endswith(("unreadable file", "kind"))]
     assert len(told) == 6
-    with pytest.raises(InputError, match=r"^5 files cannot be read, more than half: .*keep-going"):
+    with pytest.raises(InputError, match=r"^5 files cannot be read, half or more: .*keep-going"):
         import_logs("slocum", [tmp_path], keep_going=False)
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd", "sea009_M3_gli.csv"):
         assert sum(name in line for line in told) == 1, name
@@ -91,6 +91,13 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd"):
         with pytest.raises(InputError, match=name):
             import_logs("slocum", [tmp_path / name])
+
+
+def test_half_of_the_files_unreadable_is_a_failure(dbd: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.dbd").write_bytes(b"no header of any Slocum\n" * 20)
+    with pytest.raises(InputError, match=r"^1 files cannot be read, half or more"):
+        import_logs("slocum", [tmp_path], keep_going=False)
+    assert import_logs("slocum", [tmp_path])[1].files == (dbd.name,)
 
 
 def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> None:
