@@ -317,12 +317,9 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> N
 
 
 def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store) -> None:
-    console = Console(json=True)
-    for words, name in (
-        ({"logs": store}, "slocum-1000"),
-        ({"vehicle": "spray"}, "spray"),
-        ({}, "glider"),
-    ):
+    console = Console("twin", json=True)
+    named = {"slocum-200": {"logs": store}, "spray": {"vehicle": "spray"}, "glider": {}}
+    for name, words in named.items():
         command = ForecastSurfacings(goto="36.9,-122.5", **words)
         assert command._vehicle(console, words.get("logs")).name == name
 
