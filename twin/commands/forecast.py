@@ -23,6 +23,7 @@ USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
 """[m] of --goto"""
 USUAL_HOURS = 6.0
 """[h] under water between surfacings of --goto"""
+USUAL_VEHICLE = "glider"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +35,9 @@ class ForecastSurfacings(JsonOption):
         twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
     """
 
-    vehicle: str = "glider"
-    """what `twin identify` wrote, a shipped vehicle's name, or the path of an MJCF file"""
+    vehicle: str | None = None
+    """what `twin identify` wrote, a shipped vehicle's name, or the path of an MJCF file; default:
+    with --logs the shipped one of the log's kind, as `twin flight` takes it, else glider"""
     from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
     """where and when it dives next: degrees north and east, and UTC, such as
     36.8,-122.4,2026-11-22T12:00; default: the last fix of --logs"""
@@ -156,26 +158,30 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
+        from twin import Origin
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.coordinates import unix_seconds
-        from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.axes import Origin
 
-        vehicle = load_vehicle(self.vehicle)
+        vehicle = self._vehicle(console, logs)
         mission = self._mission(vehicle)
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
             from twin.forecast.draws import identified
             from twin.identify.start_values import other_kind
+            from twin.identify.vehicle_file import with_consumption
+            from twin.logs.energy_use import counted_energy
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
-            known = known_from_logs(logs, self.vehicle if model else None)
+            known = known_from_logs(logs, str(vehicle.path) if model else None)
+            if (used := counted_energy(logs, vehicle, newest=True)) is not None:
+                vehicle = with_consumption(vehicle, used.consumption)
+                console.note(f"energy by the log's counter: {used.power:.2f} W so far")
         if self.from_ is not None:
             place = parse_place(self.from_)
             if "time" not in place:
@@ -207,6 +213,16 @@ class ForecastSurfacings(JsonOption):
         for note in request.notes():
             console.warn(note)
         return request, known.at(unix_seconds(time))
+
+    def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
+        from twin import load_vehicle
+        from twin.identify.start_values import start_vehicle
+
+        if self.vehicle is not None or logs is None:
+            return load_vehicle(USUAL_VEHICLE if self.vehicle is None else self.vehicle)
+        found = start_vehicle(logs)
+        console.note(f"vehicle: {found.name}, of the log's kind; --vehicle takes an identified one")
+        return found
 
     def _mission(self, vehicle: Vehicle) -> Mission:
         import math

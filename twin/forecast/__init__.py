@@ -2,8 +2,8 @@
 
 Hindcast: a deployment walked through, each surfacing forecast from what was known before it.
 
-found = hindcast(["real.zarr"], train_fraction=0.4)
-found.scores.mean["forecast"], found.scores.mean["persistence"]
+found = hindcast(["real.zarr"])
+found.surfacing.mean["forecast"], found.surfacing.mean["persistence"]
 """
 
 from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast, hindcast
@@ -12,7 +12,7 @@ from twin.forecast.request import Request, mission_to
 from twin.forecast.scores import METHODS, Scores, scores_of
 from twin.forecast.surfacing import Surfacing
 from twin.forecast.surfacing_forecast import Forecast, forecast
-from twin.forecast.walk import HindcastSurfacing, walk
+from twin.forecast.walk import HindcastSurfacing, Judged, Priors, walk
 from twin.logs.logged_leg import LoggedLeg, legs_of
 from twin.navigation.dead_reckoning import Ellipse
 
@@ -23,8 +23,10 @@ __all__ = [
     "Forecast",
     "Hindcast",
     "HindcastSurfacing",
+    "Judged",
     "Known",
     "LoggedLeg",
+    "Priors",
     "Request",
     "Scores",
     "Surfacing",

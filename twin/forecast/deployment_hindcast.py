@@ -1,4 +1,4 @@
-"""Hindcast: tune on the first part of each deployment, forecast and score the rest.
+"""Hindcast: walk through deployments, forecast every surfacing from what was known, and score it.
 
 Field: what a forecast of the current foretells for the dives of a deployment.
 """
@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
 from twin.forecast.scores import Scores, scores_of
-from twin.forecast.walk import HindcastSurfacing, walk
+from twin.forecast.walk import FieldMean, HindcastSurfacing, Judged, Pair, Priors, Walked, walk
 from twin.geodesy import to_tangent_plane
-from twin.logs.logged_leg import LoggedLeg, flown_velocities, legs_of
-from twin.navigation.current import Tuned, tune
+from twin.logs.logged_leg import LoggedLeg, dive_times, flown_velocities, legs_of
 from twin.records.logged import LogStore
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
@@ -29,19 +28,17 @@ POINTS = 25
 """Places along a dive at which the field is read"""
 
 
-def with_field(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> list[LoggedLeg]:
-    """Legs with what a field foretells of their mean current.
+def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> FieldMean:
+    """What a field foretells of the mean current over the legs of a deployment.
 
     Args:
       logs: the store, for the depths.
-      legs: of one deployment, in order of time.
+      legs: of one deployment, in order of time, at least one.
       current: its time and place count from the first leg's, unless it has its own.
 
-    Raises:
-      CurrentError: the field does not cover the deployment.
+    Returns:
+      A function, which raises CurrentError where the field does not cover a leg.
     """
-    if not legs:
-        return []
     first = legs[0]
     moment = datetime.datetime.fromtimestamp(first.leg.start, datetime.UTC)
     origin = Origin(
@@ -50,25 +47,21 @@ def with_field(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> l
         time=moment.replace(tzinfo=None).isoformat(),
     )
     part = np.linspace(0.0, 1.0, POINTS)
-    duration = np.array([one.leg.duration for one in legs])
-    since = np.array([one.leg.start for one in legs]) - first.leg.start
-    time = since[:, None] + duration[:, None] * part
-    begins = np.array([to_tangent_plane(*one.begin, *first.begin) for one in legs]).T
-    ways = np.array([one.leg.through_water for one in legs]).T
-    depth = np.stack([_depths(logs, one, part) for one in legs])
-    found = np.zeros((len(legs), 2))
-    for _ in range(2):  # along the way through the water, then along the way that the field makes
-        north, east = (
-            begin[:, None] + (way + duration * moved)[:, None] * part
-            for begin, way, moved in zip(begins, ways, found.T, strict=True)
-        )
-        found = current.velocity(time, north, east, depth, origin)[..., :2].mean(axis=1)
-    return [
-        dataclasses.replace(
-            one, leg=dataclasses.replace(one.leg, field=(float(mean[0]), float(mean[1])))
-        )
-        for one, mean in zip(legs, found, strict=True)
-    ]
+
+    def mean(one: LoggedLeg, alike: LoggedLeg, way: Array, duration: float) -> Pair:
+        time = one.leg.start - first.leg.start + duration * part
+        begin = to_tangent_plane(*one.begin, *first.begin)
+        depth = _depths(logs, alike, part)
+        found = np.zeros(2)
+        for _ in range(2):  # along the way through the water, then along the way the field makes
+            north, east = (
+                at + (metres + duration * moved) * part
+                for at, metres, moved in zip(begin, way, found, strict=True)
+            )
+            found = current.velocity(time, north, east, depth, origin)[..., :2].mean(axis=0)
+        return float(found[0]), float(found[1])
+
+    return mean
 
 
 def _depths(logs: LogStore, one: LoggedLeg, part: Array) -> Array:
@@ -80,27 +73,27 @@ def _depths(logs: LogStore, one: LoggedLeg, part: Array) -> Array:
     return np.interp(part * one.leg.duration / logs.period, known, np.maximum(depth[known], 0.0))
 
 
-TRAIN_FRACTION = 0.4
-"""[1] of the legs of a deployment that parameters are learned from"""
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentHindcast:
     """One deployment."""
 
     name: str
     store: Path
-    latitude: float
-    """[degree] for which the inertial frequency is taken"""
     dives: int
     """Dives in the store, those without two fixes or a known way through the water too"""
     legs: tuple[LoggedLeg, ...]
     train: int
-    """Legs that parameters were learned from"""
-    tuned: Tuned
-    surfacings: tuple[HindcastSurfacing, ...]
-    """One for each leg"""
-    scores: Scores
+    """Legs at the beginning that are not scored"""
+    walked: Walked
+    surfacing: Scores
+    """Of where it surfaced"""
+    current: Scores
+    """Of the current, the way through the water and the duration given"""
+
+    @property
+    def surfacings(self) -> tuple[HindcastSurfacing, ...]:
+        """One for each leg but the first."""
+        return self.walked.surfacings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -109,27 +102,32 @@ class Hindcast:
 
     deployments: tuple[DeploymentHindcast, ...]
     train_fraction: float
-    scores: Scores
+    surfacing: Scores
     """of all scored surfacings together"""
+    current: Scores
 
 
 def hindcast(
     stores: Sequence[str | Path],
     *,
-    train_fraction: float = TRAIN_FRACTION,
+    train_fraction: float = 0.0,
     vehicle: str | None = None,
     current: Current | None = None,
+    priors: Priors | None = None,
+    waypoints: int | None = None,
     advance: Callable[[], object] = lambda: None,
 ) -> Hindcast:
     """Walk through every deployment of some stores of logs.
 
     Args:
       stores: paths of stores that `factory import` wrote.
-      train_fraction: part of each deployment's legs, at its beginning, that parameters are learned
-        from; the rest is scored. 0: nothing is learned, the prior's parameters are taken.
+      train_fraction: part of each deployment's legs, at its beginning, that teaches and is not
+        scored, such as the dives that a vehicle was identified on.
       vehicle: flight model for the way through the water, a file or a shipped name; by default that
         of depth rate and pitch, and where these are not logged the vehicle's reported current.
-      current: forecast field that is known ahead; what of it counts is learned, too.
+      current: forecast field that is known ahead.
+      priors: what is believed before the first dive; by default what deployments have in common.
+      waypoints: how many of a dive's waypoints count as known, the first ones; None: all.
       advance: called once for each deployment that is done.
 
     Raises:
@@ -151,13 +149,14 @@ def hindcast(
             raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
     for path in paths:
-        for one in _store(path, train_fraction, vehicle, current, advance):
+        for one in _store(path, train_fraction, vehicle, current, priors, waypoints, advance):
             _check_new(one, found)
             found.append(one)
     return Hindcast(
         deployments=tuple(found),
         train_fraction=train_fraction,
-        scores=scores_of([one.surfacings for one in found]),
+        surfacing=scores_of([_scored(one.surfacings, "surfacing") for one in found]),
+        current=scores_of([_scored(one.surfacings, "current") for one in found]),
     )
 
 
@@ -176,23 +175,49 @@ def _moment(one: LoggedLeg) -> tuple[float, float, float]:
     return round(one.leg.start), round(one.begin[0], 4), round(one.begin[1], 4)
 
 
+def _scored(surfacings: Sequence[HindcastSurfacing], which: str) -> list[Judged]:
+    return [getattr(one, which) for one in surfacings if one.scored]
+
+
 def _store(
     path: Path,
     train_fraction: float,
     vehicle: str | None,
     current: Current | None,
+    priors: Priors | None,
+    waypoints: int | None,
     advance: Callable[[], object],
 ) -> list[DeploymentHindcast]:
     with LogStore(path) as logs:
         flown = None if vehicle is None else flown_velocities(path, vehicle)
         found = []
         for name in dict.fromkeys(logs.deployments):
-            legs = legs_of(logs, name, flown)
-            if current is not None:
-                legs = with_field(logs, legs, current)
+            legs = [
+                dataclasses.replace(one, targets=one.targets[:waypoints])
+                for one in legs_of(logs, name, flown)
+            ]
             if legs:
-                dives = len(logs.missions_of(name))
-                found.append(_deployment(name, path, dives, legs, train_fraction))
+                train = int(train_fraction * len(legs))
+                walked = walk(
+                    legs,
+                    latitude=float(np.median([one.begin[0] for one in legs])),
+                    dives=dive_times(logs, name),
+                    train=train,
+                    priors=priors,
+                    field=None if current is None else field_mean(logs, legs, current),
+                )
+                found.append(
+                    DeploymentHindcast(
+                        name=name,
+                        store=path,
+                        dives=len(logs.missions_of(name)),
+                        legs=tuple(legs),
+                        train=train,
+                        walked=walked,
+                        surfacing=scores_of([_scored(walked.surfacings, "surfacing")]),
+                        current=scores_of([_scored(walked.surfacings, "current")]),
+                    )
+                )
             advance()
     if not found:
         raise StoreError(
@@ -200,27 +225,3 @@ def _store(
             "(pitch and heading, or the vehicle's reported current): nothing can be forecast"
         )
     return found
-
-
-def _deployment(
-    name: str, path: Path, dives: int, legs: Sequence[LoggedLeg], train_fraction: float
-) -> DeploymentHindcast:
-    latitude = float(np.median([one.begin[0] for one in legs]))
-    train = int(train_fraction * len(legs))
-    tuned = tune([one.leg for one in legs[:train]], latitude=latitude)
-    if not train and legs[0].leg.field is not None:  # taken as it is: nothing is learned
-        tuned = dataclasses.replace(
-            tuned, parameters=dataclasses.replace(tuned.parameters, field=1.0)
-        )
-    surfacings = walk(legs, tuned.parameters, latitude=latitude, train=train)
-    return DeploymentHindcast(
-        name=name,
-        store=path,
-        latitude=latitude,
-        dives=dives,
-        legs=tuple(legs),
-        train=train,
-        tuned=tuned,
-        surfacings=tuple(surfacings),
-        scores=scores_of([surfacings]),
-    )

@@ -23,6 +23,8 @@ from twin.errors import VehicleError
 from twin.identify.calibration import PROVENANCE, load_calibration
 from twin.identify.unknowns import PARAMETERS
 from twin.navigation.current.filter import CurrentFilter
+from twin.navigation.current.leg import Leg
+from twin.navigation.current.models import FILTER, CurrentPool
 from twin.navigation.current.modes import passage
 from twin.navigation.current.parameters import CALIBRATION, DIVE, MODES
 from twin.vehicle.vehicle import Vehicle
@@ -193,6 +195,65 @@ def draw_water(
     return WaterDraws(current=course, speed_scale=scale, compass=compass)
 
 
+def draw_models(
+    drawn: WaterDraws, pool: CurrentPool, rng: np.random.Generator
+) -> tuple[WaterDraws, float]:
+    """The same draws, where each member takes one of a pool's models by its weight.
+
+    Members of the filter keep what was drawn of it; those of another model take its course and an
+    error that lasts, Student's t of the model's scale. The first member is the mean of all.
+
+    Args:
+      pool: with what it has learned, its filter at the start.
+
+    Returns:
+      The draws, and the deviation [m/s] of the currents at the start, mean of north and east.
+    """
+    count, steps, _ = drawn.current.shape
+    points = [_around(pool.filtered.filter_.time + INTERVAL * k) for k in range(steps)]
+    courses = {
+        name: drawn.current[0]
+        if name == FILTER
+        else np.array([model.expect(point)[0] for point in points])
+        for name, model in pool.models.items()
+    }
+    known = [name for name, course in courses.items() if np.isfinite(course).all()]
+    part = np.array([pool.pool.weights[name] for name in known])
+    part /= part.sum()
+    taken = rng.choice(len(known), size=count, p=part)
+    freedom = pool.pool.freedom
+    heavy = np.sqrt(freedom / rng.chisquare(freedom, count))
+    error = heavy[:, None] * rng.standard_normal((count, 2))
+    course, variance = drawn.current.copy(), np.empty(len(known))
+    for k, name in enumerate(known):
+        if name == FILTER:
+            variance[k] = _variance(pool.filtered.filter_)
+            continue
+        scale, mine = pool.pool.scales[name], taken == k
+        variance[k] = scale**2 * freedom / (freedom - 2.0)
+        course[mine] = courses[name] + scale * error[mine][:, None, :]
+    course[0] = np.einsum("m,mtk->tk", part, np.array([courses[name] for name in known]))
+    apart = np.array([courses[name][0] for name in known]) - course[0, 0]
+    total = part @ (variance + 0.5 * (apart**2).sum(axis=1))
+    return dataclasses.replace(drawn, current=course), math.sqrt(float(total))
+
+
+def _around(time: float) -> Leg:
+    """An `INTERVAL` about a time [s]."""
+    begin = time - 0.5 * INTERVAL
+    return Leg(start=begin, duration=INTERVAL, over_ground=(0.0, 0.0), through_water=None)
+
+
+def _variance(filter_: CurrentFilter) -> float:
+    """[m2/s2] of the currents drawn of a filter at the start, mean of north and east."""
+    _, covariance = _state(filter_)
+    total = np.zeros((2, len(covariance)))
+    for axis in range(2):
+        total[axis, MODES + axis :: 2] = 1.0
+        total[axis, DIVE.start + axis] = 1.0
+    return 0.5 * float(np.trace(total @ covariance @ total.T))
+
+
 def draw_field_error(
     drawn: WaterDraws,
     filter_: CurrentFilter,
@@ -225,16 +286,6 @@ def draw_field_error(
         course[:, k] = error
         error = kept * error + gained * _scattered(rng, count, 2)
     return dataclasses.replace(drawn, current=course)
-
-
-def draw_deviation(filter_: CurrentFilter) -> float:
-    """[m/s] of the drawn currents at the start, mean of north and east."""
-    _, covariance = _state(filter_)
-    total = np.zeros((2, len(covariance)))
-    for axis in range(2):
-        total[axis, MODES + axis :: 2] = 1.0
-        total[axis, DIVE.start + axis] = 1.0
-    return math.sqrt(0.5 * np.trace(total @ covariance @ total.T))
 
 
 def calibration_deviation(filter_: CurrentFilter) -> tuple[float, float]:

@@ -1,8 +1,9 @@
 """Known: what is known of the water and of the vehicle's way before a forecast begins.
 
-A current filter holds it: without logs its prior (mean current, eddies, tide, inertial oscillation,
-speed and compass, as `twin.navigation.current.CurrentParameters` has them), with logs what the
-fixes of their last deployment have told it.
+A pool of models of the current holds it, one of them a current filter: without logs the filter's
+prior (mean current, eddies, tide, inertial oscillation, speed and compass, as
+`twin.navigation.current.CurrentParameters` has them), with logs what the fixes of their last
+deployment have told the models, and what each was worth.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from twin.logs.logged_leg import (
     legs_of,
     why_no_legs,
 )
-from twin.navigation.current import CurrentFilter, replay, tune
+from twin.navigation.current import CurrentFilter
+from twin.navigation.current.models import CurrentPool
 from twin.records.logged import LogStore
 
 DAY, KILO = 86400.0, 1e3
@@ -38,7 +40,7 @@ MOST_BEFORE = 60.0
 class Known:
     """The state at the last fix."""
 
-    filter_: CurrentFilter
+    pool: CurrentPool
     """At the time of the last fix, on the clock of unix seconds."""
     place: tuple[float, float] | None = None
     """Latitude, longitude [degree] of the last fix; None without logs."""
@@ -55,13 +57,9 @@ class Known:
     speed and compass are then the model's."""
 
     @property
-    def tells_calibration(self) -> bool:
-        """Whether the fixes tell the errors of speed and compass.
-
-        Not where the last dive's current alone foretells the next one best (persistence): that
-        filter has neither error, which does not mean that there is none.
-        """
-        return self.legs > 0 and not self.filter_.parameters.persists
+    def filter_(self) -> CurrentFilter:
+        """The pool's current filter: it alone knows the errors of speed and compass, too."""
+        return self.pool.filtered.filter_
 
     def at(self, time: float) -> Known:
         """The same later, at a unix time [s]: what was known of the current has aged.
@@ -108,7 +106,7 @@ class Known:
 
 def known_without_logs(latitude: float, time: float) -> Known:
     """The prior, at a place and a unix time [s]."""
-    return Known(filter_=CurrentFilter(latitude=latitude, time=time))
+    return Known(pool=CurrentPool(latitude=latitude, time=time))
 
 
 def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
@@ -135,12 +133,12 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
                 "give --from, and leave --logs out"
             )
     latitude = float(np.median([one.begin[0] for one in legs]))
-    tuned = tune([one.leg for one in legs], latitude=latitude)
-    filter_ = CurrentFilter(tuned.parameters, latitude=latitude, time=legs[0].leg.start)
-    replay(filter_, [one.leg for one in legs])
+    pool = CurrentPool(latitude=latitude, time=legs[0].leg.start)
+    for one in legs:
+        pool.learn(one.leg)
     last = legs[-1]
     return Known(
-        filter_=filter_,
+        pool=pool,
         place=_end(last),
         time=last.leg.end,
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),

@@ -21,8 +21,8 @@ from twin.forecast.draws import (
     SPEED,
     WaterDraws,
     calibration_deviation,
-    draw_deviation,
     draw_field_error,
+    draw_models,
     draw_vehicles,
     draw_water,
     known_compass,
@@ -32,7 +32,7 @@ from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
 from twin.mission import Mission
 from twin.mission.segments.base import SURFACED_MARGIN_M
-from twin.navigation.current import CurrentFilter, CurrentParameters
+from twin.navigation.current import CurrentParameters
 from twin.physics.fleet import Fleet
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
@@ -48,7 +48,6 @@ SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
 STEPS = 2.0
 """Times the vehicle file's physics step: in six hours the end moves by less than 5 m"""
-UNTOLD = "the fixes of these logs do not show it"
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -71,27 +70,23 @@ def members_of(request: Request, known: Known) -> Members:
     rng = np.random.default_rng(request.seed)
     duration, count = request.flown, request.members
     water = draw_water(known.filter_, duration, count, rng, longest_dive(request.mission))
-    spread = {
-        "current": f"{known.source}: known to {draw_deviation(known.filter_):.2f} m/s each way"
-    }
+    water, deviation = draw_models(water, known.pool, rng)
+    spread = {"current": f"{known.source}: known to {deviation:.2f} m/s each way"}
     if request.field is not None:
         water, spread["current"] = _with_field(request, known, water, rng)
-    told = known.by_model and known.tells_calibration
+    told = known.by_model and known.legs > 0
     vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not told)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
     scale, source = water.speed_scale, "by the fixes"
     deviation, _ = calibration_deviation(known.filter_)
-    untold = f": {UNTOLD}" if known.by_model else ""
     if not told:
         deviation = CurrentParameters.speed_scale
-        scale, source = _normal(rng, count, deviation), f"assumed{untold}"
+        scale, source = _normal(rng, count, deviation), "assumed"
     if told or not set(drawn) & set(SPEED):
         vehicles = [
             scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
         ]
         spread["speed"] = f"{100.0 * scale[0]:+.1f} %, +-{100.0 * deviation:.1f} %, {source}"
-    elif untold:
-        spread["speed"] = f"as identified{untold}"
     compass, deviation, source = _compass(request, known, water, rng)
     spread["compass"] = (
         f"{math.degrees(compass[0]):+.1f} degree, +-{math.degrees(deviation):.1f} degree, {source}"
@@ -124,17 +119,12 @@ def _compass(
     """True heading less the compass's [rad], (member,), its deviation, and who says so."""
     identified, deviation = known_compass(request.vehicle)
     _, filtered = calibration_deviation(known.filter_)
-    if known.tells_calibration:
+    if known.legs:
         # by a flight model, whose compass was corrected: the filter's error is what remained of it
         return (identified if known.by_model else 0.0) + water.compass, filtered, "by the fixes"
-    untold = f": {UNTOLD}" if known.legs else ""
     if deviation is not None:
         drawn = _normal(rng, request.members, deviation)
-        return identified + drawn, deviation, f"identified{untold}"
-    if untold:
-        prior = CurrentFilter(latitude=request.place.latitude_deg, time=known.filter_.time)
-        _, deviation = calibration_deviation(prior)
-        return _normal(rng, request.members, deviation), deviation, f"assumed{untold}"
+        return identified + drawn, deviation, "identified"
     return water.compass, filtered, "assumed"
 
 

@@ -1,4 +1,4 @@
-"""Scores: by how much forecasts of surfacings miss, how sure that is, and whether ellipses hold."""
+"""Scores: by how much forecasts miss, how sure that is, and whether ellipses hold."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.forecast.walk import HALF, NINETY, HindcastSurfacing
+from twin.forecast.walk import Judged
 
 Array = NDArray[np.float64]
 
-METHODS = ("forecast", "persistence", "no_current", "onboard")
+METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
 RESAMPLED, BLOCK, SEED = 2000, 6, 1
 """Bootstrap samples, surfacings in a block (about a day: errors of neighbours are alike, Kunsch
 1989, Ann. Stat. 17), and the seed"""
@@ -35,13 +35,13 @@ class Scores:
     """[m/h] by method"""
     median: dict[str, float | None]
     """[m/h] by method"""
-    mean_interval: dict[str, tuple[float, float] | None]
-    """[m/h] 95 % bootstrap interval of the mean, by method; None of fewer than `LEAST_SEGMENTS`,
-    or where a method has only some of them"""
+    rival: str | None
+    """The method beside the forecast with the smallest mean, of those that say something of every
+    surfacing"""
     ratio: float | None
-    """[1] mean of the forecast by that of persistence"""
+    """[1] mean of the forecast by that of the rival"""
     ratio_interval: tuple[float, float] | None
-    """[1] 95 % bootstrap interval of that"""
+    """[1] 95 % bootstrap interval of that; None of fewer than `LEAST_SEGMENTS`"""
     coverage_50: float | None
     """[1] part of the fixes within the 50 % ellipse"""
     coverage_90: float | None
@@ -55,61 +55,61 @@ class Scores:
         """The figures with their units in the names."""
         return {
             "segments": self.segments,
-            "segments_of": self.segments_of,
             "mean_m_per_h": self.mean,
             "median_m_per_h": self.median,
-            "mean_interval_m_per_h": self.mean_interval,
-            "forecast_by_persistence": self.ratio,
-            "forecast_by_persistence_interval": self.ratio_interval,
             "coverage_50": self.coverage_50,
             "coverage_90": self.coverage_90,
         }
 
 
-def scores_of(surfacings: Sequence[Sequence[HindcastSurfacing]]) -> Scores:
+def scores_of(deployments: Sequence[Sequence[Judged]]) -> Scores:
     """The scores of some deployments together.
 
     Args:
-      surfacings: of each deployment; blocks of the bootstrap stay within one.
+      deployments: what was scored of each; blocks of the bootstrap stay within one.
     """
-    runs = [[one for one in run if one.scored] for run in surfacings]
-    every = [one for run in runs for one in run]
-    errors = {
-        name: [np.array([one.error(name) for one in run]) for run in runs] for name in METHODS
+    every = [one for run in deployments for one in run]
+    errors = {name: np.array([one.error(name) for one in every]) for name in METHODS}
+    known = {name: values[np.isfinite(values)] for name, values in errors.items()}
+    mean = {n: float(v.mean()) if v.size else None for n, v in known.items()}
+    whole = {
+        name: figure
+        for name, figure in mean.items()
+        if name != "forecast" and figure is not None and len(known[name]) == len(every)
     }
-    joined = {name: np.concatenate([*values, np.zeros(0)]) for name, values in errors.items()}
-    known = {name: values[np.isfinite(values)] for name, values in joined.items()}
-    distances = np.array([one.distance for one in every])
-
-    def ratio(sample: NDArray[np.intp]) -> float:
-        return float(joined["forecast"][sample].mean() / joined["persistence"][sample].mean())
-
-    enough = len(every) >= LEAST_SEGMENTS
-    samples = _samples([len(run) for run in runs]) if enough else []
+    rival = min(whole, key=lambda name: whole[name]) if whole else None
+    interval = None
+    if rival is not None and len(every) >= LEAST_SEGMENTS:
+        interval = bootstrap(
+            [len(run) for run in deployments],
+            lambda rows: float(errors["forecast"][rows].mean() / errors[rival][rows].mean()),
+        )
+    held = np.array([one.held for one in every], float).reshape(-1, 2)
     return Scores(
         segments=len(every),
         segments_of={name: len(values) for name, values in known.items()},
-        mean={n: float(v.mean()) if v.size else None for n, v in known.items()},
+        mean=mean,
         median={n: float(np.median(v)) if v.size else None for n, v in known.items()},
-        mean_interval={
-            name: _interval(samples, _mean_of(joined[name]))
-            if enough and len(known[name]) == len(every)
-            else None
-            for name in METHODS
-        },
-        ratio=ratio(np.arange(len(every))) if every else None,
-        ratio_interval=_interval(samples, ratio) if enough else None,
-        coverage_50=float(np.mean(distances <= HALF)) if every else None,
-        coverage_90=float(np.mean(distances <= NINETY)) if every else None,
+        rival=rival,
+        ratio=None if rival is None else float(errors["forecast"].mean()) / whole[rival],
+        ratio_interval=interval,
+        coverage_50=float(held[:, 0].mean()) if every else None,
+        coverage_90=float(held[:, 1].mean()) if every else None,
     )
 
 
-def _mean_of(values: Array) -> Callable[[NDArray[np.intp]], float]:
-    return lambda sample: float(values[sample].mean())
+def bootstrap(
+    counts: Sequence[int],
+    figure: Callable[[NDArray[np.intp]], float],
+    interval: tuple[float, float] = INTERVAL,
+) -> tuple[float, float]:
+    """Interval of a figure, resampled in blocks of neighbours, each deployment as long as it is.
 
-
-def _samples(counts: Sequence[int]) -> list[NDArray[np.intp]]:
-    """Indices of bootstrap samples: blocks of neighbours, each deployment as long as it is."""
+    Args:
+      counts: surfacings of each deployment, one after the other.
+      figure: of the surfacings at some indices.
+      interval: [%] its two percentiles.
+    """
     rng = np.random.default_rng(SEED)
     found = []
     for _ in range(RESAMPLED):
@@ -122,12 +122,6 @@ def _samples(counts: Sequence[int]) -> list[NDArray[np.intp]]:
             rows = (begins[:, None] + np.arange(block)).ravel()[:count]
             picked.append(first + rows)
             first += count
-        found.append(np.concatenate(picked))
-    return found
-
-
-def _interval(
-    samples: Sequence[NDArray[np.intp]], figure: Callable[[NDArray[np.intp]], float]
-) -> tuple[float, float]:
-    low, high = np.percentile([figure(sample) for sample in samples], INTERVAL)
+        found.append(figure(np.concatenate(picked)))
+    low, high = np.percentile(found, interval)
     return float(low), float(high)

@@ -1,58 +1,76 @@
 """Walk: each surfacing of a deployment forecast from what was known before its dive.
 
-At the fix before a dive are known: all fixes so far, and with them all currents so far. From there
-on the way through the water is taken as `legs` has it, and the same for every method: what is
-forecast is the displacement by the current. Persistence adds the current of the dive before,
-`no_current` none. Where there is a forecast field, what it foretells of the dive is known, too. The
-filter goes on learning the course of the current at every fix; its
-parameters stay those of the training part.
+At the fix before a dive are known: all dives so far with their currents, the waypoints of the dive
+(those that its log commands, in their order: what a pilot has loaded; how far along them it will
+come is not known), the current that the vehicle reckons with, and where there is one the forecast
+field. Two things are forecast.
+
+- The surfacing: the duration that the schedule expects, times the way through the water and
+  the current that their pools expect. Rivals go at the speed of the last three dives toward the
+  first waypoint, for the median duration of the last three, each with a current of its own.
+- The current: the way through the water and the duration are given, the same for every method.
+
+Nothing is frozen: pools, filter and ellipses learn at every fix.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twin.forecast import schedule, way
+from twin.forecast.schedule import Schedule, middle, usual_duration
+from twin.forecast.way import WayPool, plain_velocity
 from twin.geodesy import position
 from twin.logs.logged_leg import LoggedLeg
-from twin.navigation.current import CurrentFilter, CurrentParameters, begin_leg, pass_leg
-from twin.navigation.dead_reckoning import chi_squared
+from twin.navigation.current import Leg, models
+from twin.navigation.current.models import CurrentPool, TidalFit
+from twin.navigation.current.pool import Prior
+from twin.navigation.dead_reckoning import Array
 
-Array = NDArray[np.float64]
+Pair = tuple[float, float]
+FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
+"""North, east [m/s] that a field foretells, mean over a dive: by the leg for its begin, a leg for
+its depths, the way through the water [m] and the duration [s]"""
 
-HALF, NINETY = chi_squared(0.5), chi_squared(0.9)
-"""Squared distances within which the parts lie that the ellipses shall hold"""
+PARTS = (0.5, 0.9)
+"""[1] of the fixes that the two ellipses shall hold"""
+FOLLOWING = 0.3
+"""[1] gain by which the logarithm of an ellipse's squared reach follows whether it held"""
 HOUR = 3600.0
 """[s]"""
+RIVAL_DAYS = 5.0
+"""[d] of the rival that fits mean and tide"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HindcastSurfacing:
-    """One surfacing, forecast and found."""
+class Priors:
+    """What is believed before the first dive; the shipped values hold over deployments."""
 
-    mission: int
-    """Row in the store."""
-    time: float
-    """[s] unix"""
+    current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: models.PRIORS)
+    way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: way.PRIORS)
+    schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: schedule.PRIORS)
+    surfacing_reach: Pair = (0.81, 4.8)
+    """[1] squared distances within which the two ellipses of a surfacing lie"""
+    current_reach: Pair = (0.69, 3.1)
+    """[1] of a current"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A forecast beside what was found, and its rivals."""
+
     hours: float
-    """[h] since the fix before"""
-    method: str
-    """How its way through the water was found"""
-    scored: bool
-    """False in the training part and where no dive before told a current"""
-    places: dict[str, tuple[float, float]]
-    """Latitude, longitude [degree]: `begin`, `fix`, and where each method has it"""
-    missed: dict[str, tuple[float, float]]
-    """North, east [m]: the fix less where each method had it; without persistence at the first"""
+    """[h] that the dive lasted"""
+    missed: dict[str, Pair]
+    """North, east [m] by method: the fix less where each had it"""
     covariance: Array
     """[m2] of the forecast, (2, 2)"""
-    current: tuple[float, float]
-    """North, east [m/s], mean over the dive"""
-    expected: tuple[float, float]
-    """The same as the filter forecast it"""
+    reach: Pair
+    """[1] squared distances within which the ellipses of 50 and 90 % lie"""
 
     def error(self, method: str) -> float:
         """[m/h] distance by which a method missed, by the time; NaN where it said nothing."""
@@ -66,63 +84,230 @@ class HindcastSurfacing:
         missed = np.array(self.missed["forecast"])
         return float(missed @ np.linalg.solve(self.covariance, missed))
 
+    @property
+    def held(self) -> tuple[bool, bool]:
+        """Whether the ellipses of 50 and 90 % held the fix."""
+        return self.distance <= self.reach[0], self.distance <= self.reach[1]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HindcastSurfacing:
+    """One surfacing, forecast and found."""
+
+    mission: int
+    """Row in the store."""
+    time: float
+    """[s] unix"""
+    method: str
+    """How its way through the water was found"""
+    scored: bool
+    """False in the part that only teaches"""
+    places: dict[str, Pair]
+    """Latitude, longitude [degree]: `begin`, `fix`, and where each method has the surfacing"""
+    expected_hours: float
+    """[h] that the dive was to last"""
+    surfacing: Judged
+    current: Judged
+    found: Pair
+    """North, east [m/s] of the current, mean over the dive"""
+    expected: Pair
+    """The same as it was forecast"""
+
+    @property
+    def hours(self) -> float:
+        """[h] since the fix before"""
+        return self.surfacing.hours
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Walked:
+    """A deployment walked through."""
+
+    surfacings: tuple[HindcastSurfacing, ...]
+    """One for each leg but the first"""
+    weights: dict[str, dict[str, float]]
+    """[1] mean part of each model in explaining the dives, by pool: current, way, schedule"""
+    scales: dict[str, dict[str, float]]
+    """of each model's errors at the end, in the pool's own unit"""
+    now: dict[str, float]
+    """[1] weights of the current's models after the last dive"""
+    singles: dict[str, float]
+    """[m/h] mean error of each model of the current alone, over the scored dives"""
+
+
+class Reaches:
+    """Squared distances of two ellipses, which follow how many fixes they held (adaptive conformal
+    inference, Gibbs and Candes 2021, NeurIPS 34)."""
+
+    def __init__(self, first: Pair):
+        self._logarithms = [math.log(value) for value in first]
+
+    @property
+    def now(self) -> Pair:
+        """Of 50 and 90 %, the second at least the first."""
+        half, ninety = (math.exp(value) for value in self._logarithms)
+        return half, max(half, ninety)
+
+    def learn(self, judged: Judged) -> None:
+        """Take whether a forecast's ellipses held."""
+        for k, (part, held) in enumerate(zip(PARTS, judged.held, strict=True)):
+            self._logarithms[k] += FOLLOWING * (part - float(held))
+
 
 def walk(
-    legs: Sequence[LoggedLeg], parameters: CurrentParameters, *, latitude: float, train: int
-) -> list[HindcastSurfacing]:
+    legs: Sequence[LoggedLeg],
+    *,
+    latitude: float,
+    dives: Sequence[Pair] = (),
+    train: int = 0,
+    priors: Priors | None = None,
+    field: FieldMean | None = None,
+) -> Walked:
     """Forecast every leg's end.
 
     Args:
       legs: of one deployment, in order of time.
-      parameters: of the current.
       latitude: [degree] of the deployment.
+      dives: begin and end [s] of all dives, those without a known way, too, in order of time; by
+        default the legs'.
       train: legs at the beginning that are not scored.
+      priors: what is believed before the first.
+      field: what a forecast field foretells of each leg.
     """
+    priors = priors or Priors()
     if not legs:
-        return []
-    filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].leg.start)
+        return Walked(surfacings=(), weights={}, scales={}, now={}, singles={})
+    pool = CurrentPool(
+        latitude=latitude, time=legs[0].leg.start, field=field is not None, priors=priors.current
+    )
+    ways, ends, tide = WayPool(priors.way), Schedule(priors.schedule), TidalFit(RIVAL_DAYS)
+    reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
+    times = list(dives) or [(one.leg.start, one.leg.end) for one in legs]
+    parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
+    alone: list[Array] = []
     found: list[HindcastSurfacing] = []
-    before: Array | None = None
     for k, one in enumerate(legs):
         leg = one.leg
-        begin_leg(filter_, leg)
-        field = leg.foretold(parameters)
-        ahead = filter_.forecast([leg.end], leg.velocity, field=field)
-        way, ground = np.array(leg.through_water), np.array(leg.over_ground)
-        reached = {"forecast": way + ahead.displacement[0], "no_current": way}
-        if before is not None:
-            reached["persistence"] = way + leg.duration * before
-        if one.onboard is not None:
-            reached["onboard"] = np.array(one.onboard)
-        found.append(
-            HindcastSurfacing(
-                mission=one.mission,
-                time=leg.end,
-                hours=leg.duration / HOUR,
-                method=one.method,
-                scored=k >= train and before is not None,
-                places={
-                    "begin": one.begin,
-                    **{
-                        name: _place(metres, one.begin)
-                        for name, metres in {"fix": ground, **reached}.items()
-                    },
-                },
-                missed={name: _pair(ground - metres) for name, metres in reached.items()},
-                covariance=ahead.displacement_covariance[0],
-                current=_pair(leg.current),
-                expected=_pair(ahead.displacement[0] / leg.duration),
-            )
-        )
-        pass_leg(filter_, leg)
-        before = leg.current
-    return found
+        while times and times[0][1] <= leg.start + 1.0:
+            _keep(parts["schedule"], ends.learn(*times.pop(0)))
+        if field is not None:
+            told = field(one, one, np.array(leg.through_water), leg.duration)
+            leg = dataclasses.replace(leg, field=told)
+        if k:
+            judged = _judge(legs[:k], one, leg, (pool, ways, ends, tide), reaches, field)
+            found.append(dataclasses.replace(judged, scored=k >= train))
+            for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
+                reach.learn(each)
+            if k >= train:
+                off = [model.expect(leg)[0] - leg.current for model in pool.models.values()]
+                alone.append(HOUR * np.hypot(*np.array(off).T))
+        _keep(parts["current"], pool.learn(leg))
+        _keep(parts["way"], ways.learn(one))
+        tide.learn(leg)
+    pools = {"current": pool.pool, "way": ways.pool, "schedule": ends.pool}
+    errors = np.mean(alone, axis=0) if alone else np.full(len(pool.models), np.nan)
+    return Walked(
+        surfacings=tuple(found),
+        weights={
+            name: dict(zip(one.names, np.mean(parts[name], axis=0).tolist(), strict=True))
+            for name, one in pools.items()
+            if parts[name]
+        },
+        scales={name: one.scales for name, one in pools.items()},
+        now=pool.pool.weights,
+        singles=dict(zip(pool.models, errors.tolist(), strict=True)),
+    )
 
 
-def _place(metres: Array, begin: tuple[float, float]) -> tuple[float, float]:
+def _keep(parts: list[Array], part: Array | None) -> None:
+    if part is not None:
+        parts.append(part)
+
+
+def _judge(
+    before: Sequence[LoggedLeg],
+    one: LoggedLeg,
+    leg: Leg,
+    known: tuple[CurrentPool, WayPool, Schedule, TidalFit],
+    reaches: tuple[Reaches, Reaches],
+    field: FieldMean | None,
+) -> HindcastSurfacing:
+    """One surfacing, forecast by what the dives before have taught."""
+    pool, ways, ends, tide = known
+    lasts = ends.expect(leg.start)
+    duration = middle(lasts)
+    through = ways.expect(one, duration)
+    ahead = _leg_ahead(leg, duration, duration * through.mean)
+    if field is not None:
+        told = field(one, before[-1], duration * through.mean, duration)
+        ahead = dataclasses.replace(ahead, field=told)
+    carried = pool.expect(ahead)
+    ground = through.mean + carried.mean
+    ended = np.array(leg.over_ground)
+    usual = usual_duration([(each.leg.start, each.leg.end) for each in before])
+    plain = plain_velocity(before, one.targets)
+    last = before[-1].leg.current
+    fitted = tide.expect(_leg_ahead(leg, usual, usual * plain))[0]
+    reached = {
+        "forecast": duration * ground,
+        "persistence": usual * (plain + last),
+        "tide": usual * (plain + fitted),
+        "no_current": usual * plain,
+    }
+    if one.onboard is not None:
+        reached["onboard"] = usual * (plain + np.array(ways.steered(one)))
+    given = np.array(leg.through_water)
+    mixed = pool.expect(leg)
+    drifted = {
+        "forecast": mixed.mean,
+        "persistence": last,
+        "tide": tide.expect(leg)[0],
+        "no_current": np.zeros(2),
+    }
+    missed = {name: ended - given - leg.duration * each for name, each in drifted.items()}
+    if one.onboard is not None:
+        missed["onboard"] = ended - np.array(one.onboard)
+    places = {"fix": ended, **reached}
+    return HindcastSurfacing(
+        mission=one.mission,
+        time=leg.end,
+        method=one.method,
+        scored=True,
+        places={
+            "begin": one.begin,
+            **{name: _place(metres, one.begin) for name, metres in places.items()},
+        },
+        expected_hours=duration / HOUR,
+        surfacing=Judged(
+            hours=leg.duration / HOUR,
+            missed={name: _pair(ended - metres) for name, metres in reached.items()},
+            covariance=duration**2 * (through.covariance + carried.covariance)
+            + lasts.covariance[0, 0] * np.outer(ground, ground),
+            reach=reaches[0].now,
+        ),
+        current=Judged(
+            hours=leg.duration / HOUR,
+            missed={name: _pair(metres) for name, metres in missed.items()},
+            covariance=leg.duration**2 * mixed.covariance,
+            reach=reaches[1].now,
+        ),
+        found=_pair(leg.current),
+        expected=_pair(mixed.mean),
+    )
+
+
+def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
+    """The leg as it is expected: nothing of it but its start is known."""
+    unknown = (math.nan, math.nan)
+    return Leg(
+        start=leg.start, duration=duration, over_ground=unknown, through_water=_pair(through)
+    )
+
+
+def _place(metres: Array, begin: Pair) -> Pair:
     latitude, longitude = position(metres[:1], metres[1:], *begin)
     return float(latitude[0]), float(longitude[0])
 
 
-def _pair(values: Array) -> tuple[float, float]:
+def _pair(values: Array) -> Pair:
     return float(values[0]), float(values[1])

@@ -12,6 +12,7 @@ What a leg's way through the water is, by what its log holds:
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -45,6 +46,12 @@ class LoggedLeg:
     """Latitude, longitude [degree] of the fix before"""
     onboard: tuple[float, float] | None
     """North, east [m] to where the vehicle itself believed to surface; None without its track"""
+    targets: tuple[tuple[float, float], ...] = ()
+    """North, east [m] from the fix before to the waypoints it was sent to, in their order; empty
+    where the log has none"""
+    believed: tuple[float, float] | None = None
+    """North, east [m/s] of the current that the vehicle knew when it dived; None where the log does
+    not say"""
 
 
 def legs_of(
@@ -95,9 +102,19 @@ def legs_of(
                 method=method,
                 begin=begin,
                 onboard=_onboard(logs, mission),
+                targets=_targets(logs, mission),
+                believed=_believed(logs, mission),
             )
         )
     return found
+
+
+def dive_times(logs: LogStore, deployment: str) -> list[tuple[float, float]]:
+    """Begin and end [s] unix of every dive of a deployment, in order of time: of those without a
+    known way, too."""
+    durations = logs.number(DIVE_DURATION)
+    times = [(float(logs.starts[m]), float(durations[m])) for m in logs.missions_of(deployment)]
+    return [(start, start + lasted) for start, lasted in times if start + lasted > start]
 
 
 def why_no_legs(logs: LogStore, deployment: str) -> str:
@@ -132,6 +149,28 @@ def _onboard(logs: LogStore, mission: int) -> tuple[float, float] | None:
         return None
     north, east = logs.period * velocity[:-1].sum(axis=0)
     return float(north), float(east)
+
+
+APART = 30.0
+"""[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
+
+
+def _targets(logs: LogStore, mission: int) -> tuple[tuple[float, float], ...]:
+    """The waypoints that were commanded during a dive, in their order."""
+    north, east = (logs.signal(f"commanded_waypoint_{axis}", mission) for axis in ("north", "east"))
+    found: list[tuple[float, float]] = []
+    for place in zip(north.tolist(), east.tolist(), strict=True):
+        if np.isfinite(place).all() and (not found or math.dist(place, found[-1]) > APART):
+            found.append(place)
+    return tuple(found)
+
+
+def _believed(logs: LogStore, mission: int) -> tuple[float, float] | None:
+    """The current that a vehicle knew first in a dive; None without."""
+    signals = (logs.signal(f"measured_current_{axis}", mission) for axis in ("north", "east"))
+    both = np.stack(list(signals), axis=1)
+    known = both[np.isfinite(both).all(axis=1)]
+    return (float(known[0, 0]), float(known[0, 1])) if known.size else None
 
 
 def flown_velocities(

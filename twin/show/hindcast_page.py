@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast
 from twin.forecast.scores import METHODS, Scores
-from twin.forecast.walk import NINETY, HindcastSurfacing
+from twin.forecast.walk import HindcastSurfacing
 from twin.geodesy import position
 from twin.navigation.dead_reckoning import Ellipse, outline
 from twin.show import style
@@ -29,14 +29,16 @@ Array = NDArray[np.float64]
 COLOURS = {
     "forecast": style.PALETTE["vermillion"],
     "persistence": style.PALETTE["blue"],
+    "tide": style.PALETTE["yellow"],
     "no_current": style.PALETTE["green"],
     "onboard": style.PALETTE["purple"],
 }
 TITLES = {
     "forecast": "forecast",
     "persistence": "persistence",
+    "tide": "mean and tide",
     "no_current": "no current",
-    "onboard": "on-board track",
+    "onboard": "on board",
 }
 CLOSE = 6
 """Surfacings of the detailed map"""
@@ -104,7 +106,8 @@ def _draw_map(
 
 def _ellipse(one: HindcastSurfacing) -> Array:
     """Latitude, longitude [degree] of the 90 % ellipse about the forecast, (2, n)."""
-    north, east = outline(NINETY * one.covariance, ELLIPSE_POINTS).T
+    judged = one.surfacing
+    north, east = outline(judged.reach[1] * judged.covariance, ELLIPSE_POINTS).T
     return np.stack(position(north, east, *one.places["forecast"]))
 
 
@@ -117,10 +120,13 @@ def current_figure(one: DeploymentHindcast) -> Figure:
         for k, (axes, name) in enumerate(
             zip(figure.subplots(2, 1, sharex=True), ("north", "east"), strict=True)
         ):
-            observed = np.array([s.current[k] for s in one.surfacings])
+            observed = np.array([s.found[k] for s in one.surfacings])
             expected = np.array([s.expected[k] for s in one.surfacings])
             reach = np.array(
-                [np.sqrt(NINETY * s.covariance[k, k]) / (s.hours * HOUR) for s in one.surfacings]
+                [
+                    np.sqrt(s.current.reach[1] * s.current.covariance[k, k]) / (s.hours * HOUR)
+                    for s in one.surfacings
+                ]
             )
             axes.fill_between(days, expected - reach, expected + reach, color=COLOURS["forecast"],
                               alpha=0.18, lw=0.0, label="extent of the 90 % ellipse")  # fmt: skip
@@ -129,8 +135,8 @@ def current_figure(one: DeploymentHindcast) -> Figure:
             axes.set_ylabel(f"{name} [m/s]")
             most = 1.3 * float(np.abs(observed).max()) + 0.05
             axes.set_ylim(-most, most)
-            if 0 < one.train < len(days):
-                axes.axvline(0.5 * (days[one.train - 1] + days[one.train]), color=style.GUIDE,
+            if 1 < one.train < len(days):  # the first leg has no surfacing of its own here
+                axes.axvline(0.5 * (days[one.train - 2] + days[one.train - 1]), color=style.GUIDE,
                              ls=(0, (3, 2)), lw=0.9, label="scored from here")  # fmt: skip
         draw_dates(axes, start, HOUR)
         axes.set_xlabel(LABEL)
@@ -145,7 +151,7 @@ def error_figure(one: DeploymentHindcast) -> Figure:
         figure = style.new_figure(style.PAGE_WIDTH, 2.6)
         axes = figure.add_subplot()
         for name in METHODS:
-            errors = np.sort([e for s in scored if np.isfinite(e := s.error(name))])
+            errors = np.sort([e for s in scored if np.isfinite(e := s.surfacing.error(name))])
             if errors.size:
                 share = np.arange(1, errors.size + 1) / errors.size
                 axes.step(np.concatenate([[0.0], errors]), np.concatenate([[0.0], share]),
@@ -171,23 +177,29 @@ def build_page(folder: Path, found: Hindcast, command: str = "") -> Path:
     page = Page(
         folder,
         "Where it surfaced, and where it was expected",
-        f"The first {100 * found.train_fraction:.0f} % of each deployment taught the parameters of "
-        "the current; every later surfacing was forecast from the fixes before its dive.",
+        "Every surfacing was forecast from what a pilot knew before its dive; what the forecast "
+        "learns, it learned from the dives before.",
     )
-    page.numbers(_large(found.scores))
-    rows = [(one.name, one.scores) for one in found.deployments]
-    if len(rows) > 1:
-        rows.append(("all", found.scores))
-    partial = [name for name in METHODS if any(name in scores.partial for _, scores in rows)]
-    page.table(
-        [
-            {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
-            for name, scores in rows
-        ],
-        "Mean error, metres per hour since the fix before. All methods are given the same way "
-        "through the water; persistence adds the current of the dive before.",
-        first=False,
-    )
+    page.numbers(_large(found.surfacing))
+    for which, words in (
+        ("surfacing", "Where it surfaced: mean error, metres per hour since the fix before. Rivals "
+         "go at the speed of the last three dives toward the waypoint for their median duration, "
+         "each with a current of its own; on board: that with which the vehicle reckons."),
+        ("current", "The current alone: all methods are given the way through the water and the "
+         "duration; on board: the vehicle's own track at the end of the dive."),
+    ):  # fmt: skip
+        rows = [(one.name, getattr(one, which)) for one in found.deployments]
+        if len(rows) > 1:
+            rows.append(("all", getattr(found, which)))
+        partial = [name for name in METHODS if any(name in each.partial for _, each in rows)]
+        page.table(
+            [
+                {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
+                for name, scores in rows
+            ],
+            words,
+            first=False,
+        )
     for one in found.deployments:
         _deployment(page, one)
     if command:
@@ -213,7 +225,7 @@ def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
     return {
         **{TITLES[name]: scores.mean[name] for name in METHODS},
         **{f"{TITLES[name]}, scored": scores.segments_of[name] for name in partial},
-        "forecast/persistence": scores.ratio,
+        "by the best rival": scores.ratio,
         "in 50 %": scores.coverage_50,
         "in 90 %": scores.coverage_90,
     }
@@ -221,18 +233,14 @@ def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
 
 def _deployment(page: Page, one: DeploymentHindcast) -> None:
     page.section(one.name)
-    parameters = one.tuned.parameters
-    said = (
-        "Its fixes speak for persistence: the last dive's current is the forecast."
-        if parameters.persists
-        else f"Tide of {', '.join(parameters.constituents) or 'no constituent'}, eddies that last "
-        f"{parameters.eddy_time:.0f} h, inertial oscillation, wandering mean."
-    )
-    if one.scores.ratio_interval is not None:
-        low, high = one.scores.ratio_interval
+    said = "Weights of the current's models after the last dive: "
+    said += ", ".join(f"{name} {weight:.2f}" for name, weight in one.walked.now.items()) + "."
+    scores = one.surfacing
+    if scores.ratio_interval is not None and scores.rival is not None:
+        low, high = scores.ratio_interval
         said += (
-            f" Error by that of persistence {one.scores.ratio:.2f}, 95 % interval {low:.2f} to "
-            f"{high:.2f}."
+            f" Error by that of {TITLES[scores.rival]}, the best rival, {scores.ratio:.2f}, 95 % "
+            f"interval {low:.2f} to {high:.2f}."
         )
     page.say(said)
     page.figure(
@@ -247,7 +255,7 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
         "Mean current of each dive, by its two fixes and its way through the water, and as it was "
         "forecast before the dive.",
     )
-    if one.scores.segments:
+    if scores.segments:
         page.figure(
             f"errors-{one.name}",
             error_figure(one),
@@ -260,9 +268,14 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
                 "hours": s.hours,
                 "latitude": f"{s.places['fix'][0]:.4f}",
                 "longitude": f"{s.places['fix'][1]:.4f}",
-                **{f"{TITLES[n]}, m/h": s.error(n) if n in s.missed else None for n in METHODS},
-                "90 % ellipse, km": _kilometres(Ellipse.of(NINETY * s.covariance)),
-                "held": "yes" if s.distance <= NINETY else "no",
+                **{
+                    f"{TITLES[n]}, m/h": s.surfacing.error(n) if n in s.surfacing.missed else None
+                    for n in METHODS
+                },
+                "90 % ellipse, km": _kilometres(
+                    Ellipse.of(s.surfacing.reach[1] * s.surfacing.covariance)
+                ),
+                "held": "yes" if s.surfacing.held[1] else "no",
             }
             for s in one.surfacings[-MOST_ROWS:]
             if s.scored

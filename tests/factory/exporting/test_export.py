@@ -159,7 +159,7 @@ def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -
     import pyarrow.parquet as pq
 
     run = GeneratedStore(field_store)
-    path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
+    (path,) = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
     table = pq.read_table(path)
     assert table.num_rows == run.samples.sum()
     stored = [name for name in VARIABLES if name in run.dataset]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
 from factory.importing.netcdf import in_unit
-from factory.verify_logs import verify_logs
+from factory.soundness import verify_logs
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

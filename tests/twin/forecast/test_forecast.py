@@ -13,15 +13,16 @@ from logs import START, Flight, write_slocum
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
+from twin.cli.console import Console
+from twin.commands.forecast import ForecastSurfacings
 from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
-from twin.forecast.draws import draw_deviation, draw_water
-from twin.forecast.known import Known
+from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
 from twin.forecast.request import arrivals
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.identify.start_values import other_kind
-from twin.navigation.current import CurrentFilter, CurrentParameters
+from twin.navigation.current import Leg
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
 from twin.show.forecast_page import page, write_forecast
@@ -82,7 +83,9 @@ def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
     first, second = steps[-1].surfacings
     assert second.ellipse(NINETY).semi_major_m > first.ellipse(NINETY).semi_major_m
     assert first.ellipse(HALF).semi_major_m < first.ellipse(NINETY).semi_major_m
-    deviation = draw_deviation(known_without_logs(36.8, UNIX).filter_)
+    known = known_without_logs(36.8, UNIX)
+    drawn = draw_water(known.filter_, 3600.0, 24, np.random.default_rng(0), 7200.0)
+    _, deviation = draw_models(drawn, known.pool, np.random.default_rng(0))
     ellipse = first.ellipse(NINETY)
     expected = np.sqrt(prediction_quantile(0.9, 24)) * deviation * first.time_s
     radius = np.sqrt(ellipse.semi_major_m * ellipse.semi_minor_m)
@@ -182,7 +185,9 @@ def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
 
 def test_what_is_said_to_be_drawn_is_what_is_drawn() -> None:
     known = known_without_logs(36.8, UNIX)
-    drawn = draw_water(known.filter_, 3600.0, 4000, np.random.default_rng(2), 7200.0)
+    rng = np.random.default_rng(2)
+    drawn = draw_water(known.filter_, 3600.0, 4000, rng, 7200.0)
+    drawn, _ = draw_models(drawn, known.pool, rng)
     said = members_of(asked(members=10), known).spread
     deviation = float(re.search(r"known to ([0-9.]+) m/s", said["current"])[1])
     assert drawn.current[1:, 0].std() == pytest.approx(deviation, rel=0.03)
@@ -274,18 +279,29 @@ def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
         known.at(end - 3600.0)
 
 
-@pytest.mark.parametrize("by_model", [True, False])
-def test_persistence_of_the_current_does_not_say_that_speed_and_compass_are_exact(by_model) -> None:
-    filter_ = CurrentFilter(CurrentParameters.persistence(0.1), latitude=36.8, time=UNIX)
-    known = Known(filter_=filter_, legs=8, by_model=by_model, source="8 dives")
-    members = members_of(asked(), known)
-    assert members.spread["speed"].startswith("+0.0 %, +-6.0 %, assumed")
-    assert members.spread["compass"].startswith("+0.0 degree, +-4.2 degree, assumed: the fixes of")
-    assert ("the fixes of these logs do not show it" in members.spread["speed"]) == by_model
-    offsets = np.array([one.compass_offset for one in members.scenarios])
-    assert offsets[0] == 0.0
-    assert np.std(offsets) == pytest.approx(np.radians(4.2), rel=0.4)
-    assert members.scenarios[1].vehicle.law != members.scenarios[2].vehicle.law
+def test_members_take_the_model_that_the_dives_speak_for() -> None:
+    """Of a current that jumps and then stays: the last dive's, and not the filter's mean."""
+    known = known_without_logs(36.8, UNIX)
+    rng = np.random.default_rng(3)
+    for k in range(40):
+        side = 0.3 if (k // 4) % 2 else -0.3  # four dives each way
+        current = np.array([side, 0.1]) + 0.005 * rng.standard_normal(2)
+        leg = Leg(
+            start=UNIX + 9e3 * k,
+            duration=7.2e3,
+            over_ground=tuple(7.2e3 * current),
+            through_water=(0.0, 0.0),
+        )
+        known.pool.learn(leg)
+    weights = known.pool.pool.weights
+    assert weights["persistence"] > 0.5
+    drawn = draw_water(known.filter_, 3600.0, 400, np.random.default_rng(4), 7200.0)
+    mixed, deviation = draw_models(drawn, known.pool, np.random.default_rng(5))
+    changed = (mixed.current != drawn.current).any(axis=(1, 2))
+    assert changed[1:].mean() == pytest.approx(1.0 - weights["filter"], abs=0.08)
+    near = np.abs(mixed.current[changed][1:, 0] - [0.3, 0.1]).max(axis=1) < 0.1
+    assert near.mean() > 0.4
+    assert mixed.current[1:, 0].std(axis=0).mean() == pytest.approx(deviation, rel=0.25)
 
 
 def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> None:
@@ -298,6 +314,14 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> N
     assert "vehicle mine (seaglider) is of another" in other_kind(store, load_vehicle(str(mine)))
     mine.write_text(load_vehicle("slocum-200").xml)
     assert other_kind(store, load_vehicle(str(mine))) == ""
+
+
+def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store) -> None:
+    console = Console("twin", json=True)
+    named = {"slocum-200": {"logs": store}, "spray": {"vehicle": "spray"}, "glider": {}}
+    for name, words in named.items():
+        command = ForecastSurfacings(goto="36.9,-122.5", **words)
+        assert command._vehicle(console, words.get("logs")).name == name
 
 
 def test_logs_of_another_time_or_place_are_not_taken(store) -> None:

@@ -1,0 +1,195 @@
+"""Files: MCAP files of a store, one for each simulated mission or logged deployment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.base import Advance, no_progress
+from factory.exporting.mcap_cdr import encode
+from factory.exporting.mcap_samples import McapSamples
+from factory.exporting.mcap_topics import Topic, topics
+from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
+from twin.records.coordinates import NOMINAL
+from twin.records.logged import LogStore
+from twin.records.reader import MissionStore
+from twin.records.schema import VARIABLES
+from twin.version import __version__
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+DISTRIBUTION = "ROS2_HUMBLE"
+"""Whose definitions of the standard messages are in the files; those used here are the same in all
+later ones"""
+AT_A_TIME = 8192
+"""Samples that are turned into messages in one go: 30 MB"""
+FRAMES = (
+    "REP 103: map is east, north, up at the start of the first mission of the file; base_link and "
+    "imu_link are forward, left, up; the same with _true are those of the true vehicle"
+)
+_ENDLESS = "{sec: 9223372036, nsec: 854775807}"
+LATCHED = (
+    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, "
+    f"deadline: {_ENDLESS}, lifespan: {_ENDLESS}, liveliness_lease_duration: {_ENDLESS}, "
+    "avoid_ros_namespace_conventions: false}"
+)
+"""Quality of service of /tf_static in rosbag2's YAML: whoever joins later gets the last message"""
+SIMULATED = "SIMULATED: no vehicle has measured this"
+
+
+def export_mcap(
+    run: MissionStore, missions: Sequence[int], folder: Path, advance: Advance = no_progress
+) -> list[Path]:
+    """Write the missions as MCAP files with standard ROS 2 messages.
+
+    Raises:
+      ModuleNotFoundError: mcap or rosbags is not installed.
+      OSError: the disk refuses.
+      StoreError: no such mission, its data cannot be read, or nobody knows when it began.
+    """
+    writers = import_module("mcap.writer")
+    stores = import_module("rosbags.typesys")
+    types = stores.get_typestore(stores.Stores[DISTRIBUTION])
+    written = []
+    for name, some in files(run, missions):
+        path = folder / f"{name}.mcap"
+        with path.open("wb") as stream:
+            writer = writers.Writer(stream)
+            writer.start(profile="ros2", library=f"glider-twin {__version__}")
+            bag = _Bag(writer, types)
+            origin = None
+            for mission in some:
+                samples = McapSamples(run, mission, origin)
+                if origin is None:
+                    origin = samples.origin
+                    writer.add_metadata("glider-twin", about(run, some, samples))
+                bag.add(samples)
+                advance()
+            writer.finish()
+        written.append(path)
+    return written
+
+
+def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, list[int]]]:
+    """Names of the files without ending, and their missions in order of time."""
+    if not isinstance(run, LogStore):
+        yield from ((f"mission_{mission:06d}", [mission]) for mission in missions)
+        return
+    wanted = set(missions)
+    taken: set[str] = set()
+    for deployment in dict.fromkeys(run.deployments):
+        some = [mission for mission in run.missions_of(deployment) if mission in wanted]
+        if some:
+            plain = re.sub(r"[^A-Za-z0-9._-]+", "_", deployment).strip("._") or "deployment"
+            name = plain if plain.lower() not in taken else f"{plain}_{some[0]}"
+            taken.add(name.lower())
+            yield name, some
+
+
+def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dict[str, str]:
+    """What a file says of itself."""
+    said = {
+        name: str(run.attributes[name])
+        for name in (TITLE, SOURCE, COMMENT, HISTORY, PLATFORM)
+        if name in run.attributes
+    }
+    if not run.logged:
+        said["data"] = SIMULATED
+    if NOMINAL in first.place:
+        said["nominal"] = f"{first.place[NOMINAL]} unknown: the default stands"
+    return {
+        **said,
+        "missions": " ".join(map(str, missions)),
+        "vehicle": run.vehicle.name,
+        SAMPLE_PERIOD: f"{run.period:g}",
+        "frames": FRAMES,
+        "map_latitude": f"{first.origin[0]:.9f}",
+        "map_longitude": f"{first.origin[1]:.9f}",
+    }
+
+
+class _Bag:
+    """Channels of an open file, by topic."""
+
+    def __init__(self, writer: Writer, types: Any) -> None:
+        self._writer, self._types = writer, types
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: dict[int, int] = {}
+
+    def add(self, samples: McapSamples) -> None:
+        """Write the messages of a mission in order of time."""
+        found = [topic for topic in topics(samples) if topic.known.any()]
+        channels = [self._channel(topic) for topic in found]
+        for first in range(0, samples.count, AT_A_TIME):
+            block = slice(first, min(first + AT_A_TIME, samples.count))
+            tables = [self._encoded(topic, block) for topic in found]
+            places = [np.flatnonzero(topic.known[block]) for topic in found]
+            which = np.repeat(np.arange(len(found)), [len(place) for place in places])
+            rows = np.concatenate([np.arange(len(place)) for place in places])
+            moments = samples.time[block][np.concatenate(places)]
+            order = np.lexsort((which, moments))
+            for k, row, moment in zip(
+                which[order].tolist(), rows[order].tolist(), moments[order].tolist(), strict=True
+            ):
+                data, size = tables[k]
+                self._message(channels[k], moment, data[row * size : (row + 1) * size])
+
+    def _message(self, channel: int, moment: int, data: bytes) -> None:
+        number = self._counts.get(channel, 0)
+        self._counts[channel] = number + 1
+        self._writer.add_message(
+            channel, log_time=moment, publish_time=moment, sequence=number, data=data
+        )
+
+    def _encoded(self, topic: Topic, block: slice) -> tuple[bytes, int]:
+        """The messages of some samples, end to end, and the bytes of one."""
+        known = topic.known[block]
+        table = encode(self._types, topic.type, _rows(topic.values, block, known), int(known.sum()))
+        return table.tobytes(), table.shape[1]
+
+    def _channel(self, topic: Topic) -> int:
+        if topic.name not in self._channels:
+            said = {
+                "signals": " ".join(topic.signals),
+                "units": topic.units,
+                "description": _description(topic),
+                "offered_qos_profiles": LATCHED if topic.name == "/tf_static" else "",
+            }
+            self._channels[topic.name] = self._writer.register_channel(
+                topic=topic.name, message_encoding="cdr", schema_id=self._schema(topic.type),
+                metadata={name: text for name, text in said.items() if text},
+            )  # fmt: skip
+        return self._channels[topic.name]
+
+    def _schema(self, kind: str) -> int:
+        if kind not in self._schemas:
+            text, _ = self._types.generate_msgdef(kind, ros_version=2)
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text.encode())
+        return self._schemas[kind]
+
+
+def _description(topic: Topic) -> str:
+    """Meaning of a bare number."""
+    if not topic.units or len(topic.signals) != 1:
+        return ""
+    entry = VARIABLES[topic.signals[0]]
+    return f"{entry.long_name}; {entry.comment}" if entry.comment else entry.long_name
+
+
+def _rows(values: Any, block: slice, known: NDArray[np.bool_]) -> Any:
+    """The fields of some samples."""
+    if isinstance(values, np.ndarray):
+        return values[block][known]
+    if isinstance(values, Mapping):
+        return {name: _rows(value, block, known) for name, value in values.items()}
+    if isinstance(values, list):
+        return [_rows(value, block, known) for value in values]
+    return values

@@ -1,0 +1,317 @@
+"""Topics: which messages are made of which signals.
+
+Standard messages where there is one, and std_msgs/Float64 for every other signal. What happened is
+below /truth, what the sensors said below /measured, what was asked for below /commanded. Units are
+those of REP 103: metre, radian, second, pascal, cubic metre.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.exporting.mcap_cdr import body, to_body, world
+from factory.exporting.mcap_samples import McapSamples
+from factory.generation.generated_store import GeneratedStore, StoredFlight
+from twin.records.schema import VARIABLES
+from twin.records.timeseries import FIXES
+from twin.sensors.imu import Imu
+
+Array = NDArray[np.float64]
+
+MAP, BASE, IMU = "map", "base_link", "imu_link"
+TRUE = "_true"
+"""Behind the frames of the true vehicle, of which the measured one is an estimate"""
+GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
+"""Namespace by the first word of a signal"""
+SURFACE_PRESSURE, PASCAL = 101_325.0, 1e4
+"""[Pa] of the air, which stores leave out and FluidPressure contains; [Pa] in a dbar"""
+SI = {
+    "degree": ("rad", np.pi / 180.0),
+    "degree s-1": ("rad s-1", np.pi / 180.0),
+    "cm3": ("m3", 1e-6),
+    "dbar": ("Pa", PASCAL),
+}
+"""Unit that stands for one of the store's, and its factor"""
+RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
+ANGLES = ("roll", "pitch", "heading")
+DVL_MODES = {"bottom": 1, "water": 2}
+UNKNOWN, APPROXIMATED = 0, 1
+"""Kinds of covariance of a NavSatFix"""
+FIX, GPS = 0, 1
+"""Status and service of a NavSatFix"""
+NOT_MEASURED = (-1.0, *(0.0,) * 8)
+"""Covariance of an Imu's quantity that it does not measure"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Topic:
+    """Messages of one topic of a mission."""
+
+    name: str
+    """Such as /measured/imu"""
+    type: str
+    """Such as sensor_msgs/msg/Imu"""
+    values: Mapping[str, Any]
+    """Fields as `cdr.encode` takes them, arrays with a row for each sample"""
+    known: NDArray[np.bool_]
+    """Samples that have a message"""
+    signals: tuple[str, ...]
+    """What it was made of"""
+    frame: str = ""
+    """Of the header; empty where the type has none"""
+    units: str = ""
+    """Of a bare number"""
+
+
+def topics(samples: McapSamples) -> Iterator[Topic]:
+    """All topics of a mission, standard messages first."""
+    used: set[str] = set()
+    for topic in _standard(samples):
+        used.update(topic.signals)
+        yield topic
+    for name in samples.names:
+        if name not in used or name.endswith("_depth"):
+            yield _number(samples, name)
+
+
+def _standard(samples: McapSamples) -> Iterator[Topic]:
+    simulated = not samples.run.logged
+    for group in ("true", "measured"):
+        if samples.all_of(*_names(group, *ANGLES)):
+            yield from _imu(samples, group)
+        yield from _pose(samples, group)
+        if samples.all_of(f"{group}_temperature"):
+            yield _stamped(
+                samples, f"/{GROUPS[group]}/temperature", "sensor_msgs/msg/Temperature",
+                {"temperature": samples.signal(f"{group}_temperature")}, [f"{group}_temperature"],
+            )  # fmt: skip
+        current = _names(group, "current_north", "current_east")
+        if samples.all_of(*current):
+            names = [*current, *_names(group, "current_down")]
+            vector = world(*samples.vector(group, "current_north", "current_east", "current_down"))
+            yield _stamped(
+                samples, f"/{GROUPS[group]}/current", "geometry_msgs/msg/Vector3Stamped",
+                {"vector": _xyz(vector)}, names, frame=MAP,
+            )  # fmt: skip
+    if samples.all_of("measured_pressure"):
+        pressure = SURFACE_PRESSURE + PASCAL * samples.signal("measured_pressure")
+        yield _stamped(
+            samples, "/measured/pressure", "sensor_msgs/msg/FluidPressure",
+            {"fluid_pressure": pressure}, ["measured_pressure"],
+        )  # fmt: skip
+    yield from _doppler(samples)
+    if samples.all_of(*FIXES):
+        latitude, longitude = samples.fixes()
+        yield _fix(samples, "/measured/fix", latitude, longitude, FIXES, _gps_deviation(samples))
+    name = "/truth/fix" if simulated else "/measured/track"
+    yield _fix(samples, name, samples.latitude, samples.longitude, (), None)
+
+
+def _imu(samples: McapSamples, group: str) -> Iterator[Topic]:
+    """Attitude, rates and specific force, which ROS calls linear acceleration."""
+    suffix = TRUE if group == "true" else ""
+    rates, forces = _names(group, *RATES), _names(group, *FORCES)
+    angles = _names(group, *ANGLES)
+    spread = _imu_covariances(samples) if group == "measured" else ((0.0,) * 9, (0.0,) * 9)
+    moved, pushed = samples.all_of(*rates), samples.all_of(*forces)
+    names = [*angles, *(rates if moved else ()), *(forces if pushed else ())]
+    values = {
+        "orientation": _xyzw(samples.orientation(group)),
+        "angular_velocity": _xyz(body(*samples.vector(group, *RATES))),
+        "angular_velocity_covariance": spread[0] if moved else NOT_MEASURED,
+        "linear_acceleration": _xyz(body(*samples.vector(group, *FORCES))),
+        "linear_acceleration_covariance": spread[1] if pushed else NOT_MEASURED,
+    }
+    frame = (IMU if pushed else BASE) + suffix
+    topic = f"/{GROUPS[group]}/imu"
+    yield _stamped(samples, topic, "sensor_msgs/msg/Imu", values, names, frame=frame)
+
+
+def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
+    """Where the vehicle is, as odometry, pose and transform."""
+    measured = group == "measured"
+    logged = samples.run.logged
+    tracks = ("north", "east") if not measured else ("onboard_north", "onboard_east")
+    names = [*_names(group, *tracks), f"{group}_depth", *_names(group, *ANGLES)]
+    if measured and logged and samples.all_of(*names[2:]):
+        names = names[2:]
+        north, east = samples.track()
+    elif samples.all_of(*names):
+        north, east = samples.vector(group, *tracks)
+    else:
+        return
+    place = world(north, east, samples.signal(f"{group}_depth"))
+    turn = samples.orientation(group)
+    child = BASE if measured else BASE + TRUE
+    pose = {"position": _xyz(place), "orientation": _xyzw(turn)}
+    over = _names(group, "velocity_north", "velocity_east", "velocity_down")
+    rates = _names(group, *RATES)
+    if samples.all_of(*over, *rates):
+        speed = to_body(turn, world(*(samples.signal(name) for name in over)))
+        twist = _twist(speed, body(*samples.vector(group, *RATES)))
+        values = {"child_frame_id": child, "pose": {"pose": pose}, "twist": {"twist": twist}}
+        names = [*names, *over, *rates]
+        topic = f"/{GROUPS[group]}/odometry"
+        yield _stamped(samples, topic, "nav_msgs/msg/Odometry", values, names, frame=MAP)
+    else:
+        topic = f"/{GROUPS[group]}/pose"
+        values = {"pose": pose}
+        yield _stamped(samples, topic, "geometry_msgs/msg/PoseStamped", values, names, frame=MAP)
+    water = _names(group, "surge", "sway", "heave")
+    if samples.all_of(*water):
+        through = body(*(samples.signal(name) for name in water))
+        twist = _twist(through, body(*samples.vector(group, *RATES)))
+        yield _stamped(
+            samples, f"/{GROUPS[group]}/velocity_through_water", "geometry_msgs/msg/TwistStamped",
+            {"twist": twist}, water, frame=child,
+        )  # fmt: skip
+    transform = {
+        "header": {"stamp": _stamp(samples.time), "frame_id": MAP},
+        "child_frame_id": child,
+        "transform": {"translation": _xyz(place), "rotation": _xyzw(turn)},
+    }
+    known = np.isfinite(np.concatenate([place, turn], axis=1)).all(axis=1)
+    yield _transforms("/tf", transform, known)
+    offset = body(*(np.full(samples.count, x) for x in samples.run.vehicle.imu_position))
+    fixed = {
+        "header": {"stamp": _stamp(samples.time), "frame_id": child},
+        "child_frame_id": IMU if measured else IMU + TRUE,
+        "transform": {"translation": _xyz(offset), "rotation": {"w": 1.0}},
+    }
+    yield _transforms("/tf_static", fixed, np.arange(samples.count) == 0)
+
+
+def _doppler(samples: McapSamples) -> Iterator[Topic]:
+    """Velocity by the Doppler log, over the bottom and through the water apart."""
+    names = _names("measured", "dvl_surge", "dvl_sway", "dvl_heave")
+    if not samples.all_of(*names, "measured_dvl_mode"):
+        return
+    speed = body(*(samples.signal(name) for name in names))
+    twist = {"twist": {"twist": _twist(speed, body(*samples.vector("measured", *RATES)))}}
+    mode = samples.signal("measured_dvl_mode")
+    for over, code in DVL_MODES.items():
+        topic = _stamped(
+            samples, f"/measured/dvl/{over}", "geometry_msgs/msg/TwistWithCovarianceStamped",
+            twist, [*names, "measured_dvl_mode"],
+        )  # fmt: skip
+        known = (mode == code) & np.isfinite(speed).all(axis=1)
+        yield dataclasses.replace(topic, known=known)
+
+
+def _fix(
+    samples: McapSamples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
+    deviation: float | None,
+) -> Topic:  # fmt: skip
+    """Places as a map shows them; the height is above the sea surface."""
+    depth = next((n for n in ("true_depth", "measured_depth") if n in samples.names), None)
+    deep = name != "/measured/fix" and depth is not None
+    height = -samples.signal(depth) if deep and depth is not None else np.zeros(samples.count)
+    variance = 0.0 if deviation is None else deviation**2
+    values = {
+        "status": {"status": FIX, "service": GPS},
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": height,
+        "position_covariance": (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, 0.0),
+        "position_covariance_type": UNKNOWN if deviation is None else APPROXIMATED,
+    }
+    frame = BASE + (TRUE if name.startswith("/truth") else "")
+    return _stamped(samples, name, "sensor_msgs/msg/NavSatFix", values, signals, frame=frame)
+
+
+def _gps_deviation(samples: McapSamples) -> float | None:
+    """[m] of the fixes of a mission, per axis; None where nobody knows it."""
+    if isinstance(samples.run, GeneratedStore):
+        return samples.run.sensor_constants(samples.mission).get("gps_sigma") or None
+    return None
+
+
+def _imu_covariances(samples: McapSamples) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Of rates [(rad/s)2] and specific force [(m/s2)2]; zeros, that is unknown, of other sensors.
+
+    White noise, bias instability and turn-on bias of a sample, each as its deviation.
+    """
+    run = samples.run
+    suite = run.suite if isinstance(run, GeneratedStore | StoredFlight) else {}
+    imu = suite.get("imu")
+    if not isinstance(imu, Imu):
+        return (0.0,) * 9, (0.0,) * 9
+    found = []
+    for density, instability, bias in (
+        (imu.gyro_noise_density, imu.gyro_bias_instability, imu.gyro_turn_on_bias),
+        (imu.accel_noise_density, imu.accel_bias_instability, imu.accel_turn_on_bias),
+    ):
+        variance = density**2 / run.period + instability**2 + bias**2
+        found.append(tuple(np.diag([variance] * 3).ravel().tolist()))
+    return found[0], found[1]
+
+
+def _number(samples: McapSamples, name: str) -> Topic:
+    """A signal that no standard message has."""
+    group, rest = name.split("_", 1)
+    stored = VARIABLES[name].units
+    units, factor = SI.get(stored, (stored, 1.0))
+    values = samples.signal(name) * factor
+    return Topic(
+        name=f"/{GROUPS[group]}/{rest}", type="std_msgs/msg/Float64", values={"data": values},
+        known=np.isfinite(values), signals=(name,), units=units,
+    )  # fmt: skip
+
+
+def _stamped(
+    samples: McapSamples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
+    frame: str = BASE,
+) -> Topic:  # fmt: skip
+    """A topic with headers; samples with a gap in any field have no message."""
+    suffixed = frame + TRUE if name.startswith("/truth") and frame == BASE else frame
+    header = {"stamp": _stamp(samples.time), "frame_id": suffixed}
+    return Topic(
+        name=name, type=kind, values={"header": header, **values}, frame=suffixed,
+        known=_finite(values, samples.count), signals=tuple(signals),
+    )  # fmt: skip
+
+
+def _transforms(name: str, transform: Mapping[str, Any], known: NDArray[np.bool_]) -> Topic:
+    child = str(transform["child_frame_id"])
+    return Topic(
+        name=name, type="tf2_msgs/msg/TFMessage", values={"transforms": [transform]}, known=known,
+        signals=(), frame=child,
+    )  # fmt: skip
+
+
+def _finite(values: Any, count: int) -> NDArray[np.bool_]:
+    """Samples whose fields all are numbers."""
+    known = np.ones(count, bool)
+    if isinstance(values, np.ndarray):
+        known &= np.isfinite(values.reshape(count, -1)).all(axis=1)
+    elif isinstance(values, Mapping):
+        for value in values.values():
+            known &= _finite(value, count)
+    return known
+
+
+def _names(group: str, *names: str) -> list[str]:
+    return [f"{group}_{name}" for name in names]
+
+
+def _stamp(time: NDArray[np.int64]) -> dict[str, Any]:
+    seconds, rest = np.divmod(time, 1_000_000_000)
+    return {"sec": seconds, "nanosec": rest}
+
+
+def _xyz(vector: Array) -> dict[str, Any]:
+    return dict(zip("xyz", vector.T, strict=True))
+
+
+def _xyzw(quaternion: Array) -> dict[str, Any]:
+    return dict(zip("xyzw", quaternion.T, strict=True))
+
+
+def _twist(linear: Array, angular: Array) -> dict[str, Any]:
+    return {"linear": _xyz(linear), "angular": _xyz(angular)}

@@ -1,0 +1,226 @@
+"""LeRobot: missions as episodes in files of format v3.0.
+
+Many episodes share a file; meta/episodes says where each begins. Source: the definition of the
+format in LeRobot 0.4.4 (lerobot/datasets), which reads these files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from factory.exporting.base import Advance, ExportOptions
+from factory.exporting.metadata import metadata_for
+from factory.generation.generated_store import GeneratedStore, StoredFlight
+from glider_twin_hubs.data_card import split_name, write_card
+from glider_twin_hubs.lerobot_features import (
+    INDICES,
+    OTHER,
+    Features,
+    Total,
+    choose_features,
+    episode_statistics,
+)
+from twin.records.attributes import SPLITS
+from twin.records.reader import MissionStore
+
+VERSION = "v3.0"
+CHUNK, FILE_MB, VIDEO_MB = 1000, 100, 200
+"""Files of a folder, and megabytes of a file, as LeRobot has them"""
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+EPISODES = "meta/episodes/chunk-000/file-000.parquet"
+TASKS, INFO, STATS = "meta/tasks.parquet", "meta/info.json", "meta/stats.json"
+AT_A_TIME = 256
+"""Episodes whose metadata are written in one go"""
+LAYOUT = f"""LeRobot data set, format v3.0. An episode is a mission: first all of training, then
+validation, then test (`splits` in meta/info.json). `observation.state` has the measured signals,
+`observation.environment_state` the truth, `action` the commands to the vehicle's parts, each only
+signals without gaps. The vector `{OTHER}` has signals with gaps, NaN where there was none, and
+setpoints. `names` in meta/info.json says which column is which.
+
+```python
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+missions = LeRobotDataset("local/missions", root="this/folder")
+```"""
+
+
+def export_lerobot(
+    run: MissionStore,
+    missions: Sequence[int],
+    folder: Path,
+    advance: Advance,
+    options: ExportOptions,
+) -> list[Path]:
+    """Write the missions as episodes, with statistics, tasks and README.md.
+
+    Raises:
+      ModuleNotFoundError: pyarrow is not installed.
+      OSError: the disk refuses.
+      StoreError: no such mission, its data cannot be read, or no signal is without gaps.
+    """
+    ordered = [m for split in SPLITS for m in missions if split_name(run.splits[m]) == split]
+    writer = _Writer(run, choose_features(run, ordered), folder)
+    with writer:
+        for mission in ordered:
+            writer.add(mission)
+            advance()
+    counts = {split: sum(split_name(run.splits[m]) == split for m in ordered) for split in SPLITS}
+    written = [*writer.files, *writer.finish(counts)]
+    config = [{"config_name": "default", "data_files": "data/*/*.parquet"}]
+    said = metadata_for(run, options.metadata)
+    about = write_card(folder, run, ordered, said, config, tags=("LeRobot",), layout=LAYOUT)
+    return [about, *written]
+
+
+class _Writer:
+    """Files that grow by an episode at a time; a context manager, which closes them."""
+
+    def __init__(self, run: MissionStore, features: Features, folder: Path) -> None:
+        self._pa, self._pq = import_module("pyarrow"), import_module("pyarrow.parquet")
+        self._run, self._features, self._folder = run, features, folder
+        self._tasks: dict[str, int] = {}
+        self._total = Total()
+        self._rows = self._episodes = 0
+        self._kept: list[dict[str, Any]] = []
+        self._data: Any = None
+        self._meta: Any = None
+        self._file = -1
+        self.files: list[Path] = []
+        """Those that were written"""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._flush()
+        for writer in (self._data, self._meta):
+            if writer is not None:
+                writer.close()
+
+    def add(self, mission: int) -> None:
+        """Write a mission as the next episode."""
+        run, count = self._run, int(self._run.samples[mission])
+        task = _task(run, mission)
+        number = self._tasks.setdefault(task, len(self._tasks))
+        vectors = self._features.read(run, mission)
+        frames = np.arange(count)
+        columns: dict[str, Any] = {
+            "timestamp": (frames * run.period).astype(np.float32),
+            "frame_index": frames,
+            "episode_index": np.full(count, self._episodes),
+            "index": self._rows + frames,
+            "task_index": np.full(count, number),
+        }
+        statistics = {n: episode_statistics(v) for n, v in (vectors | columns).items()}
+        self._total.add(statistics)
+        self._write_rows({n: self._vector(v) for n, v in vectors.items()} | columns)
+        self._kept.append(
+            {
+                "episode_index": self._episodes,
+                "tasks": [task],
+                "length": count,
+                "data/chunk_index": self._file // CHUNK,
+                "data/file_index": self._file % CHUNK,
+                "dataset_from_index": self._rows,
+                "dataset_to_index": self._rows + count,
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+                "mission": mission,
+                "split": run.splits[mission],
+                **{
+                    f"stats/{name}/{what}": values.tolist()
+                    for name, found in statistics.items()
+                    for what, values in found.items()
+                },
+            }
+        )
+        self._rows += count
+        self._episodes += 1
+        if len(self._kept) >= AT_A_TIME:
+            self._flush()
+
+    def finish(self, counts: dict[str, int]) -> list[Path]:
+        """Write what is known only at the end: information, statistics and tasks."""
+        import pandas as pd
+
+        fps = 1.0 / self._run.period
+        edges = np.cumsum([0, *(counts[split] for split in SPLITS)])
+        info = {
+            "codebase_version": VERSION,
+            "robot_type": self._run.vehicle.name,
+            "total_episodes": self._episodes,
+            "total_frames": self._rows,
+            "total_tasks": len(self._tasks),
+            "chunks_size": CHUNK,
+            "data_files_size_in_mb": FILE_MB,
+            "video_files_size_in_mb": VIDEO_MB,
+            "fps": int(fps) if fps.is_integer() else fps,
+            "splits": {
+                split: f"{edges[k]}:{edges[k + 1]}"
+                for k, split in enumerate(SPLITS)
+                if counts[split]
+            },
+            "data_path": DATA,
+            "video_path": None,
+            "features": self._features.described(),
+        }
+        paths = [self._folder / name for name in (INFO, STATS, TASKS)]
+        for path, content in zip(paths, (info, self._total.result()), strict=False):
+            path.write_text(json.dumps(content, indent=4), encoding="utf-8")
+        tasks = pd.DataFrame({"task_index": list(self._tasks.values())}, index=list(self._tasks))
+        tasks.to_parquet(paths[2])
+        return paths
+
+    def _vector(self, values: Any) -> Any:
+        """A column of vectors; a vector of one is a number, as LeRobot has it."""
+        pa = self._pa
+        flat = pa.array(values.ravel(), pa.float32())
+        width = values.shape[1]
+        return flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
+
+    def _write_rows(self, columns: dict[str, Any]) -> None:
+        table = self._pa.table({name: self._typed(name, v) for name, v in columns.items()})
+        if self._data is None:
+            self._file += 1
+            name = DATA.format(chunk_index=self._file // CHUNK, file_index=self._file % CHUNK)
+            self._data = self._open(name, table.schema)
+        self._data.write_table(table)
+        if self.files[-1].stat().st_size > FILE_MB * 2**20:
+            self._data.close()
+            self._data = None
+
+    def _typed(self, name: str, values: Any) -> Any:
+        pa = self._pa
+        return pa.array(values, getattr(pa, INDICES[name])()) if name in INDICES else values
+
+    def _flush(self) -> None:
+        if not self._kept:
+            return
+        table = self._pa.Table.from_pylist(self._kept)
+        if self._meta is None:
+            self._meta = self._open(EPISODES, table.schema, first=True)
+        self._meta.write_table(table.cast(self._meta.schema))
+        self._kept = []
+
+    def _open(self, name: str, schema: Any, *, first: bool = False) -> Any:
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.files.insert(0 if first else len(self.files), path)
+        return self._pq.ParquetWriter(path, schema, compression="zstd")
+
+
+def _task(run: MissionStore, mission: int) -> str:
+    """What the vehicle was to do, in words."""
+    if isinstance(run, GeneratedStore):
+        kinds = [str(one["mission.kind"]) for one in run.parameters(mission).segments]
+        return f"fly {', '.join(dict.fromkeys(kinds))}"
+    if isinstance(run, StoredFlight):
+        return f"fly {run.attributes['mission']}"
+    return "dive"

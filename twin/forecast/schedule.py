@@ -1,0 +1,96 @@
+"""Schedule: when a dive that begins now will end, by when those before it ended.
+
+Gliders surface after a time under water, a time after the last surfacing, or by the clock: every
+hour, two, three or four. Which of these a pilot has ordered shows in the dives themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.navigation.current.pool import Mixture, Pool, Prior
+
+Array = NDArray[np.float64]
+
+HOUR = 3600.0
+CLOCKS = (1.0, 2.0, 3.0, 4.0)
+"""[h] between surfacings by the clock"""
+SHORTEST = 600.0
+"""[s] of a dive"""
+RECENT = 5
+"""Ends from which the clock's phase is taken"""
+LAST, USUAL, SINCE = "as the last", "median of three", "since the last surfacing"
+CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))
+PRIORS: Mapping[str, Prior] = {
+    LAST: Prior(0.4, 0.12),
+    USUAL: Prior(0.22, 0.13),
+    SINCE: Prior(0.19, 0.12),
+    **{f"every {h:g} h": prior for h, prior in zip(CLOCKS, CLOCK_PRIORS, strict=True)},
+}
+"""Of each order, as deployments have them in common (`python -m benchmarks.surfacings`); scales as
+part of the usual duration"""
+FREEDOM, COUNTED, FORGETTING = 3.0, 2.0, 0.9
+"""See `Pool`: orders are kept to the minute until a pilot gives another"""
+
+
+def usual_duration(before: Sequence[tuple[float, float]]) -> float:
+    """[s] median of the last three dives, each by its begin and end [s]."""
+    return float(np.median([end - begin for begin, end in before[-3:]]))
+
+
+class Schedule:
+    """Orders to surface, mixed by how well they foretold the ends so far."""
+
+    def __init__(self, priors: Mapping[str, Prior] = PRIORS):
+        self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED, forgetting=FORGETTING)
+        self._dives: list[tuple[float, float]] = []
+
+    def expect(self, begin: float) -> Mixture:
+        """Duration [s] of a dive that begins at a time [s], (1,).
+
+        Raises:
+          InputError: there was no dive before.
+        """
+        said = np.array([self._foretold(begin)]).T
+        usual = usual_duration(self._dives) if self._dives else 1.0
+        return self.pool.expect(said, np.full((len(said), 1, 1), usual**2))
+
+    def learn(self, begin: float, end: float) -> Array | None:
+        """Take a dive that has ended; returns the part of each order in explaining it."""
+        part = None
+        if self._dives:
+            self.expect(begin)
+            part = self.pool.learn([end - begin])
+        self._dives = [*self._dives, (begin, end)][-RECENT:]
+        return part
+
+    def _foretold(self, begin: float) -> list[float]:
+        """[s] by each order."""
+        if not self._dives:
+            return [np.nan] * len(self.pool.names)
+        last, usual = self._dives[-1], usual_duration(self._dives)
+        ends = np.array([end for _, end in self._dives])
+        every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
+        since = max(last[1] + every - begin, SHORTEST)
+        clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
+        return [last[1] - last[0], usual, since, *clocks]
+
+
+def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
+    """[s] to the time of the clock next to a usual duration; NaN where dives are much shorter."""
+    if usual < 0.5 * period:
+        return np.nan
+    turn = 2.0 * np.pi / period
+    phase = float(np.angle(np.exp(1j * turn * ends).sum())) / turn
+    end = phase + period * np.round((begin + usual - phase) / period)
+    return float(end - begin + (period if end < begin + SHORTEST else 0.0))
+
+
+def middle(mixture: Mixture) -> float:
+    """The weighted median of what the orders say [s]: that of one order, not one between two."""
+    order = np.argsort(mixture.means[:, 0], kind="stable")
+    reached = np.searchsorted(np.cumsum(mixture.weights[order]), 0.5)
+    return float(mixture.means[order[min(int(reached), len(order) - 1)], 0])
