@@ -31,7 +31,7 @@ from twin.identify.calibration import (
 )
 from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.storage.whole import whole_file
-from twin.vehicle.parts import Fin, Pump
+from twin.vehicle.parts import BatteryHinge, Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
@@ -66,6 +66,9 @@ WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "static_cg": lambda v: v.static_cg,
     "travel of the parts": lambda v: [(part.low, part.high) for part in v.parts],
     "place of the pump": lambda v: _pump(v).position,
+    "neutral positions": lambda v: [
+        part.neutral for part in v.parts if isinstance(part, Fin | BatteryHinge)
+    ],
     "lift slope of the rudder": lambda v: [p.lift_slope for p in v.parts if isinstance(p, Fin)],
 }
 """What identification may change, by name."""
@@ -117,6 +120,8 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     for part, before in zip(vehicle.parts, original.parts, strict=True):
         if (part.low, part.high) != (before.low, before.high):
             xml = _travel(xml, vehicle, part.name, part.low, part.high)
+        if isinstance(part, Fin | BatteryHinge) and part.neutral != getattr(before, "neutral", 0.0):
+            xml = _numeric(xml, f"{part.name}.neutral", [part.neutral], vehicle)
         if isinstance(part, Fin) and part.lift_slope != getattr(before, "lift_slope", None):
             xml = _numeric(xml, f"{part.name}.lift_slope", [part.lift_slope], vehicle)
     for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):

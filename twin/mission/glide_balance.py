@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
 from twin.vehicle.laws import FlowFrame
-from twin.vehicle.parts import BatterySlide
+from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -214,7 +214,10 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
     inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
     at = dict(zip(vehicle.part_names, position, strict=True))
     for moving in vehicle.masses:
-        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
+        hinge = None if moving.hinge is None else vehicle.part(moving.hinge)
+        hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
+        turned = at.get(moving.hinge or "", 0.0) - hung
+        place = moving.position(at.get(moving.slide or "", 0.0), turned)
         mass += moving.mass
         first = first + moving.mass * place
         inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)

@@ -22,6 +22,7 @@ from twin.physics.native.install import install
 from twin.physics.obstacles import may_collide, prepare_contacts
 from twin.physics.stiffness import Stiffness, stiffness_of
 from twin.vehicle.laws import LAWS, Ellipsoids
+from twin.vehicle.parts import BatteryHinge
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 COEFFICIENTS = "coefficients"
@@ -207,6 +208,9 @@ def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
     for part in vehicle.parts:
         actuator = spec.actuator(part.name)
         actuator.actrange = actuator.ctrlrange = [part.low, part.high]
+        if isinstance(part, BatteryHinge):
+            # at the neutral position its mass hangs as the file draws it
+            spec.joint(actuator.target).ref = part.neutral
         if part.joint is None:
             spec.site(actuator.target).pos = flip_vector(np.array(part.position))
     for name, place in (("imu", vehicle.imu_position), ("gps", vehicle.gps_position)):

@@ -41,6 +41,8 @@ simulated = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(simulated)
 
 NET_MASS = 0.25
+NEUTRAL = math.radians(12.0)
+"""Rotation at which the true vehicle goes straight"""
 HEADINGS = (0.0, 40.0, 340.0, 60.0, 20.0, 300.0, 350.0, 30.0)
 
 
@@ -54,6 +56,7 @@ def real_vehicle():
         yaw_moment=(0.1 * munk, -500.0),
         yaw_moment_lift=(2.0 * munk,),
         pump={"position": (-0.2, 0.0, 0.0)},
+        rotation={"neutral": NEUTRAL},
         heading_pid=(1.0, 0.002, 0.0),
     )
     return with_righting_arm(nominal.replace(vehicle=vehicle), 5e-3).vehicle
@@ -124,6 +127,14 @@ def test_turns_and_banks_of_both_phases_come_back(handling, truth):
         assert roll == pytest.approx(wanted_roll, rel=0.1)
     dive, climb = (linearised(truth, glide).gains()[0] for glide in glides(truth))
     assert dive > 0.0 > climb  # it does turn the other way
+
+
+def test_the_rotation_that_goes_straight_is_found_written_and_flown(handling):
+    """The asymmetry of a log is the vehicle file's: its battery rests where the log's does."""
+    assert handling.neutral == pytest.approx(NEUTRAL, abs=math.radians(3.0))
+    calibration = handling.identification.calibration
+    again = parse_vehicle(vehicle_xml(calibration, {}), Path("mine.xml"))
+    assert again.part("rotation").rest == pytest.approx(handling.neutral)
 
 
 def test_pitch_by_battery_and_pump_comes_back(handling, truth):
