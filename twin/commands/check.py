@@ -59,7 +59,7 @@ class CheckModels(JsonOption):
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
         from twin.checks import check_logs
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.show.check_page import build_page, table
         from twin.show.figures.page_layout import check_page_target
@@ -86,10 +86,10 @@ class CheckModels(JsonOption):
 
     def _models(self, console: Console) -> int:
         """The two models and the published motions."""
+        from twin import load_vehicle
         from twin.checks import agreement as check
         from twin.checks.published import ANGLES
         from twin.errors import InputError
-        from twin.vehicle.vehicle import load_vehicle
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
         seed = SEED if self.seed is None else self.seed

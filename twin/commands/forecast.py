@@ -156,13 +156,12 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
+        from twin import Origin, load_vehicle
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.coordinates import unix_seconds
-        from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.axes import Origin
 
         vehicle = load_vehicle(self.vehicle)
         mission = self._mission(vehicle)

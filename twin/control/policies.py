@@ -10,15 +10,14 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.control.physics import WaterPhysics
 from twin.control.task import GliderTask, wrap_angle
 from twin.errors import MissionError
 from twin.mission.turning import turn_factor
 from twin.mission.way import way
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Policy = Callable[[Any], Array]
 
 

@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError
 from twin.mission.glide_balance import DEEP, imbalance, newton
+from twin.numbers import Array
 from twin.vehicle.parts import Part
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 LONGITUDINAL = (0, 2, 4)
 """Rows of surge and heave force and pitch moment"""

@@ -13,21 +13,15 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
+from twin.numbers import Array
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 WIDEST = math.radians(20.0)
 """[rad] angle of attack up to which a steady glide is looked for: beyond it wings stall"""

@@ -19,14 +19,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.mission import mission_file as g
 from twin.mission.phases import advance
 from twin.mission.reckoning import compass, pid, reckon, wrapped
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
 """[rad] largest error that is integrated: turns and inflections must not wind the loops up."""

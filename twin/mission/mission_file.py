@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -186,6 +186,14 @@ def net_mass(label: str, field: str, value: object) -> None:
 def limit(label: str, field: str, value: object, unit: str) -> None:
     """A time or count above zero."""
     within(label, field, value, unit, 0.0, open_low=True)
+
+
+def optional(
+    check: Callable[..., object], label: str, field: str, value: object, *more: object
+) -> None:
+    """One of the checks above of a value that may be None."""
+    if value is not None:
+        check(label, field, value, *more)
 
 
 def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, ...] = ()) -> None:

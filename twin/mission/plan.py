@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bounded import read_toml
 from twin.errors import MissionError, unknown_name
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
@@ -61,8 +59,7 @@ class Mission:
                     f"{label}: segments[{index}] is {segment!r}; give one of "
                     f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"
                 )
-        if self.duration_s is not None:
-            check.limit(label, "duration_s", self.duration_s, "s")
+        check.optional(check.limit, label, "duration_s", self.duration_s, "s")
         check.within(label, "start_depth_m", self.start_depth_m, "m", 0.0)
         check.heading(label, "start_heading_deg", self.start_heading_deg)
         check.pitch(label, "ascent_pitch_deg", self.ascent_pitch_deg)

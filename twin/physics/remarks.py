@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import Mission, Waypoint
+from twin.numbers import Array
 from twin.physics.lookup_tables import tables_of
 from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.scenario import Scenario
@@ -18,7 +19,6 @@ from twin.records.trajectory import Trajectory
 from twin.water.current.grid_kernels import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
-Array = NDArray[np.float64]
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 
 

@@ -41,6 +41,7 @@ from twin.physics.native.effects import (
     part_volume,
     part_wrench,
     run_control,
+    run_log,
 )
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
@@ -54,7 +55,6 @@ from twin.physics.native.hydrodynamics import (
     point_mass_wrench,
     times,
 )
-from twin.physics.native.sample_log import run_log
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
 
