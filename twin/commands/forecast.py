@@ -169,7 +169,7 @@ class ForecastSurfacings(JsonOption):
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
-            from twin.forecast.draws import identified
+            from twin.identify.vehicle_draws import identified
             from twin.identify.start_values import other_kind
 
             if warning := other_kind(logs, vehicle):

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.plugins import place_of
 from twin.records.schema import VARIABLES
@@ -91,6 +96,11 @@ class Baseline(abc.ABC):
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
         """`channels`, and what else it reads on such a vehicle."""
         return cls.channels
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """What the method states of its velocity's error."""
+        return VelocityDeviation()
 
     @abc.abstractmethod
     def estimate(self, signals: Signals, period: float) -> Estimate:
@@ -227,6 +237,11 @@ class ByBaseline(VelocityEstimator):
         if why := kind.unsuited(vehicle):
             raise InputError(f"estimator {cls.kind!r}: {why}")
         return cls(kind(vehicle=vehicle).begin(period))
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`."""
+        return self._inner.deviation
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""

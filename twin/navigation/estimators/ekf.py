@@ -28,7 +28,12 @@ from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.matrices import skew
 from twin.identify.start_values import net_mass
 from twin.navigation.dead_reckoning import Array, AttitudeSeries, Signals, finite_channel
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
 from twin.navigation.estimators.baseline import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -40,6 +45,7 @@ from twin.navigation.estimators.baseline import (
     no_glider,
 )
 from twin.navigation.estimators.ekf_kernels import DEPTH, STATES, SURGE, SWAY, filtered
+from twin.navigation.estimators.glide_deviation import glide_deviation
 from twin.navigation.estimators.steps import Recent
 from twin.vehicle.vehicle import Vehicle
 
@@ -107,6 +113,11 @@ class Ekf(Baseline):
         if not why and len(vehicle.masses) != 1:
             why = f"vehicle {vehicle.name!r} has {len(vehicle.masses)} moving masses, not one"
         return why
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `twin.navigation.estimators.baseline.Baseline`."""
+        return glide_deviation(self.vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `twin.navigation.estimators.baseline.Baseline`."""
@@ -214,6 +225,11 @@ class EkfSteps(VelocityEstimator):
         self.channels = ekf.channels
         self._depths = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
         self.reset()
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`."""
+        return self.ekf.deviation
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""

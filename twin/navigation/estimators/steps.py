@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
 
 Array = NDArray[np.float64]
 
@@ -81,6 +86,12 @@ class BaselineSteps(VelocityEstimator):
         self.baseline, self.period = baseline, period
         self.channels = baseline.needs(baseline.vehicle)
         self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`."""
+        found: VelocityDeviation = self.baseline.deviation
+        return found
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""
