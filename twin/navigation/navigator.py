@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.compass_deviation import IRON, CompassDeviation
-from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation
+from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation, Leg
 from twin.navigation.dead_reckoning import LEAST_COSINE
 from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimators.base import State, VelocityEstimator
@@ -130,8 +130,10 @@ class Navigator:
         if not isinstance(current, CurrentFilter):
             current = CurrentFilter(current, latitude=latitude, memory=stated.memory)
         self.filter = current
+        self.legs: list[Leg] = []
+        """The dives so far, from fix to fix."""
         self.innovations: list[Innovation] = []
-        """What the fixes after dives have said so far, and how surely they were expected."""
+        """What the fix after each of them said, and how surely it was expected."""
         self._noise = stated.noise**2 * np.eye(2)
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
         """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
@@ -148,7 +150,10 @@ class Navigator:
         self.deviation.reset()
         self.filter.restore(self._first)
         self.filter.locate(self._start or (0.0, 0.0), START_DEVIATION)
+        self.legs.clear()
         self.innovations.clear()
+        self._left = np.array([*(self._start or (0.0, 0.0)), 0.0])  # last fix, and its time [s]
+        self._swum = np.zeros(2)  # through the water since
         self._count = 0
         self._body = np.zeros(3)  # surge, sway and heave, NaN where the depth rate says it
         self._spread = self._noise.copy()
@@ -224,7 +229,7 @@ class Navigator:
             self._update(known=True)
         north, east = self._place + self._turn @ self._moved + self._current * self._waited
         return NavigationState(
-            time=(self._count - 1) * self.period,
+            time=self._time,
             north=float(north),
             east=float(east),
             covariance=self._covariance,
@@ -244,6 +249,7 @@ class Navigator:
         if not np.array_equal(iron, self._iron):
             moved = self._astray @ (iron - self._iron)
             self.filter.displace(moved)
+            self._swum += moved
             self._place = self._place + moved
             self._iron = iron
 
@@ -266,6 +272,7 @@ class Navigator:
     def _update(self, *, known: bool) -> None:
         """Bring the filter to this sample; `known`: the motion since its last step is."""
         if self._waited > 0.0:
+            self._swum += self._moved
             through = self._moved / self._waited if known else None
             self.filter.step(self._waited, through, self._spread)
             locked = len(self._drifts) * self.period >= LEAST_LOCK * self._waited
@@ -279,13 +286,31 @@ class Navigator:
         self._update(known=self._dived)
         if self._placed and self._dived:
             innovation = self.filter.fix(fix)
-            if innovation is not None:
-                self.innovations.append(innovation)
+            assert innovation is not None  # its way is known since the last fix
+            self.innovations.append(innovation)
+            self.legs.append(self._leg(fix))
         else:  # a fix afloat says where the vehicle is, and nothing of what carries it under water
             self.filter.locate(fix)
         self._placed, self._dived = True, False
+        self._left = np.array([*fix, self._time])
+        self._swum = np.zeros(2)
         self._astray[:] = 0.0
         self._hold()
+
+    @property
+    def _time(self) -> float:
+        """[s] of the last sample"""
+        return (self._count - 1) * self.period
+
+    def _leg(self, fix: list[float]) -> Leg:
+        """From the last fix to this one."""
+        north, east, start = self._left.tolist()
+        return Leg(
+            start=start,
+            duration=self._time - start,
+            over_ground=(fix[0] - north, fix[1] - east),
+            through_water=(float(self._swum[0]), float(self._swum[1])),
+        )
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the next step depends on, as arrays by name."""
@@ -296,7 +321,7 @@ class Navigator:
             "own": np.concatenate(
                 [
                     [self._count, self._depth, self._waited, self._placed, self._dived],
-                    *(self._body, self._velocity, self._moved),
+                    *(self._body, self._velocity, self._moved, self._left, self._swum),
                 ]
             ),
             "spread": self._spread.copy(),
@@ -305,7 +330,10 @@ class Navigator:
         }
 
     def restore(self, state: State) -> None:
-        """Go on from where `state` was called, with a navigator that was made in the same way."""
+        """Go on from where `state` was called, with a navigator that was made in the same way.
+
+        The dives before are not in it: `legs` and `innovations` begin again.
+        """
         for part, prefix in (
             (self.estimator, "estimator:"),
             (self.filter, "filter:"),
@@ -313,10 +341,13 @@ class Navigator:
         ):
             part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
         own = np.array(state["own"], np.float64)
+        self.legs.clear()
+        self.innovations.clear()
         self._hold()
         self._count, self._depth = int(own[0]), float(own[1])
         self._waited, self._placed, self._dived = float(own[2]), bool(own[3]), bool(own[4])
         self._body, self._velocity, self._moved = own[5:8], own[8:10], own[10:12]
+        self._left, self._swum = own[12:15], own[15:17]
         self._spread = np.array(state["spread"], np.float64)
         compass = np.array(state["compass"], np.float64)
         self._bent, self._astray, self._iron = compass[:2], compass[2:4], compass[4]

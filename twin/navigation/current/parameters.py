@@ -182,7 +182,7 @@ class Unknown:
 SCALE = "scale"
 UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short records the first two
     Unknown(SCALE, 0.15, 1.0),
-    Unknown("dive", 0.012, 0.4),
+    Unknown("dive", 0.08, 0.4, of_scale=True),
     Unknown("wander", 0.25, 0.6, of_scale=True),
     Unknown("eddy", 0.35, 0.6, of_scale=True),
     Unknown("eddy_time", 8.0, 0.5),

@@ -34,7 +34,7 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
     Raises:
       VehicleError: what the file says of its identification cannot be read.
     """
-    spread, (speed, slope, angle) = FlightSpread(), _glide(vehicle)
+    spread, (_, slope, angle) = FlightSpread(), _glide(vehicle)
     possible, drawn = draw_vehicles(vehicle, DRAWS, np.random.default_rng(0), speed=True)
     if drawn:
         scale = float(np.std([_glide(one)[1] / slope - 1.0 for one in possible[1:]]))
@@ -48,7 +48,15 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
             )
         )
     turned = spread.pitch / (math.sin(angle) * math.cos(angle))
-    return VelocityDeviation(scale=scale, noise=speed * math.cos(angle) * turned)
+    return VelocityDeviation(scale=scale, noise=usual_speed(vehicle) * turned)
+
+
+def usual_speed(vehicle: Vehicle) -> float:
+    """[m/s] horizontal, through the water, at which a vehicle usually goes."""
+    if vehicle.steered("speed") is not None:
+        return vehicle.cruise_speed
+    speed, _, angle = _glide(vehicle)
+    return speed * math.cos(angle)
 
 
 def _glide(vehicle: Vehicle) -> tuple[float, float, float]:
