@@ -31,7 +31,6 @@ from learn.run import open_run
 from twin.navigation.current import Leg, consistency_of
 from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation, VelocityEstimator
 from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, RATES, Navigator
-from twin.records.storage.store_path import StorePath
 from twin.seams import BASELINES
 from twin.vehicle.vehicle import Vehicle
 
@@ -106,7 +105,7 @@ def _velocities(
 ) -> Iterator[tuple[MissionSequence, Array, Array]]:
     """Missions with surge and sway [m/s], (time,) each."""
     if run is not None:
-        known = {one.mission: one for one in open_run(run).predict(StorePath(store))}
+        known = {one.mission: one for one in open_run(run).predict(store)}
         with Selection(store, CHANNELS) as selection:
             for mission in selection.each():
                 one = known[mission.index]

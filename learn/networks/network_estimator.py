@@ -172,7 +172,7 @@ class NetworkVelocity(VelocityEstimator):
 
 
 def network_deviation(run: Run, vehicle: Vehicle) -> VelocityDeviation:
-    """What validation missions said of the error of a run's networks, at a vehicle's usual speed."""
+    """What validation missions said of a run's error, at a vehicle's usual speed."""
     deviation = run.error_model().velocity_sd
     return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)
 

@@ -48,8 +48,11 @@ def simulated_legs(seed: int) -> list[list[Leg]]:
             water = current.velocity(start + DURATION * part, rest, rest, depth, place)
             heading = rng.uniform(0.0, 2.0 * math.pi)
             said = SPEED * DURATION * np.array([math.cos(heading), math.sin(heading)])
-            true = SPEED * scale * DURATION * np.array(
-                [math.cos(heading + turn), math.sin(heading + turn)]
+            true = (
+                SPEED
+                * scale
+                * DURATION
+                * np.array([math.cos(heading + turn), math.sin(heading + turn)])
             )
             ground = true + DURATION * water[:, :2].mean(axis=0)
             ground += math.sqrt(2.0) * FIX * rng.normal(size=2)

@@ -169,8 +169,8 @@ class ForecastSurfacings(JsonOption):
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
-            from twin.identify.vehicle_draws import identified
             from twin.identify.start_values import other_kind
+            from twin.identify.vehicle_draws import identified
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
