@@ -259,9 +259,9 @@ def pattern(text: str) -> None:
 
 def positions(text: str) -> None:
     """`twin trim --set`"""
-    from twin.commands.trim import parse_positions
+    from twin.cli.options import parse_numbers
 
-    assert all(math.isfinite(value) for value in parse_positions((text,)).values())
+    assert all(math.isfinite(value) for value in parse_numbers("set", (text,), "").values())
 
 
 MISSION = """name = "mine"
@@ -407,7 +407,7 @@ FOLLOWED = (
     "twin.mission.segments", "twin.vehicle.mjcf", "twin.vehicle.file_limits",
     "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
     "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
-    "twin.water.current.current_text", "twin.water.current.text", "factory.sampling",
+    "twin.water.current.current_text", "twin.water.current.registry", "factory.sampling",
     "factory.importing",
     "factory.exporting.metadata",
 )  # fmt: skip

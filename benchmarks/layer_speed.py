@@ -20,13 +20,31 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.figures import measured
-from learn.networks.context_delay import ContextDelay, naive_context_delay, pack_sequences
+from learn.networks.context_delay import ContextDelay, pack_sequences
 
 SAMPLES = 80_000
 INPUTS = 12
 HIDDEN = 50
 LAYERS = 3
 DELAYS = 5
+
+
+def naive_context_delay(
+    x: Tensor, history: Tensor, weight: Tensor, recurrent: Tensor, bias: Tensor
+) -> Tensor:
+    """The layer in plain differentiable torch, (time, batch, features): judge and comparison.
+
+    `history` is (past, batch, hidden), oldest first; returns (time, batch, hidden).
+    """
+    past, _, hidden = history.shape
+    states = list(history)
+    blocks = recurrent.view(hidden, past, hidden)
+    for sample in x:
+        total = sample @ weight.T + bias
+        for delay in range(past):
+            total = total + states[len(states) - past + delay] @ blocks[:, delay].T
+        states.append(torch.tanh(total))
+    return torch.stack(states[past:])
 
 
 class Stack(nn.Module):

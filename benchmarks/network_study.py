@@ -27,7 +27,7 @@ from typing import Any
 
 from torch import Tensor, nn
 
-from learn.networks.ema import ExponentialAverages
+from learn.networks.fixed_memory import ExponentialAverages
 from learn.seams import NETWORKS
 
 TARGETS = ("surge", "sway")

@@ -10,7 +10,7 @@ Every public name is imported when it is first used.
 
 from typing import TYPE_CHECKING
 
-from twin.lazy import attach
+from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from factory.facade import generate as generate
@@ -23,18 +23,6 @@ if TYPE_CHECKING:
     from twin.records.logged import LogStore as LogStore
     from twin.records.windows import Windows as Windows
 
-_PLACES = {
-    "PRESETS": "factory.sampling.presets:PRESETS",
-    "LogStore": "twin.records.logged:LogStore",
-    "GeneratedStore": "factory.generation.generated_store:GeneratedStore",
-    "Windows": "twin.records.windows:Windows",
-    "Summary": "factory.generation.generate:Summary",
-    "generate": "factory.facade:generate",
-    "import_logs": "factory.facade:import_logs",
-    "open": "factory.generation.generated_store:open_missions",
-    "parameters": "factory.facade:parameters",
-}
-"""Where each public name is."""
-
+_PLACES = places(__name__)
 __all__ = [*_PLACES]
 __getattr__, __dir__ = attach(__name__, _PLACES)

@@ -16,7 +16,7 @@ from twin.errors import StoreError
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.records.schema import VARIABLES
 from twin.records.storage.sharded import DTYPE, stored_values
-from twin.version import PHYSICS_VERSION, __version__
+from twin.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,18 +83,20 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
         samples=samples,
         bytes_compared=len(names) * samples * DTYPE.itemsize,
         different=different,
-        other_versions=tuple(differences(run.settings["versions"], versions())),
+        other_versions=tuple(differences(run.settings["versions"], versions(run.vehicle))),
     )
 
 
 def _check_physics(run: GeneratedStore) -> None:
     """Raise StoreError when the store's missions flew by another physics."""
     theirs = str(run.settings["versions"].get("physics", 1))
-    if theirs != str(PHYSICS_VERSION):
+    ours = run.vehicle.physics_version
+    if theirs != str(ours):
         raise StoreError(
             f"the missions of {run.path} flew by version {theirs} of the physics, and this "
-            f"glider-twin {__version__} flies version {PHYSICS_VERSION}: they cannot fly again "
-            "the same. The store stays readable; to replay it, install the program that made it"
+            f"glider-twin {__version__} flies version {ours} with this vehicle: they cannot fly "
+            "again the same. The store stays readable; to replay it, install the program that made "
+            "it"
         )
 
 
@@ -105,7 +107,7 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
       StoreError: the store knows no such failure.
     """
     _check_physics(run)
-    known = {(m, failure.attempt): failure for m, failure in run.failures()}
+    known = {(one.mission, one.attempt): one for one in run.failures()}
     if (mission, attempt) not in known:
         listing = ", ".join(f"{m} ({a})" for m, a in sorted(known)) or "none"
         raise StoreError(

@@ -85,8 +85,7 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
     if not known.any():
         axes = figure.add_subplot()
         axes.set_title(MAP_TITLE)
-        axes.text(0.5, 0.5, "no GPS fixes", transform=axes.transAxes, ha="center", va="center")
-        axes.set_axis_off()
+        style.say_instead(axes, "no GPS fixes")
         return
     grid = figure.add_gridspec(2, 2, width_ratios=[3.1, 1.0], height_ratios=[1.0, 1.5])
     axes = figure.add_subplot(grid[:, 0])
@@ -112,9 +111,8 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
     last = len(known) - 1 - int(np.argmax(known[::-1]))
     for index, marker, label in ((first, "o", "start"), (last, "s", "end")):
         axes.plot(
-            longitude[index], places[index, 0], marker, ms=6, mfc="white", mec=style.COMMAND,
-            mew=1.2, ls="none", label=label, zorder=4,
-        )  # fmt: skip
+            longitude[index], places[index, 0], marker, ms=6, label=label, zorder=4, **style.END
+        )
     axes.plot([], [], color=DIVE, lw=0.8, ls=(0, (3, 2)), label="dive, fix to fix")
     if reckoned:
         axes.plot([], [], color=style.GUIDE, lw=0.8, label="dive, corrected at the fixes")
@@ -206,8 +204,7 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     known = [k for k in missions if np.isfinite(logs.signal("measured_depth", k)).any()]
     axes.set_title("depth of all dives")
     if not known:  # a log whose rows are no dives may have none
-        axes.text(0.5, 0.5, "not in the log", transform=axes.transAxes, ha="center", va="center")
-        axes.set_axis_off()
+        style.say_instead(axes, "not in the log")
         return
     for k in known:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
@@ -220,7 +217,7 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     style.depth_axis(axes, deepest)
     if any((logs.signal("measured_gap", k) > 0.0).any() for k in missions):
         axes.plot([], [], color=CLIMB, lw=1.3, label="bridged gap of the log")
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+        style.legend_above(axes, 1, 1.0)
     draw_dates(axes, 0.0, DAY)
     axes.margins(x=0.01)
     axes.set_xlabel(LABEL)
@@ -257,10 +254,7 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
                       va="center", color=style.GUIDE)  # fmt: skip
             axes.set_yticks([])
         elif len(shown) > 1:
-            axes.legend(
-                loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=len(shown), borderaxespad=0.1,
-                columnspacing=1.0,
-            )  # fmt: skip
+            style.legend_above(axes, len(shown), columnspacing=1.0)
         if shown and all(np.nanmin(columns[e[0]]) >= 0.0 for e in shown):
             axes.set_ylim(
                 0.0, HEADROOM * max(float(np.nanmax(columns[e[0]])) for e in shown) or 1.0

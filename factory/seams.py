@@ -21,6 +21,7 @@ IMPORTERS: Registry[Any] = Registry(
         "seaexplorer": "factory.importing.formats.seaexplorer:SEAEXPLORER",
         "og1": "factory.importing.formats.og1:OG1",
         "ngdac": "factory.importing.formats.ngdac:NGDAC",
+        "spray": "factory.importing.formats.spray:SPRAY",
         "lrauv": "factory.importing.formats.lrauv:LRAUV",
         "csv": "factory.importing.formats.csv:CSV",
     },
@@ -35,12 +36,11 @@ EXPORTERS: Registry[Any] = Registry(
     base="factory.exporting.Exporter",
     page="reference/factory.md#exports",
     shipped={
-        "huggingface": "factory.exporting.huggingface:HUGGINGFACE",
-        "lerobot": "factory.exporting.lerobot:LEROBOT",
-        "mcap": "factory.exporting.mcap:MCAP",
+        "mcap": "factory.exporting.formats:MCAP",
         "og1": "factory.exporting.og1:OG1",
-        "parquet": "factory.exporting.parquet:PARQUET",
+        "parquet": "factory.exporting.formats:PARQUET",
     },
+    apart=dict.fromkeys(("huggingface", "lerobot"), "pip install ./plugins/hubs"),
     check="factory.exporting.base:check_exporter",
 )
 """Formats that a store can be exported to."""

@@ -5,10 +5,12 @@ The limits are wide: what they catch is damage, wrong units and wrong signs, not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.draw import Parameters, sensor_seed
@@ -18,6 +20,7 @@ from factory.sampling.recipe import VERSIONS, Recipe, sha256, versions
 from factory.sampling.surveys import SURFACE
 from factory.store_check import (
     Block,
+    MissionCheck,
     StoreCheck,
     StoreReport,
     check_finite_range,
@@ -26,72 +29,138 @@ from factory.store_check import (
     kinematic_problems,
 )
 from twin.errors import TwinError
+from twin.geodesy import offset
 from twin.physics.true_signals import simulated_signals
 from twin.records.attributes import (
     ATTEMPT,
+    DEPLOYMENT,
+    DIVE,
+    DIVE_DURATION,
     DURATION,
     N_SAMPLES,
     SPLIT,
     SPLITS,
+    START_TIME,
     VEHICLE_MJCF,
     VEHICLE_SHA256,
 )
+from twin.records.logged import LogStore
+from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.schema.limits import simulated_limits
+from twin.records.schema.limits import recorded_limits, simulated_limits
+
+Array = NDArray[np.float64]
+Watch = Callable[[int], None]
+"""Called with the number of missions or dives just read"""
+OF_ALL = (N_SAMPLES, SPLIT, TIME, MISSION)
+"""Arrays that every store has"""
+FLOWN = (*OF_ALL, DURATION, ATTEMPT)
+"""Arrays that `factory generate` writes"""
+LOGGED = (*OF_ALL, DEPLOYMENT, DIVE, START_TIME, DIVE_DURATION, "measured_gap")
+"""Arrays that every import writes"""
+WITH_DEPTH = ("measured_depth", "measured_pressure", "measured_phase")
+"""Arrays that an import writes together, or not at all: a log whose rows are no dives may have no
+depth."""
+COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
+"""Signals without a hole: the import bridges and marks them."""
+CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
+OFFSET_TOLERANCE = 0.02, 2.0
+"""Of displacements against the fixes, relative and [m]: rounding, and fixes near each other"""
+PRESSURE_RATIO = 0.98, 1.08
+"""[dbar/m] pressure over depth anywhere in the ocean, TEOS-10 to 11 km"""
+RATIO_DEPTH = 20.0
+"""[m] shallower the ratio is one of small numbers"""
+FASTEST_DEPTH = 5.0
+"""[m/s] no glider sinks or climbs so fast"""
+
+
+def verify_missions(
+    run: GeneratedStore | LogStore, watch: Watch | None = None, *, workers: int = 1
+) -> StoreReport:
+    """Read and check all that a store says, by as many processes as there are `workers`;
+    `factory.store_check.check_files` compares its files."""
+    if isinstance(run, LogStore):
+        return verify_logs(run, watch, workers=workers)
+    return verify_store(run, watch, workers=workers)
 
 
 def verify_store(
-    run: GeneratedStore, watch: Callable[[int], None] | None = None, *, workers: int = 1
+    run: GeneratedStore, watch: Watch | None = None, *, workers: int = 1
 ) -> StoreReport:
-    """Read and check all that the store says; `check_files` compares its files. `watch` is called
-    with the number of missions just read, by as many processes as there are `workers`."""
-    names = run.signals()
-    checks = {
-        name: StoreCheck(name)
-        for name in ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
-    }
-    _check_metadata(run, names, checks["metadata"])
-    if checks["metadata"].problems:
-        return StoreReport(len(run), 0, tuple(checks.values()))
-    _check_parameters(run, checks["parameters"])
-    bytes_read = check_missions(run, names, checks, _check_mission, watch, workers)
-    return StoreReport(len(run), bytes_read, tuple(checks.values()))
-
-
-def _check_metadata(run: GeneratedStore, names: list[str], check: StoreCheck) -> None:
-    data = run.dataset
+    """As `verify_missions`, of a store of `factory generate`."""
+    parts = ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
+    checks = {name: StoreCheck(name) for name in parts}
+    check, names = checks["metadata"], run.signals()
     check.problems += [f"array {n!r} is gone" for n in run.gone_arrays()]
     check.expect(
         sha256(run.attributes[VEHICLE_MJCF]) == run.attributes[VEHICLE_SHA256],
-        lambda: "the vehicle's MJCF text does not have the recorded SHA-256",
+        "the vehicle's MJCF text does not have the recorded SHA-256",
     )
-    if check.problems:
-        return  # which signals there must be depends on the vehicle
-    for needed in (N_SAMPLES, SPLIT, DURATION, ATTEMPT, TIME, MISSION):
-        check.expect(needed in data.variables, lambda n=needed: f"array {n!r} is missing")  # type: ignore[misc]
-    for name in simulated_signals(run.vehicle):
-        check.expect(name in names, lambda n=name: f"signal {n!r} is missing")  # type: ignore[misc]
-    for name in names:
-        units = data[name].attrs.get("units")
-        wanted = VARIABLES[name].units
-        check.expect(
-            units == wanted,
-            lambda n=name, u=units, w=wanted: f"{n}: units {u!r}, not {w!r}",  # type: ignore[misc]
-        )
+    if not check.problems:  # which signals there must be depends on the vehicle
+        _check_needed(run, FLOWN, check)
+        for name in simulated_signals(run.vehicle):
+            check.expect(name in names, f"signal {name!r} is missing")
+        _check_layout(run, "mission", DURATION, check)
+    if not check.problems:
+        _check_parameters(run, checks["parameters"])
+    return _read(run, checks, _check_mission, watch, workers)
+
+
+def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
+    """As `verify_missions`, of a store of logs."""
+    parts = ("metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth")
+    checks = {name: StoreCheck(name) for name in parts}
+    check = checks["metadata"]
+    check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
+    deep = any(name in logs.dataset.variables for name in WITH_DEPTH)
+    _check_needed(logs, (*LOGGED, *(WITH_DEPTH if deep else ())), check)
+    if not check.problems:
+        _check_layout(logs, "dive", DIVE_DURATION, check, least=2, slack=1e-6)
+        rows = int(logs.report["rows"])
+        problem = f"the report of the import speaks of {rows} dives, not {len(logs)}"
+        check.expect(rows == len(logs), problem)
+    if not check.problems:
+        _check_order(logs, checks["order"])
+        _check_fixes(logs, checks["fixes"])
+    return _read(logs, checks, _check_dive, watch, workers)
+
+
+def _read(
+    stored: GeneratedStore | LogStore, checks: dict[str, StoreCheck], check: MissionCheck,
+    watch: Watch | None, workers: int,
+) -> StoreReport:  # fmt: skip
+    """All missions read and checked, where the metadata are sound."""
+    read = 0
+    if not checks["metadata"].problems:
+        read = check_missions(stored, stored.signals(), checks, check, watch, workers)
+    return StoreReport(len(stored), read, tuple(checks.values()))
+
+
+def _check_needed(stored: MissionStore, needed: Iterable[str], check: StoreCheck) -> None:
+    for name in needed:
+        check.expect(name in stored.dataset.variables, f"array {name!r} is missing")
+
+
+def _check_layout(
+    stored: MissionStore, what: str, lasting: str, check: StoreCheck, *, least: int = 1,
+    slack: float = 0.0,
+) -> None:  # fmt: skip
+    """Units, the time axis to `slack` [s], and samples of each mission by how long it lasts."""
+    for name in stored.signals():
+        units, wanted = stored.dataset[name].attrs.get("units"), VARIABLES[name].units
+        check.expect(units == wanted, f"{name}: units {units!r}, not {wanted!r}")
     if check.problems:
         return
-    period = float(run.declared_period or 0.0)
-    time = run.array(TIME)
+    period, time = float(stored.declared_period or 0.0), stored.array(TIME)
     check.expect(
-        bool(np.array_equal(time, np.arange(len(time)) * period)),
-        lambda: f"time does not run from 0 in steps of {period:g} s",
+        bool(np.allclose(time, np.arange(len(time)) * period, rtol=0.0, atol=slack)),
+        f"time does not run from 0 in steps of {period:g} s",
     )
-    for mission, samples in enumerate(run.samples):
-        wanted_samples = round(float(run.array(DURATION)[mission]) / period) + 1
-        check.expect(
-            samples == wanted_samples <= len(time),
-            lambda m=mission, s=samples, w=wanted_samples: f"mission {m}: {s} samples, not {w}",  # type: ignore[misc]
-        )
+    durations = np.asarray(stored.array(lasting), float)
+    for mission, (samples, duration) in enumerate(zip(stored.samples, durations, strict=True)):
+        expected = max(least, round(float(duration) / period) + 1)
+        problem = f"{what} {mission}: {samples} samples, not {expected}"
+        check.expect(samples == expected <= len(time), problem)
 
 
 def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
@@ -100,23 +169,23 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
     given = preset is not None and preset.fixed_missions
     if not given:
         counts = {split: run.splits.count(split) for split in SPLITS}
-        check.expect(min(counts.values()) >= 1, lambda: f"a split without a mission: {counts}")
+        check.expect(min(counts.values()) >= 1, f"a split without a mission: {counts}")
         hours = float(run.settings["hours"])
         check.expect(
             abs(run.hours - hours) < 1.0 / HOUR,
-            lambda: f"the missions last {run.hours:g} h, not {hours:g} h",
+            f"the missions last {run.hours:g} h, not {hours:g} h",
         )
     recipe = None
     try:
         recipe = run.recipe
     except TwinError as error:
         # another program's missions cannot be drawn again here; its values are checked all the same
-        if run.settings.get(VERSIONS) == versions():
+        if run.settings.get(VERSIONS) == versions(run.vehicle):
             check.problems.append(str(error))
     for mission in range(len(run)):
         parameters = run.parameters(mission)
         other = "" if recipe is None else drawn_otherwise(run, recipe, mission, parameters)
-        check.expect(not other, lambda m=mission, o=other: f"mission {m}: {o}")  # type: ignore[misc]
+        check.expect(not other, f"mission {mission}: {other}")
         drawn = [(name, value, False) for name, value in parameters.values.items()]
         drawn += [
             (name, value, segment["mission.kind"] == SURFACE.name)
@@ -125,13 +194,10 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
         ]
         for name, value, surface in drawn:
             unused = value != value or (surface and name == "mission.kind")
-            allowed = unused or given or run.distributions[name].allows(value)
-            check.expect(
-                allowed,
-                lambda m=mission, n=name, v=value: (  # type: ignore[misc]
-                    f"mission {m}: {n} = {v} cannot be drawn from {run.distributions[n].text()}"
-                ),
-            )
+            distribution = run.distributions[name]
+            allowed = unused or given or distribution.allows(value)
+            wrong = "" if allowed else f"{value} cannot be drawn from {distribution.text()}"
+            check.expect(allowed, f"mission {mission}: {name} = {wrong}")
 
 
 def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: Parameters) -> str:
@@ -173,3 +239,79 @@ def _check_mission(
     for problem in kinematic_problems(truth, run.period):
         checks["kinematics"].problems.append(f"mission {mission}: {problem}")
     checks["kinematics"].done += 4
+
+
+def _check_order(logs: LogStore, check: StoreCheck) -> None:
+    """Dives of a deployment follow each other."""
+    check.expect(bool(np.isfinite(logs.starts).all()), "start_time is not finite everywhere")
+    duration = logs.number(DIVE_DURATION)
+    for deployment in dict.fromkeys(logs.deployments):
+        missions = [k for k, name in enumerate(logs.deployments) if name == deployment]
+        for before, after in itertools.pairwise(missions):
+            end = logs.starts[before] + duration[before]
+            check.expect(
+                bool(logs.starts[after] >= end - logs.period),
+                f"dive {after} begins before dive {before} ends",
+            )
+
+
+def _check_fixes(logs: LogStore, check: StoreCheck) -> None:
+    """Positions are on Earth, and displacements are what lies between them."""
+    north, east = (logs.number(f"displacement_{name}") for name in ("north", "east"))
+    for mission in range(len(logs)):
+        start, end = logs.fixes(mission)
+        for name, fix in (("start", start), ("end", end)):
+            if not np.isfinite(fix).all():
+                continue
+            check.expect(
+                abs(fix[0]) <= 90.0 and abs(fix[1]) <= 360.0,
+                f"dive {mission}: no place at its {name}: {fix[0]}, {fix[1]}",
+            )
+        if np.isfinite([*start, *end]).all():
+            between = offset(np.float64(end[0]), np.float64(end[1]), *start)
+            error = float(np.hypot(between[0] - north[mission], between[1] - east[mission]))
+            relative, least = OFFSET_TOLERANCE
+            check.expect(
+                error <= max(least, relative * float(np.hypot(*between))),
+                f"dive {mission}: its displacement is {error:.3g} m off what lies between its "
+                "fixes",
+            )
+
+
+def _check_dive(
+    logs: LogStore, mission: int, rows: Block, checks: Mapping[str, StoreCheck]
+) -> None:
+    samples = int(logs.samples[mission])
+    what = f"dive {mission}"
+    for name, row in rows.items():
+        check_padding(what, name, row[samples:], samples, checks["padding"])
+        inside = row[:samples]
+        check_finite_range(
+            what, name, inside, name in COMPLETE, recorded_limits(name), checks["finite"],
+            checks["range"],
+        )  # fmt: skip
+        if name in CODES:
+            odd = np.setdiff1d(inside[np.isfinite(inside)], CODES[name])
+            codes = ", ".join(f"{code:g}" for code in odd)
+            checks["range"].expect(not odd.size, f"{what}: {name} has the unknown code {codes}")
+    if "measured_depth" not in rows:
+        return
+    depth = rows["measured_depth"][:samples].astype(float)
+    pressure = rows["measured_pressure"][:samples].astype(float)
+    rate = np.abs(np.diff(depth)) / logs.period
+    fastest = float(np.nanmax(rate, initial=0.0))
+    sample = int(np.argmax(rate == fastest)) if rate.size else 0
+    checks["depth"].expect(
+        not fastest > FASTEST_DEPTH,
+        f"{what}: the depth changes by {fastest:.3g} m/s at sample {sample}, at most "
+        f"{FASTEST_DEPTH:g}",
+    )
+    deep = depth > RATIO_DEPTH
+    ratio = pressure[deep] / depth[deep]
+    ratio = ratio[np.isfinite(ratio)]
+    low, high = PRESSURE_RATIO
+    least, most = ratio.min(initial=high), ratio.max(initial=low)
+    checks["depth"].expect(
+        bool(((ratio > low) & (ratio < high)).all()),
+        f"{what}: pressure over depth runs from {least:.3g} to {most:.3g} dbar/m",
+    )

@@ -38,11 +38,11 @@ class StoreCheck:
     done: int = 0
     problems: list[str] = field(default_factory=list)
 
-    def expect(self, condition: bool, problem: Callable[[], str]) -> None:
+    def expect(self, condition: bool, problem: str) -> None:
         """Count a check, and its problem if it failed."""
         self.done += 1
         if not condition:
-            self.problems.append(problem())
+            self.problems.append(problem)
 
 
 @dataclass(frozen=True)
@@ -175,10 +175,8 @@ def check_padding(
     what: str, name: str, padding: NDArray[np.float32], samples: int, check: StoreCheck
 ) -> None:
     """Nothing but NaN after the `samples` of `what`."""
-    check.expect(
-        bool(np.isnan(padding).all()),
-        lambda: f"{what}: {name} has values after its {samples} samples",
-    )
+    problem = f"{what}: {name} has values after its {samples} samples"
+    check.expect(bool(np.isnan(padding).all()), problem)
 
 
 def check_finite_range(
@@ -195,17 +193,15 @@ def check_finite_range(
     if complete:
         finite_check.expect(
             bool(finite.all()),
-            lambda: (
-                f"{what}: {name} is not finite in {len(inside) - finite.sum()} samples, first "
-                f"at sample {int(np.argmin(finite))}"
-            ),
+            f"{what}: {name} is not finite in {len(inside) - finite.sum()} samples, first at "
+            f"sample {int(np.argmin(finite))}",
         )
     low, high = limits
     values = inside[finite]
     least, most = (float(values.min()), float(values.max())) if values.size else limits
     range_check.expect(
         low <= least and most <= high,
-        lambda: f"{what}: {name} runs from {least:g} to {most:g}, possible are {low:g} to {high:g}",
+        f"{what}: {name} runs from {least:g} to {most:g}, possible are {low:g} to {high:g}",
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.extras import require_learning, started_as
-from twin.lazy import attach
+from twin.lazy import attach, places
 
 if not started_as("learn"):  # the program says it without a traceback
     require_learning()
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
     from learn.report.contents import Contents as Contents
+    from learn.report.contents import ReportFigure as ReportFigure
     from learn.report.contents import RunEvaluation as RunEvaluation
-    from learn.report.report_figure import ReportFigure as ReportFigure
     from learn.run import Run as Run
     from learn.run import newest_run as newest_run
     from learn.run import open_run as open_run
@@ -44,32 +44,6 @@ if TYPE_CHECKING:
     from twin.navigation.estimators.baseline import Estimate as Estimate
     from twin.seams import BASELINES as BASELINES
 
-_PLACES = {
-    "BASELINES": "twin.seams:BASELINES",
-    "NETWORKS": "learn.seams:NETWORKS",
-    "OPTIMISERS": "learn.seams:OPTIMISERS",
-    "REPORT_FIGURES": "learn.seams:REPORT_FIGURES",
-    "Baseline": "twin.navigation.estimators.baseline:Baseline",
-    "Contents": "learn.report.contents:Contents",
-    "Estimate": "twin.navigation.estimators.baseline:Estimate",
-    "FitConfig": "learn.training.settings:FitConfig",
-    "FullBatchOptimiser": "learn.training.optimiser:FullBatchOptimiser",
-    "MinibatchOptimiser": "learn.training.optimiser:MinibatchOptimiser",
-    "Network": "learn.networks.base:Network",
-    "NetworkConfig": "learn.networks.config:NetworkConfig",
-    "Prediction": "learn.networks.predictor:Prediction",
-    "ReportFigure": "learn.report.report_figure:ReportFigure",
-    "Run": "learn.run:Run",
-    "RunEvaluation": "learn.report.contents:RunEvaluation",
-    "TrainingConfig": "learn.training.schedule:TrainingConfig",
-    "evaluate": "learn.api:evaluate",
-    "export": "learn.api:export",
-    "fit": "learn.api:fit",
-    "fit_settings": "learn.training.settings:fit_settings",
-    "newest_run": "learn.run:newest_run",
-    "open_run": "learn.run:open_run",
-}
-"""Where each public name is."""
-
+_PLACES = places(__name__)
 __all__ = [*_PLACES]
 __getattr__, __dir__ = attach(__name__, _PLACES)

@@ -12,18 +12,18 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.evaluation import NETWORK, Evaluation, evaluate
-from learn.evaluation.score import ReferenceVelocity
+from learn.evaluation.evaluation import Evaluation, evaluate
+from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
-from learn.report.log_page import build_log_page
-from learn.report.run_page import build_page
+from learn.report.run_page import build_log_page, build_page
 from learn.report.training_data import LABELS, TRAINING_PANELS
 from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
 from learn.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from twin.cli.text_table import counted
 from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
@@ -111,6 +111,23 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         command=history or str(run.description.get("history", "")),
     )
     return build_page((run.folder / REPORT).parent, contents)
+
+
+def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, history: str) -> Path:
+    """The page of a run's evaluation on any store; `history` is the command line on it."""
+    store, split = found.evaluation.store, found.evaluation.split
+    if is_log_store(store):
+        return build_log_page(folder, run, found, provenance(run), history)
+    contents = Contents(
+        title=f"{run.name} on {Path(store).name}",
+        lead=f"{counted(found.figures['missions'], 'mission')} ({split}) of {store}",
+        test=found,
+        labels=run.label_sentences(),
+        error_model=run.error_model(),
+        provenance=provenance(run),
+        command=history,
+    )
+    return build_page(folder, contents)
 
 
 def _left_out(found: Folds) -> Study:

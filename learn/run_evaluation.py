@@ -7,7 +7,7 @@ from typing import Any
 
 from learn.data.dataset import SPLITS, Selection, any_channel
 from learn.evaluation.deviation import Coverage
-from learn.evaluation.evaluation import Evaluation, Watch, evaluate
+from learn.evaluation.evaluation import Watch, evaluate
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
@@ -24,54 +24,19 @@ def evaluate_run(
     baselines: Sequence[str] | None = None,
     watches: Sequence[Watch] = (),
 ) -> RunEvaluation:
-    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`."""
-    if is_log_store(store):
-        return _evaluate_on_logs(run, store, split=split, baselines=baselines, watches=watches)
+    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`.
+
+    Of a store of logs none are drawn, since the true tracks are unknown.
+    """
+    logged = is_log_store(store)
     showcase, coverage = Showcase(), Coverage(run.error_model())
-
-    evaluation = _evaluate(run, store, split, baselines, (showcase.add, coverage.add, *watches))
-    found = {
-        "run": str(run.folder),
-        **evaluation.to_json(),
-        "uncertainty": coverage.figures(),
-    }
-    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
-
-
-def is_log_store(store: str | StorePath) -> bool:
-    """Whether it holds real logs."""
-    with MissionStore(store) as reader:
-        return reader.logged
-
-
-def _evaluate_on_logs(
-    run: Run,
-    store: str | StorePath,
-    *,
-    split: str,
-    baselines: Sequence[str] | None,
-    watches: Sequence[Watch],
-) -> RunEvaluation:
-    """As `evaluate_run`: no missions to draw, since a log's true track is not known."""
-    evaluation = _evaluate(run, store, split, baselines, watches)
-    found = {"run": str(run.folder), **evaluation.to_json()}
-    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=())
-
-
-def _evaluate(
-    run: Run,
-    store: str | StorePath,
-    split: str,
-    baselines: Sequence[str] | None,
-    watches: Sequence[Watch],
-) -> Evaluation:
-    """The run's networks on a store, every mission shown to all `watches`."""
+    seeing = watches if logged else (showcase.add, coverage.add, *watches)
 
     def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
-        for see in watches:
+        for see in seeing:
             see(reference, estimates)
 
-    return evaluate(
+    evaluation = evaluate(
         run.networks(),
         store,
         split=split,
@@ -80,6 +45,16 @@ def _evaluate(
         period=run.period,
         labels=run.labels if run.labels.source == "dvl" else None,
     )
+    found = {"run": str(run.folder), **evaluation.to_json()}
+    if not logged:
+        found["uncertainty"] = coverage.figures()
+    return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def is_log_store(store: str | StorePath) -> bool:
+    """Whether it holds real logs."""
+    with MissionStore(store) as reader:
+        return reader.logged
 
 
 def evaluation_split(run: Run) -> tuple[str, str]:

@@ -11,7 +11,6 @@ import contextlib
 import os
 import shutil
 from pathlib import Path
-from types import TracebackType
 
 from learn.run import DESCRIPTION
 from twin.errors import InputError, quoted
@@ -80,13 +79,8 @@ class RunFolder:
         (self.folder / LIST).unlink(missing_ok=True)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if error is not None and self.fresh and not self.trained:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None and self.fresh and not self.trained:
             self._remove()
         os.close(self._lock)
 

@@ -17,12 +17,12 @@ NETWORKS: Registry[Any] = Registry(
     base="learn.Network",
     page="reference/networks.md#one-of-your-own",
     shipped={
-        "ema": "learn.networks.ema:ExponentialAverages",
+        "ema": "learn.networks.fixed_memory:ExponentialAverages",
         "elman": "learn.networks.elman:Elman",
         "lstm": "learn.networks.gated:Lstm",
         "gru": "learn.networks.gated:Gru",
         "tcn": "learn.networks.tcn:CausalConvolutions",
-        "mlp": "learn.networks.mlp:Memoryless",
+        "mlp": "learn.networks.fixed_memory:Memoryless",
     },
     check="learn.networks.base:check_network",
     check_shipped=False,
@@ -36,8 +36,8 @@ OPTIMISERS: Registry[Any] = Registry(
     base="learn.MinibatchOptimiser",
     page="reference/networks.md#one-of-your-own",
     shipped={
-        "soap": "learn.training.soap:SoapOptimiser",
-        "adam": "learn.training.adam:AdamOptimiser",
+        "soap": "learn.training.minibatch:SoapOptimiser",
+        "adam": "learn.training.minibatch:AdamOptimiser",
         "scg": "learn.training.scg:ScgOptimiser",
     },
     check="learn.training.optimiser:check_optimiser",
@@ -65,7 +65,7 @@ REPORT_FIGURES: Registry[Any] = Registry(
         "training_data": "learn.report.training_data:TrainingData",
         "learning": "learn.report.lines:Learning",
     },
-    check="learn.report.report_figure:check_figure",
+    check="learn.report.contents:check_figure",
     check_shipped=False,
 )
 """Figures of a report, in the order of the page."""

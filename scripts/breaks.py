@@ -66,7 +66,7 @@ BREAKS = (
     Break(
         "a kind in its folder that no table has",
         "twin/seams.py",
-        '        "dvl": "twin.navigation.estimators.baseline:ByDvl",\n',
+        '        "dvl": "twin.navigation.estimators.dvl:DvlSteps",\n',
         "",
         tests("tests/test_seams.py::test_every_kind_in_a_seam_s_folder_is_in_its_table"),
     ),

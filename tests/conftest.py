@@ -72,6 +72,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if config.getoption("--quick") and _seconds(collection_path) else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files begin, so that no process has one left when the others have ended."""
-    items.sort(key=lambda item: -_seconds(item.path))
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The longest files begin, so that no process has one left when the others have ended.
+
+    In a single process the tests run in the order that was asked for.
+    """
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: -_seconds(item.path))

@@ -480,6 +480,46 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
     return paths
 
 
+def write_spray(path: Path, flight: Flight, missions: Sequence[int] = (7,)) -> Path:
+    """A Spray's binned file: of each dive its middle, and a profile of its climb in bins of 10 m.
+
+    As spraydata.ucsd.edu publishes them: (depth, profile), places and times of both middles.
+    """
+    import netCDF4
+
+    bins = np.arange(10.0, flight.depth + 20.0, 10.0)
+    year = 366.0 * 86400.0
+    rows: list[list[float]] = []
+    for number, mission in enumerate(missions):
+        for dive in range(flight.dives):
+            start, end = flight.dive_times(dive)
+            fixes = np.array([start, end])
+            latitude, longitude = flight.position(fixes)
+            middle = [0.5 * (v[0] + v[1]) for v in (fixes + year * number, latitude, longitude)]
+            profile = [
+                0.25 * v[0] + 0.75 * v[1] for v in (fixes + year * number, latitude, longitude)
+            ]
+            rows.append([*profile, *middle, flight.east, flight.north, float(mission)])
+    names = (
+        "time", "lat", "lon", "time_uv", "lat_uv", "lon_uv", "u_depth_mean", "v_depth_mean",
+        "mission",
+    )  # fmt: skip
+    reached = bins <= flight.depth
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("depth", len(bins))
+        file.createDimension("profile", len(rows))
+        file.createVariable("depth", "f8", ("depth",))[:] = bins
+        for name, column in zip(names, zip(*rows, strict=True), strict=True):
+            file.createVariable(name, "f8", ("profile",))[:] = column
+            if name.startswith("time"):
+                file[name].units = "seconds since 1970-01-01T00:00:00Z"
+        for name, values in (("temperature", 15.0 - 0.02 * bins), ("salinity", 33.0 + 0.0 * bins)):
+            column = np.where(reached, values, np.nan)
+            grid = file.createVariable(name, "f8", ("depth", "profile"))
+            grid[:] = np.repeat(column[:, None], len(rows), axis=1)
+    return path
+
+
 def write_dbd(
     folder: Path,
     flight: Flight,
@@ -488,10 +528,12 @@ def write_dbd(
     columns: Mapping[str, Array] | None = None,
     crc: str = "0badcafe",
     without: Sequence[str] = (),
+    factored: bool = True,
 ) -> list[Path]:
     """A Slocum's binary flight log and its cache file: sensors in native units, GPS among them.
 
-    `columns` replaces them all, time first: a science log (.ebd).
+    `columns` replaces them all, time first: a science log (.ebd). A log that is not `factored`
+    lists its sensors itself, behind its header.
 
     The format: 14 lines of text, the tag `s` with numbers that show the byte order, then for each
     cycle the tag `d`, two bits a sensor (0 nothing, 1 as before, 2 new) and the new values.
@@ -521,9 +563,12 @@ def write_dbd(
         "full_filename": f"{vehicle}-2023-317-0-0", "filename_extension": ending,
         "mission_name": "TEST.MI", "fileopen_time": "Tue_Nov_14_22:13:20_2023",
         "total_num_sensors": len(names), "sensors_per_cycle": len(names),
-        "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc, "sensor_list_factored": 1,
+        "state_bytes_per_cycle": state_bytes, "sensor_list_crc": crc,
+        "sensor_list_factored": int(factored),
     }  # fmt: skip
     data = bytearray("".join(f"{k}: {v}\n" for k, v in header.items()).encode())
+    if not factored:
+        data += cache.read_bytes()
     data += b"sa" + struct.pack("<hfd", 0x1234, 123.456, 123456789.12345)
     at_surface = {time: row for row, time in enumerate(gps["time"])}
     for row, time in enumerate(next(iter(names.values()))):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,3 +118,11 @@ def write_tracks(path: Path, trajectory: Trajectory) -> Path:
         arrays |= {f"{track.name}_north": track.north, f"{track.name}_east": track.east}
     np.savez(path, **arrays)
     return path
+
+
+def unpack(packed: dict[str, Any]) -> np.ndarray:
+    """The numbers of `twin.show.web.solid.pack`, shape (n,); NaN where there was none."""
+    kind = np.dtype(packed["type"])
+    whole = np.frombuffer(base64.b64decode(packed["data"]), kind.newbyteorder("<"))
+    values = packed["offset"] + packed["step"] * whole.astype(float)
+    return np.where(whole == np.iinfo(kind).min, np.nan, values)

@@ -20,7 +20,7 @@ TOP_LEVEL = {
     },
     "factory": {
         "__init__", "__main__", "description", "facade", "flown_again", "logs_page",
-        "missions_page", "seams", "soundness", "store_check", "verify_logs",
+        "missions_page", "seams", "soundness", "store_check",
     },
     "learn": {
         "__init__", "__main__", "api", "files", "finishing", "folds", "repeated_fits", "run",
@@ -81,6 +81,9 @@ NAMES_ACTUATORS = {
     "twin.fossen": "the trim's positions; a rotation matrix",
     "twin.checks": "published positions",
     "twin.control": "energy of pumps and propellers, and a pilot for gliders",
+    "twin.logs.energy_timeline": "what a pump moves by depth and direction",
+    "twin.logs.energy_use": "a pump, drives and a propeller take unlike shares",
+    "twin.commands.energy": "the same in words",
     "twin.show.figures.logged_dive": "signals of logs",
     "twin.show.check_page": "a battery's and a pump's panels beside a log",
     "factory.importing": "formats of real vehicles' logs",

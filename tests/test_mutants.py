@@ -42,7 +42,7 @@ def tree(tmp_path, monkeypatch):
 
 def listed(tree, capsys, *mutants):
     """Exit code and last line of `--list` for a table of these mutants."""
-    text = "[tests]\n" + "".join(place_mutants.entry(mutant) for mutant in mutants)
+    text = "".join(place_mutants.entry(mutant) for mutant in mutants)
     (tree / "mutants.toml").write_text(text)
     code = mutate.main(["--table", str(tree / "mutants.toml"), "--list"])
     return code, capsys.readouterr().out.splitlines()[-1]
@@ -78,6 +78,21 @@ def test_a_text_that_is_gone_or_stands_twice_is_counted(tree, capsys):
         )
 
 
+def test_a_lost_text_is_named_with_its_files_or_the_nearest_line(tree, capsys):
+    def said(*mutants):
+        (tree / "mutants.toml").write_text("".join(map(place_mutants.entry, mutants)))
+        mutate.main(["--table", str(tree / "mutants.toml"), "--list"])
+        return capsys.readouterr().out
+
+    assert "nearest: twin/wing.py:6: SLOPE = 2.0" in said(mutant(old="SLOPES = 2.0"))
+    assert "stands 2 times in twin/wing.py" in said(mutant(old="SLOPE "))
+    (tree / "twin" / "copy.py").write_text(SOURCE)
+    elsewhere = mutant(file="twin/gone.py")
+    assert "stands 2 times: in twin/copy.py, twin/wing.py" in said(elsewhere)
+    (tree / "twin" / "wing.py").unlink()
+    assert "now in twin/copy.py" in said(elsewhere)
+
+
 def test_a_test_that_is_gone_is_counted(tree, capsys):
     there, gone = "tests/test_wing.py::test_lift", "tests/test_wing.py::test_drag"
     assert listed(tree, capsys, mutant(test=there))[0] == 0
@@ -101,19 +116,42 @@ def test_a_lost_mutant_counts_as_survived(tree, capsys):
 
 
 @pytest.mark.parametrize(
-    ("assertion", "code"),
-    [("lift(0.5, 0.0) == 2.0 * math.sin(0.5)", 0), ("lift(0.0, 2.0) == 1.0", 1)],
+    ("assertion", "word", "why"),
+    [
+        ("lift(0.5, 0.0) == 2.0 * math.sin(0.5)", "killed", "by tests/test_wing.py::test_lift"),
+        ("lift(0.0, 2.0) == 1.0", "SURVIVED", "no test fails"),
+        ("lift(0.5, 0.0) == 7.0", "SURVIVED", "test_lift fails without any change"),
+    ],
 )
-def test_a_mutant_is_killed_by_a_test_that_fails_with_it(tree, capsys, assertion, code):
+def test_a_mutant_is_killed_by_a_test_that_fails_with_it_alone(tree, capsys, assertion, word, why):
     """The change takes the lift away: a test of drag alone lets it live."""
     (tree / "tests" / "test_wing.py").write_text(
         f"import math\nfrom twin.wing import lift\n\ndef test_lift():\n    assert {assertion}\n"
     )
     subprocess.run(["git", "init", "-q"], cwd=tree, check=True)
     listed(tree, capsys, mutant())
-    assert mutate.main(["--table", str(tree / "mutants.toml"), "--jobs", "1"]) == code
-    word = "killed" if code == 0 else "SURVIVED"
-    assert any(line.startswith(word) for line in capsys.readouterr().out.splitlines())
+    code = mutate.main(["--table", str(tree / "mutants.toml"), "--jobs", "1"])
+    said = capsys.readouterr().out.splitlines()
+    assert code == (0 if word == "killed" else 1)
+    assert any(line.startswith(word) and why in line for line in said), said
+
+
+@pytest.mark.parametrize("killers", [["tests/test_wing.py::test_lift"], []])
+@pytest.mark.parametrize("changed", ["twin/wing.py", "tests/test_wing.py"])
+def test_what_ran_is_kept_until_its_file_or_its_tests_change(tree, killers, changed):
+    (tree / "mutants.toml").write_text(place_mutants.entry(mutant()))
+    (one,) = mutate.read_table(tree / "mutants.toml")
+
+    def kept():
+        return mutate.Kept(tree / "ran.jsonl", mutate.Tree(tree), [one])
+
+    kept().add(one, killers)
+    with (tree / "ran.jsonl").open("a") as file:
+        file.write('{"mutant": "tw')  # and then it was killed
+    assert kept().killers == {one: killers}
+    with (tree / changed).open("a") as file:
+        file.write("# changed\n")
+    assert kept().killers == {}
 
 
 def test_the_placer_draws_the_same_mutants_from_the_same_seed(tree, monkeypatch):

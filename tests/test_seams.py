@@ -15,11 +15,8 @@ from examples import ROOT, script
 from twin.plugins import imported
 
 NO_KINDS = {
+    "twin.navigation.estimators.steps:BaselineSteps": "the steps of baselines of one's own, too",
     "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
-    "twin.navigation.estimators.ekf:EkfSteps": "the steps of the baseline of that file",
-    "twin.navigation.estimators.dvl:DvlSteps": "the steps of the baseline of that file",
-    "twin.navigation.estimators.onboard:OnboardSteps": "the steps of the baseline of that file",
-    "twin.navigation.estimators.steady_flight:SteadyFlightSteps": "the steps of that baseline",
 }
 """Classes derived from a seam's base that are no kind of their own, and why"""
 WIDER = {"learn.MinibatchOptimiser": "learn.training.optimiser.Optimiser"}

@@ -11,7 +11,7 @@ Every public name is imported when it is first used.
 
 from typing import TYPE_CHECKING
 
-from twin.lazy import attach
+from twin.lazy import attach, places
 from twin.version import __version__
 
 if TYPE_CHECKING:
@@ -75,69 +75,6 @@ if TYPE_CHECKING:
     from twin.water.floor import RoughFloor as RoughFloor
     from twin.water.floor import parse_floor as parse_floor
 
-
-_PLACES = {
-    "Bathymetry": "twin.water.floor:Bathymetry",
-    "Circle": "twin.mission.segments:Circle",
-    "Command": "twin.mission.controller:Command",
-    "DensityProfile": "twin.water.density:DensityProfile",
-    "Ekman": "twin.water.current.ekman:Ekman",
-    "FlatFloor": "twin.water.floor:FlatFloor",
-    "GaussMarkov": "twin.water.current.gauss_markov:GaussMarkov",
-    "Geostrophic": "twin.water.current.geostrophic:Geostrophic",
-    "Grid": "twin.water.current.grid:Grid",
-    "GridFloor": "twin.water.floor:GridFloor",
-    "RoughFloor": "twin.water.floor:RoughFloor",
-    "Hold": "twin.mission.segments:Hold",
-    "Hover": "twin.mission.segments:Hover",
-    "Inertial": "twin.water.current.inertial:Inertial",
-    "LawnMower": "twin.mission.segments:LawnMower",
-    "LogLayer": "twin.water.current.log_layer:LogLayer",
-    "Mission": "twin.mission.plan:Mission",
-    "Navigation": "twin.navigation.settings:Navigation",
-    "Observation": "twin.mission.controller:Observation",
-    "Origin": "twin.water.current.axes:Origin",
-    "Profile": "twin.water.current.profile:Profile",
-    "Series": "twin.water.current.series:Series",
-    "SawTooth": "twin.mission.segments:SawTooth",
-    "Scenario": "twin.physics.scenario:Scenario",
-    "Schedule": "twin.mission.controller:Schedule",
-    "SensorSuite": "twin.sensors.suite:SensorSuite",
-    "Simulation": "twin.physics.simulation:Simulation",
-    "Spiral": "twin.mission.segments:Spiral",
-    "Start": "twin.physics.scenario:Start",
-    "Surface": "twin.mission.segments:Surface",
-    "Tide": "twin.water.current.tide:Tide",
-    "Trajectory": "twin.records.trajectory:Trajectory",
-    "Transect": "twin.mission.segments:Transect",
-    "Waypoint": "twin.mission.segments:Waypoint",
-    "Uniform": "twin.water.current.uniform:Uniform",
-    "Vehicle": "twin.vehicle.vehicle:Vehicle",
-    "check_manoeuvres": "twin.checks.agreement:check_manoeuvres",
-    "check_published": "twin.checks.agreement:check_published",
-    "errors": "twin.errors",
-    "estimate_flight": "twin.logs.flight_estimate:estimate_flight",
-    "figure": "twin.show.figures.base:figure",
-    "figure_names": "twin.show.figures.base:figure_names",
-    "load_mission": "twin.mission.shipped_missions:load_mission",
-    "load_vehicle": "twin.vehicle.vehicle:load_vehicle",
-    "mission_names": "twin.mission.shipped_missions:mission_names",
-    "open_store": "twin.records.store:open_store",
-    "open_trajectory": "twin.records.trajectory_file:open_trajectory",
-    "out_of_trim": "twin.physics.ballast:out_of_trim",
-    "parse_current": "twin.water.current.current_text:parse_current",
-    "parse_density": "twin.water.density_spec:parse_density",
-    "parse_floor": "twin.water.floor:parse_floor",
-    "remarks": "twin.physics.remarks:remarks",
-    "resample": "twin.records.timeseries:resample",
-    "scenario_of": "twin.facade:scenario_of",
-    "simulate": "twin.facade:simulate",
-    "simulate_many": "twin.physics.simulation:simulate_many",
-    "timeseries": "twin.records.timeseries:timeseries",
-    "trim": "twin.physics.settle:trim",
-    "vehicle_names": "twin.vehicle.presets:vehicle_names",
-}
-"""Where each public name is."""
-
+_PLACES = places(__name__)
 __all__ = [*_PLACES, "__version__"]
 __getattr__, __dir__ = attach(__name__, _PLACES)

@@ -15,6 +15,7 @@ from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
+from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
 from twin.physics.lookup_tables import floor_table
@@ -33,7 +34,6 @@ from twin.water.floor import Floor, parse_floor
 from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
-    from twin.navigation.estimators.base import VelocityEstimator
     from twin.sensors import SensorSuite
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")

@@ -9,9 +9,9 @@ the vector part of quaternions alike because it is a proper rotation (180 deg ab
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 FLIP = np.array([1.0, -1.0, -1.0])
 FLIP_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])

@@ -20,9 +20,9 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twin.numbers import Array
+
 Number = TypeVar("Number", float, Array)
 
 WGS84_SEMI_MAJOR = 6378137.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from twin.errors import unknown_name
@@ -20,15 +21,25 @@ def resolve(place: str) -> Any:
     return getattr(found, name) if name else found
 
 
+def places(package: str) -> dict[str, str]:
+    """`package.module:name`, or `package.module`, by public name of a package.
+
+    They are read where type checkers read them: in the package's own `if TYPE_CHECKING`, from its
+    lines `from MODULE import NAME as PUBLIC_NAME`.
+    """
+    found = {}
+    text = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
+    for line in text.splitlines():
+        match line.split():
+            case ["from", module, "import", name, "as", public, *_] if line.startswith(" "):
+                found[public] = f"{module}{'.' if module == package else ':'}{name}"
+    return found
+
+
 def attach(
     package: str, places: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package whose public names are at `places`.
-
-    Args:
-      package: its `__name__`.
-      places: `package.module:name` or `package.module` by public name.
-    """
+    """`__getattr__` and `__dir__` of a package, whose `__name__` it is, with its `places`."""
 
     def get(name: str) -> Any:
         if name not in places:

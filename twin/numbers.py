@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, shown
 
+Array = NDArray[np.float64]
+
 
 def number(value: object, what: str, error: type[InputError] = InputError) -> float:
     """`value` as a float; a whole number beyond all floats is infinite.

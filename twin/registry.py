@@ -50,6 +50,7 @@ class Registry(Mapping[str, Kind]):
         base: str = "",
         page: str = "",
         shipped: Mapping[str, str] | None = None,
+        apart: Mapping[str, str] | None = None,
         check: Callable[[str, Any], Kind] | str,
         check_shipped: bool = True,
         name: str = "name",
@@ -63,6 +64,7 @@ class Registry(Mapping[str, Kind]):
           base: the public class that a kind is derived from, or an object of.
           page: of docs/ that shows one of your own, with its anchor.
           shipped: `package.module:attribute` by name.
+          apart: by name, the line that installs a kind of this project's `plugins/` in a clone.
           check: returns the kind, or raises InputError that says what it lacks. A text
             `package.module:function` is imported when the first kind is checked.
           check_shipped: whether shipped kinds are checked when they are loaded; without it only
@@ -71,7 +73,7 @@ class Registry(Mapping[str, Kind]):
         """
         self.noun, self.group = noun, group
         self.folder, self.base, self.page = folder, base, page
-        self._places = dict(shipped or {})
+        self._places, self._apart = dict(shipped or {}), dict(apart or {})
         self._check = check
         self._check_shipped = check_shipped
         self._name = name
@@ -176,6 +178,9 @@ class Registry(Mapping[str, Kind]):
         Args:
           place: where a file says that the kind was, as `place` gave it.
         """
+        if name in self._apart:
+            hint = f"; {name} is a plug-in of its own: `{self._apart[name]}` in a clone"
+            return UnknownName(self.noun, name, self, hint=hint)
         module = place.partition(":")[0]
         if module.startswith(PLUGIN_MODULE):
             ways = f"name the file {module.removeprefix(PLUGIN_MODULE)}.py in {PLUGINS}"

@@ -11,20 +11,20 @@ from typing import Any
 from twin.registry import Registry
 
 _FEATURES = (
-    ("sensed", "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow"),
-    ("sensed", "roll_change pitch_change heading_change"),
-    ("sensed", "roll_change_slow pitch_change_slow heading_change_slow"),
-    ("sensed", "roll_rate pitch_rate yaw_rate"),
-    ("sensed", "specific_force_x specific_force_y specific_force_z"),
-    ("sensed", "depth_rate depth_rate_slow glide_speed glide_speed_slow"),
-    ("sensed", "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow"),
-    ("sensed", "depth"),
-    ("sensed", "shift sin_rotation cos_rotation pump"),
-    ("sensed", "shift_change rotation_change pump_change"),
-    ("sensed", "shift_command sin_rotation_command cos_rotation_command pump_command"),
-    ("sensed", "flight_surge flight_sway flight_attack"),
+    "sin_roll cos_roll sin_pitch cos_pitch sin_roll_slow sin_pitch_slow "
+    "roll_change pitch_change heading_change "
+    "roll_change_slow pitch_change_slow heading_change_slow "
+    "roll_rate pitch_rate yaw_rate "
+    "specific_force_x specific_force_y specific_force_z "
+    "depth_rate depth_rate_slow glide_speed glide_speed_slow "
+    "gravity_pitch_sine gravity_glide_speed gravity_glide_speed_slow "
+    "depth "
+    "shift sin_rotation cos_rotation pump "
+    "shift_change rotation_change pump_change "
+    "shift_command sin_rotation_command cos_rotation_command pump_command "
+    "flight_surge flight_sway flight_attack"
 )
-"""File and features, in the order in which networks take them."""
+"""In the order in which networks take them."""
 
 SENSORS: Registry[Any] = Registry(
     "sensor",
@@ -111,11 +111,7 @@ FEATURES: Registry[Any] = Registry(
     folder="twin/navigation/features",
     base="twin.navigation.features.Feature",
     page="howto/extending.md#a-feature",
-    shipped={
-        name: f"twin.navigation.features.{file}:{name.upper()}"
-        for file, names in _FEATURES
-        for name in names.split()
-    },
+    shipped={name: f"twin.navigation.features.sensed:{name.upper()}" for name in _FEATURES.split()},
     check="twin.navigation.features.base:check_feature",
     check_shipped=False,
 )
@@ -128,10 +124,10 @@ VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     base="twin.navigation.estimators.base.VelocityEstimator",
     page="howto/navigation.md#an-estimator-of-ones-own",
     shipped={
-        "ekf": "twin.navigation.estimators.baseline:ByEkf",
-        "steady_flight": "twin.navigation.estimators.baseline:BySteadyFlight",
-        "pitch_plus_alpha": "twin.navigation.estimators.baseline:ByPitchPlusAlpha",
-        "dvl": "twin.navigation.estimators.baseline:ByDvl",
+        "ekf": "twin.navigation.estimators.ekf:EkfSteps",
+        "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlightSteps",
+        "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlphaSteps",
+        "dvl": "twin.navigation.estimators.dvl:DvlSteps",
     },
     check="twin.navigation.estimators.base:check_estimator",
     name="kind",

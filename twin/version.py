@@ -2,6 +2,9 @@
 
 __version__ = "0.1.0"
 PHYSICS_VERSION = 3
-"""Counted up when the same recipe flies another way. 1: up to the first stores of this program; 2:
+"""Of what every vehicle shares; a hull law or a kind of part that flies otherwise since has a later
+`physics` of its own, and a vehicle has the latest of all (`Vehicle.physics_version`).
+
+Counted up when the same recipe flies another way. 1: up to the first stores of this program; 2:
 water that accelerates and shears acts on the hull, and scales with its density; 3: no sensor knows
-what comes later."""
+what comes later; 4, of some vehicles: body-axes laws in reversed flow, and screws."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing import import_logs
-from factory.verify_logs import verify_logs
+from factory.soundness import verify_logs
 from twin.errors import InputError
 from twin.geodesy import offset
 from twin.records.logged import LogStore

@@ -28,6 +28,8 @@ CORRECTED_PITCH = "pitch_rad_corrected"
 MOST_PITCH_RESIDUAL = math.radians(0.5)
 """[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
 LEAST_SAMPLES = 100
+ATTACKS_DEG = (1, 2, 3, 4)
+"""[deg] constant angles of attack: OceanGliders has 3, and the best in hindsight is a rival"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,8 +119,10 @@ def _methods(job: DvlJob, logs: list[Log], truth: Truth, *, corrected: bool) -> 
         methods.append(Method(name=f"{name}, {title}", kind=kind, note=note, errors=errors))
 
     pitches = [nominal.true_pitch(log.pitch) for log in logs]
-    simple = [kinematic(log, p).speed for log, p in zip(logs, pitches, strict=True)]
-    put("w/sin(pitch + 3 deg)", "public method", simple, pitch)
+    for degree in ATTACKS_DEG:
+        attack = math.radians(degree)
+        simple = [kinematic(log, p, attack).speed for log, p in zip(logs, pitches, strict=True)]
+        put(f"w/sin(pitch + {degree} deg)", "public method", simple, pitch)
     steady = fit_steady(logs, nominal)
     speeds = [
         steady.bridged(log, p, density_of(log, nominal)).speed

@@ -26,8 +26,9 @@ from benchmarks.real_logs.samples import (
 )
 from factory.generation.generate import generate
 from factory.sampling.recipe import make_recipe
+from learn.data.dataset import thinning_step
 from learn.data.normalisation import Normalisation, NormalisationFit
-from learn.data.sequences import Sequences, thin_store
+from learn.data.sequences import Sequences
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Predictor, free_run
@@ -36,8 +37,9 @@ from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
 from twin.navigation.dead_reckoning import Array
-from twin.records.schema import MISSION
-from twin.records.store import open_store
+from twin.records.attributes import N_SAMPLES, SAMPLE_PERIOD
+from twin.records.schema import MISSION, TIME
+from twin.records.store import open_store, write_store
 
 INPUTS: dict[str, tuple[str, ...]] = {
     "": tuple(name for name in GLIDER if name != "pump"),
@@ -90,6 +92,25 @@ def simulate(folder: Path, *, seed: int = 7, workers: int | None = None) -> Path
     generate(recipe, whole, workers=workers, overwrite=True, history="learn benchmark real")
     thin_store(whole, thinned, PERIOD)
     return thinned
+
+
+def thin_store(store: Path, out: Path, period: float) -> Path:
+    """Write every n-th sample of a store to another one.
+
+    Raises:
+      StoreError: see `learn.data.dataset.thinning_step`.
+    """
+    dataset = open_store(store).load()
+    time = dataset[TIME].values.astype(float)
+    step = thinning_step(float(np.median(np.diff(time))), period, store)
+    thin = dataset.isel({TIME: slice(None, None, step)})
+    lengths = (dataset[N_SAMPLES].values + step - 1) // step
+    thin = thin.assign({N_SAMPLES: (dataset[N_SAMPLES].dims, lengths, dataset[N_SAMPLES].attrs)})
+    thin.attrs[SAMPLE_PERIOD] = period
+    for variable in thin.variables.values():
+        variable.encoding.clear()
+    write_store(thin, out, overwrite=True)
+    return out
 
 
 @dataclasses.dataclass(frozen=True)

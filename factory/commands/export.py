@@ -49,7 +49,7 @@ class ExportStore(JsonOption):
     flight model makes track, velocities and currents [default: the shipped one of the log's kind]
     """
     metadata: Path | None = None
-    """og1, huggingface, lerobot: YAML file in pyglider's layout with title, people, licence,
+    """og1, data sets: YAML file in pyglider's layout with title, people, licence,
     citation, project and instruments [default: metadata.yml or deployment.yml beside the store, and
     what the import found beside the log]"""
 
@@ -72,6 +72,14 @@ class ExportStore(JsonOption):
             )
         size = sum(path.stat().st_size for path in written)
         console.say(f"wrote {counted(len(missions), what)} to {out} ({size / 1e6:.1f} MB)")
+        if "vehicle" in exporter.takes and self.vehicle is None and isinstance(run, LogStore):
+            from twin.identify.start_values import start_vehicle
+
+            name = start_vehicle(self.store).name
+            console.warn(
+                f"track and flight terms are by the shipped vehicle {name}, not by one identified "
+                "from these logs: give --vehicle what `twin identify` wrote"
+            )
         console.answer(store=self.store, to=self.to, out=out, missions=missions, bytes=size)
         return 0
 

@@ -12,7 +12,7 @@ from factory.importing.formats.base import IMPORTERS
 from twin.cli.console import Console, JsonOption
 
 CHOICES = "{" + ",".join(IMPORTERS.names()) + "}"
-FILES = "logs, or folders of them (folders below are not searched). " + "; ".join(
+FILES = "logs, or folders of them (folders below with --recursive). " + "; ".join(
     f"{importer.name}: {importer.files.replace('`', '')}" for importer in IMPORTERS.values()
 )
 PERIODS = ", ".join(f"{importer.period:g} for {importer.name}" for importer in IMPORTERS.values())
@@ -63,7 +63,9 @@ class ImportLogs(JsonOption):
     """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
     those of oxygen, chlorophyll ... whose names are known"""
     keep_going: bool = False
-    """import what can be read even where more than half of the files cannot"""
+    """import what can be read even where half of the files or more cannot"""
+    recursive: bool = False
+    """search the folders below the named ones too"""
     overwrite: bool = False
     """replace an existing store"""
 
@@ -88,6 +90,7 @@ class ImportLogs(JsonOption):
             mapping=self.mapping,
             payload=self.payload,
             keep_going=self.keep_going,
+            recursive=self.recursive,
         )
         write_store(dataset, self.out, overwrite=self.overwrite)
         for entry in report.entries:

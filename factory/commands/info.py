@@ -112,8 +112,13 @@ class Info(JsonOption):
         failures = run.failures()
         if failures:
             rows = [
-                {"mission": m, "attempt": f.attempt, "time [s]": f.time_s, "reason": f.reason}
-                for m, f in failures
+                {
+                    "mission": f.mission,
+                    "attempt": f.attempt,
+                    "time [s]": f.time_s,
+                    "reason": f.reason,
+                }
+                for f in failures
             ]
             console.table(rows, title="\nfailed and replaced")
         console.answer(
@@ -127,7 +132,7 @@ class Info(JsonOption):
             drawn=drawn,
             signals=run.signals(),
             failures=[
-                {"mission": m, "attempt": f.attempt, "reason": f.reason} for m, f in failures
+                {"mission": f.mission, "attempt": f.attempt, "reason": f.reason} for f in failures
             ],
         )
         return 0

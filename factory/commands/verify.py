@@ -75,9 +75,8 @@ class Verify(JsonOption):
     def _read(self, console: Console) -> tuple[str, StoreReport]:
         """What a mission is called, and what reading them shows."""
         from factory.generation.generated_store import is_flight, open_missions
-        from factory.soundness import verify_store
+        from factory.soundness import verify_missions
         from factory.store_check import StoreReport
-        from factory.verify_logs import verify_logs
         from twin.records.logged import LogStore
         from twin.records.reader import MissionStore
 
@@ -87,6 +86,4 @@ class Verify(JsonOption):
         run = open_missions(self.store)
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
-            if isinstance(run, LogStore):
-                return what, verify_logs(run, watch=progress.update, workers=self.workers)
-            return what, verify_store(run, watch=progress.update, workers=self.workers)
+            return what, verify_missions(run, progress.update, workers=self.workers)

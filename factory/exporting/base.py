@@ -1,7 +1,6 @@
 """Exporter: what the export must know of one format, and the function that writes it.
 
 Registry of the exporters: names for the command line, and writers.
-Described: writers of formats that hold what the user says of the data, such as its licence.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ It raises `StoreError` for data that cannot be read and `OSError` when the disk 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Exporter:
-    """One format. Heavy libraries belong inside `write`: help texts show the other fields."""
+    """One format; help texts show all but `write`."""
 
     name: str
     """What the user types: `factory export STORE --to NAME`."""
@@ -73,8 +72,8 @@ class Exporter:
     ending: str
     """Put behind the store's name where the user names no target: `.parquet`, `-og1`. One that
     begins with a dot makes a file, another one a folder."""
-    write: Writer
-    """The writer."""
+    write: Writer | str
+    """The writer, or its place `module:function`, which is imported when it writes."""
     takes: tuple[str, ...] = ()
     """Names of the `ExportOptions` that it takes; with any, they are `write`'s fifth argument."""
     extra: str | None = None
@@ -92,7 +91,7 @@ class Exporter:
                 f"exporter {self.name!r}: ending {self.ending!r} must be like '.parquet' for a "
                 "file or '-og1' for a folder"
             )
-        if not callable(self.write):
+        if not (callable(self.write) or isinstance(self.write, str)):
             raise InputError(
                 f"exporter {self.name!r}: write must be a function, not {self.write!r}"
             )
@@ -136,13 +135,15 @@ class Exporter:
         for mission in missions:
             run.check_mission(mission)
         more = (options,) if self.takes else ()
+        whole = (
+            whole_file(path, overwrite=overwrite)
+            if self.target == "file"
+            else whole_folder(path, overwrite=overwrite, ours=_is_export)
+        )
         try:
-            if self.target == "file":
-                with whole_file(path, overwrite=overwrite) as place:
-                    written = self.write(run, missions, place, advance, *more)
-            else:
-                with whole_folder(path, overwrite=overwrite, ours=_is_export) as place:
-                    written = self.write(run, missions, place, advance, *more)
+            write = imported(self.write) if isinstance(self.write, str) else self.write
+            with whole as place:
+                written: list[Path] = write(run, missions, place, advance, *more)
         except ModuleNotFoundError as error:
             if self.extra is None:
                 raise
@@ -168,22 +169,3 @@ EXPORTERS: Registry[Exporter] = seams.EXPORTERS
 
 register = EXPORTERS.add
 """Add an exporter of one's own."""
-
-
-def described(place: str) -> Writer:
-    """The writer at `module:function`, which takes `metadata`; imported when it writes."""
-
-    def write(
-        run: MissionStore,
-        missions: Sequence[int],
-        folder: Path,
-        advance: Advance,
-        options: ExportOptions,
-    ) -> list[Path]:
-        from factory.exporting.metadata import metadata_for
-
-        metadata = metadata_for(run, options.metadata)
-        written: list[Path] = imported(place)(run, missions, folder, advance, metadata=metadata)
-        return written
-
-    return write

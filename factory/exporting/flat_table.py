@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,10 @@ from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.timeseries import sample_coordinates
 
-if TYPE_CHECKING:
-    from twin.records.reader import MissionStore
-
 
 def export_parquet(
     run: MissionStore, missions: Sequence[int], path: Path, advance: Advance = no_progress
-) -> Path:
+) -> list[Path]:
     """Write the samples of `missions` as one table, with one row group for each mission.
 
     Raises:
@@ -34,13 +31,11 @@ def export_parquet(
     """
     pq = import_module("pyarrow.parquet")
     flat = FlatTable(run)
-    for mission in missions:
-        run.check_mission(mission)
     with pq.ParquetWriter(path, flat.schema, compression="zstd") as writer:
         for mission in missions:
             writer.write_table(flat.rows(mission))
             advance()
-    return path
+    return [path]
 
 
 class FlatTable:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +31,21 @@ from twin.records.storage.sharded import stored_values
 from twin.vehicle.consumption import ENERGY
 
 
-@dataclass(frozen=True, kw_only=True)
-class FailedAttempt:
-    """An attempt that had to be replaced."""
+class FailedAttempt(NamedTuple):
+    """An attempt that had to be replaced, as JSON lists and the arrays of a store have it."""
 
+    mission: int
     attempt: int
     reason: str
     time_s: float | None
     """[s] when the simulation left the finite numbers; None: it never started"""
+
+    @classmethod
+    def of(cls, mission: Any, attempt: Any, reason: Any, time_s: Any) -> FailedAttempt:
+        """Of values of a store's arrays; NaN stands for no time."""
+        return cls(
+            int(mission), int(attempt), str(reason), float(time_s) if time_s == time_s else None
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,13 +91,8 @@ def fly_mission(
                 parameters, recipe.vehicle, recipe.suite, seed, current=recipe.given_current
             )
         except REPLACED as error:
-            failures.append(
-                FailedAttempt(
-                    attempt=attempt,
-                    reason=reason(error),
-                    time_s=getattr(error, "time_s", None),
-                )
-            )
+            time_s = getattr(error, "time_s", None)
+            failures.append(FailedAttempt(mission, attempt, reason(error), time_s))
             continue
         flown = FlownMission(
             mission=mission,

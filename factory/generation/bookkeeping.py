@@ -31,7 +31,6 @@ LENGTH = "mission.duration_h"
 """The parameter that has no array of its own: `duration` has it"""
 SEGMENT = "segment"
 """Dimension of the parameters that are drawn for every segment."""
-"""By name of the array: (mission,) or (mission, segment)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,34 +61,20 @@ class Column:
 
 def columns(recipe: Recipe) -> list[Column]:
     """Every array over missions that a store of the recipe can have, but for those of its plan."""
-    found = [
-        Column(
-            name=names.N_SAMPLES,
-            attributes=names.OF_MISSIONS[names.N_SAMPLES],
-            dtype="int32",
-            empty=0,
+    counted = {names.N_SAMPLES: "int32", names.ATTEMPT: "int16"}
+    drawn = {
+        SENSOR_PREFIX + n: constant_attributes(n, unit)
+        for n, unit in recipe.suite.drawn_units().items()
+    }
+    return [
+        *(
+            Column(name=n, attributes=names.OF_MISSIONS[n], dtype=kind, empty=0)
+            for n, kind in counted.items()
         ),
-        Column(
-            name=names.ATTEMPT,
-            attributes=names.OF_MISSIONS[names.ATTEMPT],
-            dtype="int16",
-            empty=0,
-        ),
+        *(Column(name=name, attributes=ATTRIBUTES[name], empty=np.nan) for name in PLACE),
+        *(_parameter_column(recipe, name) for name in _parameters(recipe)),
+        *(Column(name=n, attributes=said, empty=0.0, usual=0.0) for n, said in drawn.items()),
     ]
-    for name in PLACE:
-        found.append(Column(name=name, attributes=ATTRIBUTES[name], empty=np.nan))
-    for name in _parameters(recipe):
-        found.append(_parameter_column(recipe, name))
-    for name, unit in recipe.suite.drawn_units().items():
-        found.append(
-            Column(
-                name=SENSOR_PREFIX + name,
-                attributes=constant_attributes(name, unit),
-                empty=0.0,
-                usual=0.0,
-            )
-        )
-    return found
 
 
 def constant_attributes(name: str, unit: str) -> dict[str, Any]:
@@ -114,14 +99,10 @@ def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[
         else:
             drawn = [[flown.parameters.values[name]] for flown in missions]
         width = longest if parameter.per_segment else 1
-        if words:
-            values: NDArray[Any] = np.full((len(drawn), width), UNUSED_CODE, np.int8)
-            for i, row in enumerate(drawn):
-                values[i, : len(row)] = [_code(value, words) for value in row]
-        else:
-            values = np.full((len(drawn), width), np.nan)
-            for i, row in enumerate(drawn):
-                values[i, : len(row)] = row
+        empty, kind = (UNUSED_CODE, np.int8) if words else (np.nan, np.float64)
+        values: NDArray[Any] = np.full((len(drawn), width), empty, kind)
+        for i, row in enumerate(drawn):
+            values[i, : len(row)] = [_code(value, words) for value in row] if words else row
         made[parameter.variable] = values if parameter.per_segment else values[:, 0]
     for name in recipe.suite.drawn_units():
         values = np.array([flown.sensors.get(name, 0.0) for flown in missions])

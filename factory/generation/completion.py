@@ -223,7 +223,7 @@ def note(store: StorePath, recipe: Recipe, command: str) -> None:
         "host": socket.gethostname(),
         "processor": _processor(),
         "processors": os.cpu_count(),
-        "versions": versions(),
+        "versions": versions(recipe.vehicle),
     }
     line, log = json.dumps(entry) + "\n", log_of(store)
     if isinstance(log, Path):

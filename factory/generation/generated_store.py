@@ -221,30 +221,13 @@ class GeneratedStore(MissionStore):
             for name in self.suite.drawn_units()
         }
 
-    def failures(self) -> list[tuple[int, FailedAttempt]]:
-        """The attempts that failed and were replaced, with their missions."""
+    def failures(self) -> list[FailedAttempt]:
+        """The attempts that failed and were replaced."""
         if FAILED_MISSION not in self.dataset.variables:
-            return [
-                (
-                    item["mission"],
-                    FailedAttempt(
-                        attempt=item["attempt"], reason=item["reason"], time_s=item["time_s"]
-                    ),
-                )
-                for item in self._failed
-            ]
+            fields = ("mission", "attempt", "reason", "time_s")
+            return [FailedAttempt(*(item[name] for name in fields)) for item in self._failed]
         columns = (FAILED_MISSION, FAILED_ATTEMPT, FAILED_REASON, FAILED_TIME)
-        return [
-            (
-                int(mission),
-                FailedAttempt(
-                    attempt=int(attempt),
-                    reason=str(reason),
-                    time_s=float(time) if time == time else None,
-                ),
-            )
-            for mission, attempt, reason, time in zip(*map(self.array, columns), strict=True)
-        ]
+        return [FailedAttempt.of(*row) for row in zip(*map(self.array, columns), strict=True)]
 
 
 def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:

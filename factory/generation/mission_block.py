@@ -19,7 +19,7 @@ import numcodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FlownMission, fly_mission
+from factory.generation.attempts import FailedAttempt, FlownMission, fly_mission
 from factory.generation.bookkeeping import rows
 from factory.generation.executors import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
@@ -80,7 +80,7 @@ def _fly_block(job: Job, number: int) -> BlockDone:
         last=flown[-1].mission,
         files={site.block(number): site.files.put(site.block(number), data)},
         failures=sum(len(one.failures) for one in flown),
-        versions=versions(),
+        versions=versions(recipe.vehicle),
     )
     leave_manifest(site.files, site.block_manifest(number), manifest)
     return BlockDone(number, tuple(len(one.failures) for one in flown))
@@ -123,11 +123,7 @@ def pack(
     """The file of a block, the same bytes for the same missions."""
     table: dict[str, Any] = {
         "samples": [one.samples for one in flown],
-        "failures": [
-            [one.mission, failure.attempt, failure.reason, failure.time_s]
-            for one in flown
-            for failure in one.failures
-        ],
+        "failures": [failure for one in flown for failure in one.failures],
         "signals": {},
     }
     entries: dict[str, NDArray[Any]] = {}
@@ -189,9 +185,9 @@ class Block:
         return {n: np.dtype(entry["dtype"]) for n, entry in self._table["signals"].items()}
 
     @property
-    def failures(self) -> list[tuple[int, int, str, float | None]]:
-        """Mission, attempt, reason and time [s] of every attempt that failed."""
-        return [(m, a, reason, time) for m, a, reason, time in self._table["failures"]]
+    def failures(self) -> list[FailedAttempt]:
+        """Every attempt that failed."""
+        return [FailedAttempt(*row) for row in self._table["failures"]]
 
     def rows(self) -> dict[str, NDArray[Any]]:
         """What there is one of for each mission."""

@@ -119,7 +119,8 @@ class _Wreck:
         finally:
             target.close()
         flown = [self._mission(mission) for mission in missions]
-        leave_shard(self.job, shard, files, rows(self.job.recipe, flown), _failures(flown))
+        failures = [failure for one in flown for failure in one.failures]
+        leave_shard(self.job, shard, files, rows(self.job.recipe, flown), failures)
 
     def compare(self, files: dict[str, FileSum]) -> None:
         """Raise StoreError when the new store is not what the old one's list says."""
@@ -171,11 +172,8 @@ class _Wreck:
             if column is None:
                 return None
             table.append(column)
-        return tuple(
-            FailedAttempt(attempt=int(a), reason=str(r), time_s=float(t) if t == t else None)
-            for m, a, r, t in zip(*table, strict=True)
-            if m == mission
-        )
+        found = (FailedAttempt.of(*row) for row in zip(*table, strict=True))
+        return tuple(one for one in found if one.mission == mission)
 
     def _rows(self, name: str) -> NDArray[Any] | None:
         """An array that is no signal; None where it is damaged."""
@@ -215,14 +213,6 @@ def _recipe(path: Path) -> Recipe:
     raise StoreError(
         f"{path} cannot be repaired, its recipe cannot be read ({wrong}); make it again"
     )
-
-
-def _failures(flown: list[FlownMission]) -> list[tuple[int, int, str, float | None]]:
-    return [
-        (one.mission, failure.attempt, failure.reason, failure.time_s)
-        for one in flown
-        for failure in one.failures
-    ]
 
 
 def _link(old: Path, new: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.generation.attempts import FailedAttempt
 from factory.generation.executors import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
 from factory.generation.mission_block import Block, block_manifest
@@ -104,7 +105,7 @@ def leave_shard(
     number: int,
     files: Mapping[str, FileSum],
     rows: Mapping[str, NDArray[Any]],
-    failures: Sequence[tuple[int, int, str, float | None]],
+    failures: Sequence[FailedAttempt],
 ) -> None:
     """Keep what there is one of for each mission of a shard whose signals are in the tree, and say
     that it is in place.
@@ -112,7 +113,7 @@ def leave_shard(
     Args:
       files: of its signals, by key.
       rows: as `bookkeeping.rows` gives them.
-      failures: mission, attempt, reason and time [s] of every attempt that failed.
+      failures: every attempt that failed.
     """
     site, missions = job.site, job.layout.missions_of_shard(number)
     archive = io.BytesIO()
@@ -130,7 +131,7 @@ def leave_shard(
             last=missions[-1],
             files=files,
             failures=len(failures),
-            versions=versions(),
+            versions=versions(job.recipe.vehicle),
         ),
     )
 
@@ -164,10 +165,8 @@ class ShardRows:
             check_archive(data, key, StoreError)
             archive = np.load(io.BytesIO(data), allow_pickle=False)
             self.arrays: dict[str, NDArray[Any]] = {n: archive[n] for n in archive.files}
-            self.failures: list[tuple[int, int, str, float | None]] = [
-                (m, a, reason, time)
-                for m, a, reason, time in json.loads(self.arrays.pop(FAILURES).tobytes())
-            ]
+            failed = json.loads(self.arrays.pop(FAILURES).tobytes())
+            self.failures = [FailedAttempt(*row) for row in failed]
         except Exception as error:  # whatever a damaged archive raises
             what = f"{job.site.files.name}/{key}"
             raise StoreError(f"{what} cannot be read ({type(error).__name__})") from error

@@ -49,6 +49,12 @@ LIMITS = {
     "measured_salinity": Limits(low=0.01, high=45.0, rate=2.0, jump=4.0),
     "measured_density": Limits(low=985.0, high=1090.0, rate=2.0, jump=5.0),
     "conductivity": Limits(low=0.02, high=9.0, rate=0.5, jump=1.0),
+    "measured_charge": Limits(low=-1e4, high=1e5),
+    "measured_voltage": Limits(low=2.0, high=500.0),
+    "measured_battery_current": Limits(low=-100.0, high=500.0),
+    "measured_pump_power": Limits(low=0.0, high=1e4),
+    "measured_thruster_power": Limits(low=0.0, high=1e4),
+    "measured_vacuum": Limits(low=-5e4, high=101_000.0),
     "latitude": Limits(low=-90.0, high=90.0),
     "longitude": Limits(low=-180.0, high=360.0),
 }

@@ -16,8 +16,10 @@ from twin.errors import InputError
 from twin.records.storage.sharded import METADATA
 
 
-def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path]:
-    """The files named, and those of the kind in the folders named (not in folders below).
+def expand(
+    importer: Importer, paths: Sequence[Path], tally: Tally, *, recursive: bool = False
+) -> list[Path]:
+    """The files named, and those of the kind in the folders named; in folders below on request.
 
     A file that is named twice is read once, counted. What cannot be read, and what is another
     kind's in a folder, is left out and told.
@@ -30,7 +32,7 @@ def expand(importer: Importer, paths: Sequence[Path], tally: Tally) -> list[Path
     named: set[Path] = set()
     for path in paths:
         if path.is_dir():
-            files += _inside(importer, path, tally)
+            files += _inside(importer, path, tally, recursive)
         elif path.exists():
             files.append(path)
             named.add(path)
@@ -102,21 +104,34 @@ def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
     return kept
 
 
-def _inside(importer: Importer, folder: Path, tally: Tally) -> list[Path]:
+def _inside(importer: Importer, folder: Path, tally: Tally, recursive: bool) -> list[Path]:
     """The logs in a folder; what else is there is counted."""
-    every = sorted(path for path in folder.iterdir() if path.is_file())
+    every = sorted(p for p in (folder.rglob("*") if recursive else folder.iterdir()) if p.is_file())
     inside = [path for path in every if importer.accepts(path)]
     if not inside and (folder / METADATA).exists():
         raise InputError(f"{folder} is a store already; name the logs that it was made of")
     if not inside:
         endings = " ".join(sorted(importer.suffixes))
         raise InputError(
-            f"folder {folder} holds no {importer.name} logs ({endings}); folders below it are not "
-            f"searched{_looks_like(every)}"
+            f"folder {folder} holds no {importer.name} logs ({endings})"
+            f"{'' if recursive else _below(importer, folder)}{_looks_like(every)}"
         )
     others = [path.name for path in every if path not in inside]
     tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
     return inside
+
+
+def _below(importer: Importer, folder: Path) -> str:
+    """What to name instead: the folders below that hold such logs, some of them by name."""
+    holding = sorted({path.parent for path in folder.rglob("*") if importer.accepts(path)})
+    if not holding:
+        return ", nor do the folders below it"
+    names = summarise([str(one) for one in holding], _SUGGESTED)
+    return f"; {len(holding)} below it do: give --recursive, or name {names}"
+
+
+_SUGGESTED = 3
+"""Folders that an error names"""
 
 
 def _looks_like(files: Sequence[Path]) -> str:

@@ -43,6 +43,7 @@ def import_logs(
     mapping: Path | str | None = None,
     payload: Sequence[str] = (),
     keep_going: bool = True,
+    recursive: bool = False,
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
 
@@ -56,7 +57,8 @@ def import_logs(
       mapping: what the columns of csv tables are: a file, or the name of a shipped one.
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
         beside those that are known (`factory.importing.payload`).
-      keep_going: whether to go on where more than half of the files cannot be read.
+      keep_going: whether to go on where half of the files or more cannot be read.
+      recursive: whether the folders below the named ones are searched too.
 
     Raises:
       InputError: a file cannot be used; the message names it and says why.
@@ -75,7 +77,7 @@ def import_logs(
         raise InputError(f"{kind} logs have names of their own: leave --mapping out ({takers})")
     tally = Tally()
     try:
-        paths = expand(importer, [Path(f) for f in files], tally)
+        paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
         options = ReadOptions(
             variation_deg=variation_deg,
             cache=cache,
@@ -116,6 +118,7 @@ def import_logs(
     for name, value in words.items():
         command += [] if value is None else [f"--{name}", str(value)]
     command += ["--payload", *payload] if payload else []
+    command += ["--recursive"] if recursive else []
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
     said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:
@@ -149,14 +152,14 @@ def _read(
 
 
 def _expect_most(read: int, tally: Tally) -> None:
-    """Refuse a call in which fewer files were read than could not be."""
+    """Refuse a call in which no more files were read than could not be."""
     lost = [e for e in tally.entries() if e.subject == UNREADABLE]
     count = sum(entry.count for entry in lost)
-    if count > read:
+    if count and count >= read:
         reasons = "; ".join(entry.detail for entry in lost[:_REASONS])
         more = f"; and {len(lost) - _REASONS} more reasons" if len(lost) > _REASONS else ""
         raise MostUnreadable(
-            f"{count} files cannot be read, more than half: {reasons}{more}; repair that, or "
+            f"{count} files cannot be read, half or more: {reasons}{more}; repair that, or "
             "import the rest with --keep-going"
         )
 
@@ -166,7 +169,7 @@ _REASONS = 3
 
 
 class MostUnreadable(InputError):
-    """More than half of the files of an import cannot be read; the message says why."""
+    """Half of the files of an import or more cannot be read; the message says why."""
 
 
 def _with_left_out(error: InputError, tally: Tally) -> InputError:

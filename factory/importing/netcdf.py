@@ -162,6 +162,11 @@ _TABLE: dict[str, dict[str, float]] = {
         "m3": 1e6, "m^3": 1e6, "cubic_meter": 1e6,
     },
     "kg": {"kg": 1.0, "gram": 1e-3},
+    "A h": {"a h": 1.0, "ah": 1.0, "amp-hrs": 1.0, "amphr": 1.0, "mah": 1e-3, "mamp-hrs": 1e-3},
+    "V": {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
+    "A": {"a": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma": 1e-3},
+    "W": {"w": 1.0, "watt": 1.0, "watts": 1.0, "mw": 1e-3},
+    "Pa": {"pa": 1.0, "pascal": 1.0, "hpa": 100.0, "mbar": 100.0, "kpa": 1e3, "inhg": 3386.389},
     "kg m-3": {"kg/m3": 1.0, "kg/m^3": 1.0, "kg m-3": 1.0, "g/cm3": 1e3},
     "S m-1": {"s/m": 1.0, "s m-1": 1.0, "ms/cm": 0.1},
     "degree_Celsius": {

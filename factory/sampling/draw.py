@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factory.sampling.distribution import Distribution, Drawn, Fixed, Value
+from factory.sampling.distribution import Distribution, Drawn, Fixed, Value, number
 from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for
 from factory.sampling.parameters import Table
 from factory.sampling.surveys import SURFACE, Streams
@@ -42,10 +42,7 @@ class Parameters:
 
     def number(self, name: str) -> float:
         """A value that must be a number; raises InputError for a word."""
-        value = self.values[name]
-        if isinstance(value, str):
-            raise InputError(f"{name} = {value}: give numbers")
-        return value
+        return number(self.values, name)
 
     @property
     def deepest_m(self) -> float:

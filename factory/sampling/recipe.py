@@ -41,7 +41,7 @@ from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
-from twin.version import PHYSICS_VERSION, __version__
+from twin.version import __version__
 
 VERSIONS = "versions"
 """Entry of a recipe's description: versions of what can change a bit of a result"""
@@ -177,7 +177,7 @@ class Recipe:
             "distributions": {name: d.text() for name, d in self.distributions.items()},
             "sensors": self.suite.settings(),
             "current": None if self.given_current is None else self.given_current.describe(),
-            VERSIONS: versions(),
+            VERSIONS: versions(self.vehicle),
         }
         # as a store gives it back: tuples become lists
         plain: dict[str, Any] = json.loads(json.dumps(description))
@@ -278,11 +278,11 @@ def sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def versions() -> dict[str, str]:
-    """What can change a bit of a result."""
+def versions(vehicle: Vehicle) -> dict[str, str]:
+    """What can change a bit of a result of the vehicle."""
     return {
         "glider-twin": __version__,
-        "physics": str(PHYSICS_VERSION),
+        "physics": str(vehicle.physics_version),
         "python": platform.python_version(),
         "machine": platform.machine(),
         "mujoco": mujoco.__version__,

@@ -21,8 +21,6 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from learn.evaluation.score import ReferenceVelocity
-    from learn.report.contents import RunEvaluation
-    from learn.run import Run
     from twin.navigation.estimators.baseline import Estimate
 
 
@@ -54,6 +52,7 @@ class Evaluate(JsonOption):
         from learn.evaluation.judged_tracks import TrackCollector, check_target
         from learn.evaluation.log_score import sentences
         from learn.files import check_file, check_folder
+        from learn.finishing import write_evaluation_page
         from learn.report.result_tables import dive_rows, summary_rows, verdicts
         from learn.run_evaluation import is_log_store
 
@@ -92,7 +91,10 @@ class Evaluate(JsonOption):
             console.warn(f"no baseline {'; '.join(parts)}")
         if self.tracks is not None:
             collector.write(self.tracks)
-        page = self._page(run, found) if self.out is not None else None
+        page = None
+        if self.out is not None:
+            command = shlex.join(["learn", *sys.argv[1:]])
+            page = write_evaluation_page(self.out, run, found, history=command)
 
         figures = dict(found.figures)
         console.answer(**figures, tracks=self.tracks, report=page)
@@ -116,31 +118,6 @@ class Evaluate(JsonOption):
             if path is not None:
                 console.say(f"{label}: {path}")
         return EXIT_OK
-
-    def _page(self, run: Run, found: RunEvaluation) -> Path:
-        from learn.finishing import provenance
-        from learn.report.contents import Contents
-        from learn.report.log_page import build_log_page
-        from learn.report.run_page import build_page
-        from learn.run_evaluation import is_log_store
-
-        assert self.out is not None
-        if is_log_store(self.store):
-            command = shlex.join(["learn", *sys.argv[1:]])
-            return build_log_page(self.out, run, found, provenance(run), command)
-        return build_page(
-            self.out,
-            Contents(
-                title=f"{run.name} on {self.store.name}",
-                lead=f"{counted(found.figures['missions'], 'mission')} ({self.split}) of "
-                f"{self.store}",
-                test=found,
-                labels=run.label_sentences(),
-                error_model=run.error_model(),
-                provenance=provenance(run),
-                command=shlex.join(["learn", *sys.argv[1:]]),
-            ),
-        )
 
 
 def _count(options: Evaluate) -> int:

@@ -1,6 +1,5 @@
 """Sequences: missions as a network of one target sees them, in memory or read when needed.
 
-Thinning: a store with fewer samples, so that networks see logs as slow as real ones.
 Windows: pieces of missions packed for training, and the order in which training sees them.
 """
 
@@ -9,20 +8,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import MissionSequence, Selection, pieces, thinning_step
-from twin.records.attributes import N_SAMPLES, SAMPLE_PERIOD
-from twin.records.schema import TIME
-from twin.records.store import open_store, write_store
-
-if TYPE_CHECKING:
-    pass
-
+from learn.data.dataset import MissionSequence, Selection, pieces
 
 Floats = NDArray[np.float32]
 Places = NDArray[np.int64]
@@ -156,25 +147,6 @@ def ahead(source: SequenceSource, parts: Sequence[Places]) -> Iterator[Sequences
             yield ready
             del ready  # before the part after the next one begins to fill the memory
         yield coming.result()
-
-
-def thin_store(store: Path, out: Path, period: float) -> Path:
-    """Write every n-th sample of a store to another one.
-
-    Raises:
-      StoreError: see `learn.data.dataset.thinning_step`.
-    """
-    dataset = open_store(store).load()
-    time = dataset[TIME].values.astype(float)
-    step = thinning_step(float(np.median(np.diff(time))), period, store)
-    thin = dataset.isel({TIME: slice(None, None, step)})
-    lengths = (dataset[N_SAMPLES].values + step - 1) // step
-    thin = thin.assign({N_SAMPLES: (dataset[N_SAMPLES].dims, lengths, dataset[N_SAMPLES].attrs)})
-    thin.attrs[SAMPLE_PERIOD] = period
-    for variable in thin.variables.values():
-        variable.encoding.clear()
-    write_store(thin, out, overwrite=True)
-    return out
 
 
 @dataclasses.dataclass(frozen=True)

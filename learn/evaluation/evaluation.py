@@ -6,24 +6,26 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from learn.data.dataset import MissionSequence, Selection, any_channel
+from learn.data.dataset import Selection, any_channel
 from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.evaluation.judged_tracks import DvlComparison, compare, summarise
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
+    DVL,
+    FLOOR,
     GPS_CHANNELS,
     NAVIGATION_CHANNELS,
+    NETWORK,
     TRUTH_CHANNELS,
     MissionScore,
     ReferenceVelocity,
+    network_estimate,
     score_mission,
     summarise_scores,
+    visible,
 )
 from twin.errors import StoreError
-from twin.navigation.dead_reckoning import Array
 from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
@@ -34,7 +36,6 @@ from twin.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
 
-NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 GROUP = 16
 """Missions that are in memory and are predicted at once; progress is shown after each group."""
 
@@ -155,7 +156,7 @@ def evaluate(
                 try:
                     reference = ReferenceVelocity.of(mission)
                     estimates = {
-                        NETWORK: _network_estimate({n: p[k] for n, p in predictions.items()}),
+                        NETWORK: network_estimate({n: p[k] for n, p in predictions.items()}),
                         FLOOR: Estimate(surge=reference.surge, sway=reference.sway),
                     }
                     seen = visible(mission)
@@ -198,22 +199,14 @@ def _evaluate_logs(
     if split != "all":
         with Selection(store, any_channel(store), split=split):  # says which parts there are
             pass
-
-    def predict(group: Sequence[MissionSequence]) -> list[Estimate]:
-        found = {name: ensemble.predict(group) for name, ensemble in networks.items()}
-        return [_network_estimate({n: p[k] for n, p in found.items()}) for k in range(len(group))]
-
     with Selection(store, channels, period=period) as selection:
         judged = score_logs(
             selection.groups(GROUP),
             lambda mission: split in ("all", mission.split),
-            network=NETWORK,
-            floor=FLOOR,
-            predict=predict,
+            networks=networks,
             baselines=runners,
             vehicle=vehicle,
             labels=labels,
-            visible=visible,
             watch=watch,
         )
     return Evaluation(
@@ -226,15 +219,6 @@ def _evaluate_logs(
     )
 
 
-def visible(mission: MissionSequence) -> dict[str, Array]:
-    """The channels of a mission that a vehicle has: all but truth."""
-    return {
-        name: np.asarray(values, float)
-        for name, values in mission.signals.items()
-        if not name.startswith("true_")
-    }
-
-
 def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
     """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
     why = BASELINES[name].unsuited(vehicle)
@@ -242,12 +226,3 @@ def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
     if not why and gone:
         why = f"the store has no channel {gone[0]}"
     return why
-
-
-def _network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
-    fields: dict[str, Any] = {}
-    for name, (mean, spread) in predictions.items():
-        fields[name] = np.asarray(mean, float)
-        if np.any(spread):
-            fields[f"{name}_sd"] = np.asarray(spread, float)
-    return Estimate(**fields)

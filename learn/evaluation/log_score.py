@@ -17,13 +17,22 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from learn.data.dataset import MissionSequence
 from learn.data.labels import LabelConfig
-from learn.evaluation.score import LAUNCH_S, TARGETS, MissionScore, TrackError
+from learn.evaluation.score import (
+    FLOOR,
+    LAUNCH_S,
+    NETWORK,
+    TARGETS,
+    MissionScore,
+    TrackError,
+    network_estimate,
+    visible,
+)
 from twin.errors import StoreError
 from twin.navigation.dead_reckoning import (
     Array,
@@ -37,6 +46,9 @@ from twin.navigation.estimators.baseline import Baseline, Estimate, check_estima
 from twin.navigation.estimators.pitch_plus_alpha import PitchPlusAlpha
 from twin.records.logged import LogRow
 from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from learn.networks.predictor import Ensemble
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -178,7 +190,6 @@ class LogScores:
     """Of rows, samples and dives that were and were not judged."""
 
 
-Predict = Callable[[Sequence[MissionSequence]], list[Estimate]]
 Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
 
 
@@ -186,13 +197,10 @@ def score_logs(
     groups: Iterable[Sequence[MissionSequence]],
     chosen: Callable[[MissionSequence], bool],
     *,
-    network: str,
-    floor: str,
-    predict: Predict,
+    networks: Mapping[str, Ensemble],
     baselines: Mapping[str, Baseline],
     vehicle: Vehicle,
     labels: LabelConfig,
-    visible: Callable[[MissionSequence], dict[str, Array]],
     watch: Watch | None = None,
 ) -> LogScores:
     """Run networks and baselines over the rows of a store, in its order.
@@ -200,28 +208,26 @@ def score_logs(
     Args:
       groups: all rows, some at a time: those that are not judged lend their current to the next.
       chosen: which of them are judged.
-      network, floor: names of the networks and of the floor, which is empty here: the true
-        velocities of a log are not a track.
-      predict: the networks' estimates of some rows.
       labels: which velocities are known, those of the truth or of a Doppler log.
-      visible: channels of a row without truth.
+
+    The floor is empty here: the true velocities of a log are not a track.
     """
-    scores: dict[str, list[MissionScore]] = {network: [], floor: [], **{n: [] for n in baselines}}
+    scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in baselines}}
     last: tuple[LogReference, dict[str, Estimate]] | None = None
     counts = dict.fromkeys(
         ("rows", "rows_with_truth", "samples", "samples_with_truth", "rows_with_fixes",
          "rows_that_follow", "rows_left_out"), 0,
     )  # fmt: skip
     for group in groups:
-        for k, estimate in enumerate(predict(group)):
-            mission = group[k]
+        predicted = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+        for k, mission in enumerate(group):
             try:
                 reference = LogReference.of(mission, vehicle, labels)
             except StoreError:  # a row without depth or attitude
                 counts["rows_left_out"] += 1
                 last = None
                 continue
-            estimates = {network: estimate}
+            estimates = {NETWORK: network_estimate({n: p[k] for n, p in predicted.items()})}
             seen = visible(mission)
             for name, runner in baselines.items():
                 try:

@@ -45,6 +45,8 @@ from twin.navigation.dives import (
 )
 from twin.navigation.estimators.baseline import Estimate
 
+NETWORK, FLOOR, DVL = "network", "floor", "dvl"
+"""Names of the networks, of the floor and of the baseline of a Doppler log among the methods"""
 LAUNCH_S = 30.0
 """[s] after the start that `..._after_30s` leaves out: the launch from rest."""
 TARGETS = ("surge", "sway")
@@ -290,3 +292,22 @@ def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, flo
         **statistics(f"{prefix}_max_percent", [e.max_percent for e in errors]),
         **statistics(f"{prefix}_m", [e.end_m for e in errors]),
     }
+
+
+def visible(mission: MissionSequence) -> dict[str, Array]:
+    """The channels of a mission that a vehicle has: all but truth."""
+    return {
+        name: np.asarray(values, float)
+        for name, values in mission.signals.items()
+        if not name.startswith("true_")
+    }
+
+
+def network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
+    """What networks predict of a mission, mean and deviation by velocity, as an estimate."""
+    fields: dict[str, Any] = {}
+    for name, (mean, spread) in predictions.items():
+        fields[name] = np.asarray(mean, float)
+        if np.any(spread):
+            fields[f"{name}_sd"] = np.asarray(spread, float)
+    return Estimate(**fields)

@@ -102,24 +102,6 @@ class ContextDelay(nn.Module):
         return torch.tanh(x @ self.weight.T + history @ self.recurrent.T + self.bias)
 
 
-def naive_context_delay(
-    x: Tensor, history: Tensor, weight: Tensor, recurrent: Tensor, bias: Tensor
-) -> Tensor:
-    """The layer in plain differentiable torch, (time, batch, features): judge and comparison.
-
-    `history` is (past, batch, hidden), oldest first; returns (time, batch, hidden).
-    """
-    past, _, hidden = history.shape
-    states = list(history)
-    blocks = recurrent.view(hidden, past, hidden)
-    for sample in x:
-        total = sample @ weight.T + bias
-        for delay in range(past):
-            total = total + states[len(states) - past + delay] @ blocks[:, delay].T
-        states.append(torch.tanh(total))
-    return torch.stack(states[past:])
-
-
 def transposed_recurrent(recurrent: Tensor, past: int) -> Tensor:
     """(hidden, past * hidden), oldest first, as the backward pass needs it: transposed blocks,
     shortest delay first, so that row block i multiplies the gradient i + 1 samples later."""
@@ -206,19 +188,9 @@ class _KernelContextDelay(torch.autograd.Function):
         packed_recurrent = kernels.pack(wide.numpy(), rows)
         padded_bias = nn.functional.pad(bias.detach(), (0, rows - hidden)).contiguous()
         kernels.forward(
-            tiles,
-            time,
-            columns,
-            rows,
-            past,
-            x.data_ptr(),
-            x.stride(0),
-            states.data_ptr(),
-            states.stride(0),
-            padded_bias.data_ptr(),
-            packed.ctypes.data,
-            packed_recurrent.ctypes.data,
-        )
+            tiles, time, columns, rows, past, *_place(x), *_place(states), padded_bias.data_ptr(),
+            packed.ctypes.data, packed_recurrent.ctypes.data,
+        )  # fmt: skip
         ctx.past, ctx.inputs, ctx.hidden = past, inputs, hidden
         ctx.save_for_backward(x, states, weight, wide)
         return states[:, past:, :hidden]
@@ -240,37 +212,21 @@ class _KernelContextDelay(torch.autograd.Function):
         deltas[:, time:] = 0.0
         first_state = states.data_ptr() + states.element_size() * past * rows * lanes
         kernels.backward(
-            tiles,
-            time,
-            rows,
-            past,
-            gradient.data_ptr(),
-            gradient.stride(0),
-            first_state,
-            states.stride(0),
-            deltas.data_ptr(),
-            packed.ctypes.data,
-        )
+            tiles, time, rows, past, *_place(gradient), first_state, states.stride(0),
+            deltas.data_ptr(), packed.ctypes.data,
+        )  # fmt: skip
         grad_recurrent = _outer_sum(deltas, states, time, past)[:hidden, :, :hidden]
         grad_weight = _outer_sum(deltas, x, time, 1)[:hidden, 0, :inputs]
         lane_sums = x.new_zeros(rows, lanes)
-        kernels.lane_sums(
-            tiles, time, rows, deltas.data_ptr(), deltas.stride(0), lane_sums.data_ptr()
-        )
+        kernels.lane_sums(tiles, time, rows, *_place(deltas), lane_sums.data_ptr())
         grad_x = grad_history = None
         if ctx.needs_input_grad[0]:
             grad_x = x.new_empty(tiles, time, columns, lanes)
             wide_weight = _pad_columns(weight.detach().T, 1, hidden, rows)
             packed_weight = kernels.pack(wide_weight.numpy(), columns)
+            address = packed_weight.ctypes.data
             kernels.products(
-                tiles,
-                time,
-                rows,
-                columns,
-                packed_weight.ctypes.data,
-                deltas.data_ptr(),
-                deltas.stride(0),
-                grad_x.data_ptr(),
+                tiles, time, rows, columns, address, *_place(deltas), grad_x.data_ptr()
             )
             grad_x = grad_x[:, :, :inputs]
         if ctx.needs_input_grad[1]:
@@ -282,6 +238,11 @@ class _KernelContextDelay(torch.autograd.Function):
             grad_recurrent.reshape(hidden, past * hidden),
             lane_sums[:hidden].sum(1),
         )
+
+
+def _place(x: Tensor) -> tuple[int, int]:
+    """As kernels take a tensor: its address, and floats from one tile to the next."""
+    return x.data_ptr(), x.stride(0)
 
 
 def _rows_in_runs(x: Tensor, rows: int) -> Tensor:
@@ -308,16 +269,7 @@ def _outer_sum(left: Tensor, right: Tensor, time: int, delays: int) -> Tensor:
     sums = left.new_zeros(rows, delays, columns, kernels.WIDTH)
     scratch = left.new_empty(kernels.scratch_size(rows, columns, delays))
     kernels.outer_sums(
-        tiles,
-        time,
-        delays,
-        rows,
-        columns,
-        left.data_ptr(),
-        left.stride(0),
-        right.data_ptr(),
-        right.stride(0),
-        scratch.data_ptr(),
+        tiles, time, delays, rows, columns, *_place(left), *_place(right), scratch.data_ptr(),
         sums.data_ptr(),
-    )
+    )  # fmt: skip
     return sums.sum(-1)

@@ -1,4 +1,4 @@
-"""Contents: everything that a page is made of.
+"""Contents: everything that a page is made of, and what a figure of it is.
 
 Names and colours of the methods, the same in every table and figure.
 Shown missions: the few missions of an evaluation that a report draws.
@@ -6,17 +6,23 @@ Shown missions: the few missions of an evaluation that a report draws.
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
+
+from matplotlib.figure import Figure
 
 from learn.data.dataset import MissionSequence
 from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import Evaluation
 from learn.evaluation.score import ReferenceVelocity
+from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, sample_times
 from twin.navigation.estimators.baseline import Estimate
+from twin.plugins import place_of
+from twin.registry import check_class
 from twin.seams import BASELINES
 from twin.show.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
@@ -144,3 +150,44 @@ class Contents:
     def tracks(self) -> tuple[Shown, ...]:
         """Missions whose tracks are drawn: the paper's where they were flown."""
         return (self.paper_test or self.test).shown
+
+
+SECTIONS = (
+    *("velocities", "dead_reckoning", "doppler", "over_ground", "tracks", "uncertainty"),
+    "training",
+)
+"""Places on the page, in its order."""
+
+
+class ReportFigure(abc.ABC):
+    """A figure of the page; it looks at the page's contents and may have nothing to show."""
+
+    summary: ClassVar[str]
+    """What it shows, a few words."""
+    section: ClassVar[str]
+    """Where it stands, one of `SECTIONS`."""
+    beside: ClassVar[bool] = False
+    """Whether it stands beside the next one that is so, where the window is wide enough."""
+
+    @abc.abstractmethod
+    def draw(self, contents: Contents) -> Figure | None:
+        """The drawing; None where the contents have nothing for it."""
+
+    @abc.abstractmethod
+    def caption(self, contents: Contents) -> str:
+        """What a reader sees in it, in whole sentences."""
+
+
+def check_figure(name: str, kind: type[ReportFigure]) -> type[ReportFigure]:
+    """Make sure that a figure says what it must.
+
+    Raises:
+      InputError: it is only half there, with what it lacks.
+    """
+    check_class("report figure", name, kind, ReportFigure, ("summary", "section"))
+    if kind.section not in SECTIONS:
+        raise InputError(
+            f"report figure {name!r} ({place_of(kind)}): "
+            f"{unknown_name('section', kind.section, SECTIONS)}"
+        )
+    return kind

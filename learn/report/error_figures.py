@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from learn.evaluation.evaluation import DVL, NETWORK, Evaluation
-from learn.report.contents import Contents, Shown, colour_of, title_of
+from learn.evaluation.evaluation import Evaluation
+from learn.evaluation.score import DVL, NETWORK
+from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from learn.report.lines import dots, explain, ground_lines, plain_decades, with_bottom_lock
-from learn.report.report_figure import ReportFigure
 from twin.show import style
 
 LEAST_ERROR_M = 0.05

@@ -16,9 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from learn.data.labels import MODE
-from learn.evaluation.evaluation import DVL, FLOOR, NETWORK
-from learn.report.contents import Contents, Shown, colour_of, title_of
-from learn.report.report_figure import ReportFigure
+from learn.evaluation.score import DVL, FLOOR, NETWORK
+from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dvl_cleaning import BOTTOM
 from twin.seams import BASELINES

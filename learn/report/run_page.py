@@ -1,17 +1,26 @@
-"""Report: the page of a run, or of an evaluation on another store, with its figures."""
+"""Report: the page of a run, or of an evaluation on another store, with its figures.
+
+Of real logs the true tracks are unknown: their page has what is judged between fixes.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from learn.evaluation.log_score import sentences
 from learn.report import result_tables
-from learn.report.contents import Contents, RunEvaluation
+from learn.report.contents import Contents, RunEvaluation, Study
+from learn.report.lines import learning_figure
+from learn.report.velocities import dive_figure
 from learn.seams import REPORT_FIGURES
 from twin.cli.text_table import format_number
 from twin.show.figures.page_layout import Page
+
+if TYPE_CHECKING:
+    from learn.run import Run
 
 
 class Drawings:
@@ -24,7 +33,7 @@ class Drawings:
         """Draw what has something to show.
 
         Args:
-          section: one of `learn.report.report_figure.SECTIONS`.
+          section: one of `learn.report.contents.SECTIONS`.
           heading: stands above the first figure.
         """
         drawn = []
@@ -74,17 +83,26 @@ def build_page(folder: Path, contents: Contents) -> Path:
             result_tables.ablation_rows(test.figures, contents.ablation),
             "Networks of the same kind and training budget, for a vehicle without that sensor.",
         )
-    for study in contents.studies:
-        page.section(study.title)
-        page.table(study.rows, study.caption)
-        page.say(study.sentence)
+    _studies(page, contents.studies)
     drawn.place("training", "Training")
-    if contents.provenance:
+    return _signed(page, contents.provenance, contents.command)
+
+
+def _studies(page: Page, studies: Sequence[Study], before: str = "") -> None:
+    for study in studies:
+        page.section(study.title)
+        page.table(study.rows, f"{before}{study.caption}")
+        page.say(study.sentence)
+
+
+def _signed(page: Page, provenance: Mapping[str, object], command: str) -> Path:
+    """The page with what it was made from and with, written."""
+    if provenance:
         page.section("Where this comes from")
-        page.facts(contents.provenance)
-    if contents.command:
+        page.facts(provenance)
+    if command:
         page.say("Made with")
-        page.code(contents.command)
+        page.code(command)
     return page.write()
 
 
@@ -170,3 +188,51 @@ def _paper_test(page: Page, evaluated: RunEvaluation) -> None:
         ]
     )
     page.table(result_tables.track_rows(evaluated.figures, "water"), "Through the water.")
+
+
+def build_log_page(
+    folder: Path,
+    run: Run,
+    test: RunEvaluation,
+    provenance: Mapping[str, object],
+    command: str,
+    studies: Sequence[Study] = (),
+) -> Path:
+    """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
+
+    Args:
+      studies: of the run, such as leave one out.
+    """
+    found = test.figures
+    page = Page(
+        folder,
+        f"Surge and sway networks on logs: {run.name}",
+        f"{found['missions']} dives ({test.evaluation.split}) of {test.evaluation.store}",
+    )
+    judged = sentences(test.evaluation.counts, run.labels)
+    page.points([*judged, *run.label_sentences(), *result_tables.verdicts(found)])
+    reference = "the Doppler log" if run.labels.source == "dvl" else "truth"
+    if rows := result_tables.velocity_rows(found):
+        page.section("Velocities")
+        page.table(rows, f"Mean squared errors of the free run against {reference}, where it is.")
+    _studies(page, studies, f"Against {reference}. ")
+    if rows := result_tables.track_rows(found, "ground"):
+        page.section("Dead reckoning")
+        page.table(rows, "Over ground from fix to fix, the current unknown.")
+    rows, drawn = result_tables.dive_rows(found), dive_figure(test.evaluation)
+    if rows and drawn is not None:
+        page.table(
+            rows,
+            "Error at the fix that ends a dive, in % of its path through the water by depth rate "
+            "and pitch. Between fixes the truth is unknown, so that a track that is corrected "
+            "afterwards shows no error.",
+        )
+        page.figure("dives", drawn, "Every dive a dot, the median a bar.")
+    if metrics := run.metrics():
+        page.section("Training")
+        page.figure(
+            "learning",
+            learning_figure(metrics),
+            "Error of the free run over whole validation dives during training.",
+        )
+    return _signed(page, provenance, command)

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.report.contents import Contents, Shown, colour_of, title_of
+from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from learn.report.lines import (
     BESIDE_DVL,
     MARKS,
@@ -23,7 +23,6 @@ from learn.report.lines import (
     water_lines,
     with_bottom_lock,
 )
-from learn.report.report_figure import ReportFigure
 from twin.navigation.dead_reckoning import Array
 from twin.show import style
 from twin.show.figures.track import LEGEND, space_axes
@@ -152,10 +151,8 @@ def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
         north, east = style.thin(truth[:, 0], truth[:, 1], most=2500)
         axes.plot(east, north, floor, color=style.GUIDE, lw=0.8, label="truth on the floor")
         for name, (index, marker) in MARKS.items():
-            axes.plot(
-                truth[index, 1], truth[index, 0], depth[index], marker, ms=5, mfc="white",
-                mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
-            )  # fmt: skip
+            x, y = truth[index, 1], truth[index, 0]
+            axes.plot(x, y, depth[index], marker, ms=5, label=name, zorder=10, **style.END)
         figure.legend(**LEGEND, ncols=3)
     return figure
 

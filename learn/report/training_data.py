@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from learn.data.dataset import MissionSequence
-from learn.report.contents import Contents
-from learn.report.report_figure import ReportFigure
+from learn.report.contents import Contents, ReportFigure
 from twin.navigation.dead_reckoning import sample_times
 from twin.show import style
 

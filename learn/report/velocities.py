@@ -10,11 +10,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from learn.evaluation.deviation import network_position_sd
-from learn.evaluation.evaluation import NETWORK, Evaluation
-from learn.evaluation.score import LAUNCH_S
-from learn.report.contents import KNOWLEDGE_TITLES, Contents, Shown, colour_of, title_of
+from learn.evaluation.evaluation import Evaluation
+from learn.evaluation.score import LAUNCH_S, NETWORK
+from learn.report.contents import (
+    KNOWLEDGE_TITLES,
+    Contents,
+    ReportFigure,
+    Shown,
+    colour_of,
+    title_of,
+)
 from learn.report.lines import dots, explain, plain_decades
-from learn.report.report_figure import ReportFigure
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dives import KNOWLEDGE
 from twin.show import style

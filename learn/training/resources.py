@@ -32,7 +32,7 @@ from learn.training.feed import recalled_columns
 from learn.training.settings import FitConfig, TrainingJob
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
-from twin.records.storage.buffers import buffers
+from twin.records.windows import buffers
 
 CHECK_S = 1.0
 """[s] between looks whether the parent lives."""

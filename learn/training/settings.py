@@ -292,7 +292,7 @@ def _check_uses(
     learned: Mapping[str, object],
 ) -> None:
     """Refuse what would be taken and then ignored."""
-    from learn.networks.base import FixedMemory
+    from learn.networks.fixed_memory import FixedMemory
 
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":

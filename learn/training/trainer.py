@@ -28,7 +28,7 @@ from learn.training.optimiser import FullBatchOptimiser, MinibatchOptimiser
 from learn.training.schedule import TrainingClock, TrainingConfig, step_size
 from twin.errors import InputError, StoreError
 from twin.extras import preload_triton
-from twin.records.storage.buffers import Places, buffers
+from twin.records.windows import Places, buffers
 
 TRAINING_PER_VALIDATION = 4.0
 """Least ratio of the time in training to that in validation: a large store validates less often."""

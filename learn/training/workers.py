@@ -65,14 +65,8 @@ class Task:
         return dataclasses.replace(self, job=job, folder=self.folder.absolute())
 
 
-@dataclasses.dataclass(frozen=True)
-class Kinds:
-    """What users registered in this process, for the others."""
-
-    networks: dict[str, Any]
-    optimisers: dict[str, Any]
-
-
+Kinds = tuple[dict[str, Any], dict[str, Any]]
+"""Networks and optimisers that users registered in this process, for the others"""
 Seen = Callable[[Task, TrainingReport], None]
 Finished = Callable[[Task, TrainingReport | None], None]
 
@@ -97,7 +91,7 @@ def train_tasks(
 
             finished(task, train(task.job, task.folder, report, resident=task.resident))
         return
-    word, kinds = uuid.uuid4().hex, Kinds(NETWORKS.registered(), OPTIMISERS.registered())
+    word, kinds = uuid.uuid4().hex, (NETWORKS.registered(), OPTIMISERS.registered())
     letters = {task: _Letters(task.reports) for task in tasks}
     folders = {task.folder for task in tasks}
     for folder in folders:
@@ -135,8 +129,8 @@ def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
     Raises:
       TwinError: what stopped it, as one that travels between processes.
     """
-    NETWORKS.adopt(kinds.networks)
-    OPTIMISERS.adopt(kinds.optimisers)
+    for registry, own in zip((NETWORKS, OPTIMISERS), kinds, strict=True):
+        registry.adopt(own)
     try:
         with _ALONE, task.reports.open("a") as file:
             file.write("\n")  # a worker that was lost may have left half a line

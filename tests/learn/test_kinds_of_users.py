@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import learn
 from learn.networks.onnx_export import StepModel
-from learn.report.report_figure import ReportFigure
+from learn.report.contents import ReportFigure
 from twin.errors import InputError
 from twin.navigation.estimators.baseline import Baseline, Estimate
 
@@ -80,7 +80,7 @@ def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(place, flown
 def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     (tmp_path / "my_kinds.py").write_text(
-        "import learn\nfrom learn.networks.mlp import Memoryless\n"
+        "import learn\nfrom learn.networks.fixed_memory import Memoryless\n"
         "@learn.NETWORKS.register('mine')\nclass Mine(Memoryless):\n    summary = 'mine'\n"
     )
     monkeypatch.syspath_prepend(tmp_path)

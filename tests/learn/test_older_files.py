@@ -12,8 +12,7 @@ import pytest
 
 from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore, open_missions
-from factory.soundness import verify_store
-from factory.verify_logs import verify_logs
+from factory.soundness import verify_logs, verify_store
 from learn.run import open_run
 from learn.run_evaluation import evaluate_run
 from twin.errors import StoreError

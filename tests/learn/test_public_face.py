@@ -25,14 +25,12 @@ def python(program):
 
 
 def test_importing_it_costs_nothing():
-    program = (
-        "import sys, time; start = time.process_time(); import learn; "
-        "took = time.process_time() - start; tops = {m.split('.')[0] for m in sys.modules}; "
-        "print(took, *sorted(tops & {'torch', 'numpy', 'xarray', 'tyro'}))"
-    )
-    starts = [python(program).split() for _ in range(5)]
-    assert all(len(words) == 1 for words in starts), starts
-    assert min(float(words[0]) for words in starts) < 0.05
+    """Counted in modules, which a busy machine loads as well: those of Python and a few of ours."""
+    loaded = "print(*sorted(m.split('.')[0] for m in sys.modules))"
+    bare = python(f"import sys, typing, socket, inspect; {loaded}").split()
+    ours = python(f"import sys, learn; {loaded}").split()
+    assert not {"torch", "numpy", "xarray", "tyro", "zarr", "mujoco"} & set(ours)
+    assert len(ours) - len(bare) < 90, sorted(set(ours) - set(bare))
 
 
 def test_every_public_name_is_there_and_documented():

@@ -13,7 +13,7 @@ import torch
 
 import learn
 from learn.networks.base import Network
-from learn.report.report_figure import SECTIONS, ReportFigure
+from learn.report.contents import SECTIONS, ReportFigure
 from learn.training.optimiser import (
     SETTINGS,
     FullBatchOptimiser,
@@ -354,7 +354,7 @@ def test_half_a_figure_is_refused(kind, message):
 
 def test_entry_points_bring_kinds_in_and_half_ones_are_refused(tmp_path, monkeypatch):
     (tmp_path / "house_kinds.py").write_text(
-        "from learn.networks.mlp import Memoryless\n"
+        "from learn.networks.fixed_memory import Memoryless\n"
         "class House(Memoryless):\n    summary = 'of the house'\n"
         "class Half(Memoryless):\n    summary = ''\n"
     )

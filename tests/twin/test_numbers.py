@@ -83,6 +83,7 @@ def test_tables_name_their_column():
         DensityProfile(depth=[0.0], values="x")
     with pytest.raises(InputError, match="no sea is deeper"):
         DensityProfile(depth=[0.0, 1e12], values=[1025.0, 1030.0])
+    assert DensityProfile(depth=[0.0, 11_000.0], values=[1025.0, 1070.0])
     with pytest.raises(InputError, match="max_depth is 1e"):
         DensityProfile.thermocline(max_depth=1e12)
 

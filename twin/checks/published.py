@@ -177,7 +177,8 @@ def held_flight(
         if control not in vehicle.steering:
             raise InputError(f"vehicle {vehicle.name!r} has nothing to hold its {control} with")
     at = trim_positions(vehicle, positions=positions)
-    places = [vehicle.part_names.index(vehicle.steering[control]) for control in steers]
+    leads = [vehicle.steering[control] for control in steers]
+    places = [vehicle.part_names.index(name) for name in leads]
     accelerate = _ACCELERATIONS[model](vehicle, at)
 
     def unpacked(x: Array) -> tuple[Array, Array]:
@@ -189,6 +190,7 @@ def held_flight(
 
     def residual(x: Array) -> Array:
         motion, now = unpacked(x)
+        now = vehicle.allocated(now, leads)
         u, v, w, roll, nose = motion[:5]
         down = np.cos(nose) * (np.sin(roll) * v + np.cos(roll) * w) - np.sin(nose) * u
         return np.array([*accelerate(motion, now), down if pitch is None else nose - pitch])
@@ -217,7 +219,9 @@ def held_flight(
         turn_rate=motion[5],
         linear_angle=vehicle.law.valid_angle,
     )
-    return HeldFlight(trim=trim, held={vehicle.part_names[k]: float(now[k]) for k in places})
+    held = {*leads, *(follower.part for follower in vehicle.followers if follower.lead in leads)}
+    real = dict(zip(vehicle.part_names, vehicle.allocated(now, leads).tolist(), strict=True))
+    return HeldFlight(trim=trim, held={name: x for name, x in real.items() if name in held})
 
 
 def _mujoco(vehicle: Vehicle, at: Array) -> Acceleration:

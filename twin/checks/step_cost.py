@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from twin.mission.shipped_missions import load_mission_for
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.initial_state import set_start
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
@@ -112,7 +112,7 @@ def _stretch(simulation: _UnderWay | Simulation) -> float:
 
 def _times_real_time(scenario: Scenario, count: int, threads: int) -> float:
     """A batch of closed-loop missions with log, stepped by MuJoCo's own thread pool."""
-    fleet = make_batch([scenario] * count, threads=threads)
+    fleet = Fleet([scenario] * count, threads=threads)
     duration = scenario.run_time()
     steps = fleet.steps
     warm = 200

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Protocol
 
 from twin.cli.console import Console
@@ -80,12 +80,7 @@ class Endings:
                     self._taken.append(one)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for one in self._taken:
             signal.signal(one, signal.SIG_DFL)
 

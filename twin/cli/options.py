@@ -1,6 +1,7 @@
 """Options of a subcommand: command-line words into its dataclass, with errors of one line.
 
 Store argument: a store as the user names it, by a path or by an address.
+Parts of options that several commands have: missions, a plot, numbers by name.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import contextlib
 import dataclasses
 import inspect
 import io
+import math
 import re
 import shutil
 import sys
@@ -199,3 +201,59 @@ StoreArgument = Annotated[
     ),
 ]
 """Type of an argument: the path of a folder, or s3://BUCKET/NAME, gs://... or az://..."""
+
+
+def parse_rows(text: str) -> list[int] | None:
+    """Mission numbers of a text such as "0-11,14"; None for "all".
+
+    Raises:
+      InputError: the text does not follow the form.
+    """
+    if text.strip() == "all":
+        return None
+    rows: list[int] = []
+    try:
+        for part in text.split(","):
+            first, _, last = part.strip().partition("-")
+            rows += range(int(first), int(last or first) + 1)
+    except ValueError:
+        rows = []
+    if not rows:
+        raise InputError(f"--missions {text!r} must be all, or numbers such as 0-11,14")
+    return list(dict.fromkeys(rows))
+
+
+PLOT_FORMATS = (".png", ".pdf", ".svg")
+
+
+def check_plot_path(path: Path | None) -> None:
+    """Refuse a plot that could not be written before anything is flown; raises InputError."""
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOT_FORMATS or path.is_dir():
+        raise InputError(f"--plot {str(path)!r} must be a file ending in {', '.join(PLOT_FORMATS)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write plot {path}: {error.strerror or error}") from error
+
+
+def parse_numbers(option: str, texts: Sequence[str], what: str) -> dict[str, float]:
+    """Numbers by name, of texts such as "mass=70" or "rudder=0.1,elevator=0".
+
+    Raises:
+      InputError: a text is not names with finite numbers, or gives a name twice.
+    """
+    numbers: dict[str, float] = {}
+    for text in ",".join(texts).split(",") if texts else ():
+        name, _, number = (word.strip() for word in text.partition("="))
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not (name and math.isfinite(value)):
+            raise InputError(f"--{option} {text!r} must be {what}")
+        if name in numbers:
+            raise InputError(f"--{option} gives {name} twice; once is enough")
+        numbers[name] = value
+    return numbers

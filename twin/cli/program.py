@@ -46,10 +46,8 @@ class ProgramCommand:
 
     name: str
     """What the user types."""
-
     summary: str
     """One line for the program's help."""
-
     loader: str
     """Where its dataclass is: `package.module:Class`."""
 
@@ -62,19 +60,31 @@ class ProgramCommand:
         return command
 
 
+def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[ProgramCommand, ...]:
+    """Subcommands by name: the class of each in the package's module of that name, its summary.
+
+    A class elsewhere is given as `package.module:Class`.
+    """
+    return tuple(
+        ProgramCommand(
+            name=name,
+            summary=summary,
+            loader=place if ":" in place else f"{package}.{name}:{place}",
+        )
+        for name, (place, summary) in table.items()
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Program:
     """One of the three programs."""
 
     name: str
     """What the user types."""
-
     summary: str
     """What it is for, one line."""
-
     commands: tuple[ProgramCommand, ...]
     """Its subcommands, in the order of the help."""
-
     needs: Callable[[], None] = lambda: None
     """Called before a command is imported; raises when something is not installed."""
 

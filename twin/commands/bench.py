@@ -27,9 +27,9 @@ class Bench(JsonOption):
         """Measure and print."""
         import os
 
+        from twin import load_vehicle
         from twin.checks.step_cost import bench
         from twin.errors import InputError
-        from twin.vehicle.vehicle import load_vehicle
 
         if self.threads < 0 or self.rounds < 1:
             raise InputError("--threads must be 0 or more and --rounds 1 or more")

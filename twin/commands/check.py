@@ -1,4 +1,4 @@
-"""`twin check`: MuJoCo against Fossen and published figures, or the twin against real logs."""
+"""`twin check`: MuJoCo against Fossen, published figures and still water; or against real logs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
 
 @dataclass(frozen=True, kw_only=True)
 class CheckModels(JsonOption):
-    """Fly random manoeuvres in both models and recompute the published motions; with --logs fly
-    a vehicle's twin beside its own logs.
+    """Fly random manoeuvres in both models, recompute the published motions, and see that still
+    water gives no energy; with --logs fly a vehicle's twin beside its own logs.
 
     Examples:
 
@@ -25,8 +25,8 @@ class CheckModels(JsonOption):
 
     vehicle: str | None = None
     """shipped vehicle name or MJCF file (:PRESET behind it takes a preset): flies the manoeuvres,
-    and of the published motions only its own are computed; or the vehicle of the logs.
-    [default: glider, beside the published motions of all vehicles]"""
+    and of published motions and still water only its own are computed; or the vehicle of the logs.
+    [default: glider, beside published motions and still water of all vehicles]"""
     manoeuvres: int | None = None
     """number of random 600 s manoeuvres [default: 20]"""
     seed: int | None = None
@@ -59,7 +59,7 @@ class CheckModels(JsonOption):
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
         from twin.checks import check_logs
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.show.check_page import build_page, table
         from twin.show.figures.page_layout import check_page_target
@@ -85,11 +85,12 @@ class CheckModels(JsonOption):
         return _verdict(console, found.beyond)
 
     def _models(self, console: Console) -> int:
-        """The two models and the published motions."""
+        """The two models, the published motions and still water."""
+        from twin import load_vehicle
         from twin.checks import agreement as check
+        from twin.checks import passivity
         from twin.checks.published import ANGLES
         from twin.errors import InputError
-        from twin.vehicle.vehicle import load_vehicle
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
         seed = SEED if self.seed is None else self.seed
@@ -129,6 +130,19 @@ class CheckModels(JsonOption):
                 console.item(f"source {number}: {source}")
         else:
             console.say(f"no published motion of {vehicle.name!r} is on record")
+        decays = passivity.check_still_water(None if self.vehicle is None else vehicle)
+        broken += [decay.text(one) for one, decay in decays if not decay.ok]
+        console.say()
+        console.table(
+            [
+                {
+                    "vehicle": one.name, "model": decay.model, "gains %": 100.0 * decay.gain,
+                    "limit %": 100.0 * passivity.LARGEST_GAIN, "ok": "yes" if decay.ok else "no",
+                }
+                for one, decay in decays
+            ],
+            title="Energy from still water, the most of ahead, astern, sideways and tumbling",
+        )  # fmt: skip
         differences = check.check_manoeuvres(
             vehicle, count=count, seed=seed, timestep=self.timestep
         )
@@ -159,6 +173,7 @@ class CheckModels(JsonOption):
                 {"vehicle": g.vehicle, "source": g.source, "model": m, **g.differences(t)}
                 for g, m, t in published
             ],
+            passivity=[{"vehicle": one.name, **asdict(decay)} for one, decay in decays],
             ok=not broken,
         )
         return _verdict(console, broken)

@@ -45,7 +45,7 @@ class EstimateFlight(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fly, write, say."""
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.errors import InputError, quoted
         from twin.logs import estimate_flight, write_flight
         from twin.logs.flight_dataset import check_target

@@ -156,13 +156,12 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
+        from twin import Origin, load_vehicle
         from twin.errors import InputError
         from twin.forecast import Request, known_from_logs, known_without_logs
         from twin.forecast.request import FIELD_ERROR
         from twin.physics.start import parse_place, utc_text
         from twin.records.coordinates import unix_seconds
-        from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.axes import Origin
 
         vehicle = load_vehicle(self.vehicle)
         mission = self._mission(vehicle)
@@ -171,11 +170,16 @@ class ForecastSurfacings(JsonOption):
             console.note(f"reading {logs}")
             from twin.identify.start_values import other_kind
             from twin.identify.vehicle_draws import identified
+            from twin.identify.vehicle_file import with_consumption
+            from twin.logs.energy_use import counted_energy
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
             known = known_from_logs(logs, self.vehicle if model else None)
+            if (used := counted_energy(logs, vehicle, newest=True)) is not None:
+                vehicle = with_consumption(vehicle, used.consumption)
+                console.note(f"energy by the log's counter: {used.power:.2f} W so far")
         if self.from_ is not None:
             place = parse_place(self.from_)
             if "time" not in place:

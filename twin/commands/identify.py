@@ -76,7 +76,7 @@ class Identify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, report, write."""
-        from twin.commands.simulate import check_plot_path
+        from twin.cli.options import check_plot_path, parse_numbers, parse_rows
         from twin.errors import InputError
         from twin.identify import identify, load_calibration, load_logs
         from twin.identify.answer import confused
@@ -110,7 +110,7 @@ class Identify(JsonOption):
         nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
         if self.start is not None:
             nominal = read_figures(self.start, nominal)
-        known = parse_known(self.known)
+        known = parse_numbers("known", self.known, "a parameter and its value, such as mass=70")
         nominal = with_known(nominal, known)
         given = set(known)
         if self.pitch_offset is not None and "pitch_offset" not in self.parameters:
@@ -154,11 +154,16 @@ class Identify(JsonOption):
                 )
             from twin.identify.answer import provenance_of
             from twin.identify.vehicle_file import write_vehicle
+            from twin.logs.energy_use import counted_energy
 
+            used = counted_energy(self.store, found.calibration.vehicle)
+            if used is not None:
+                console.note("energy by the log's counter of charge")
             write_vehicle(
                 found.calibration,
                 self.out,
                 provenance_of(found, self.store),
+                consumption=None if used is None else used.consumption,
                 overwrite=self.overwrite,
             )
             console.say(f"vehicle: {self.out}")
@@ -345,48 +350,3 @@ def _remark(console: Console, found: Identification) -> None:
                 f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that this "
                 f"takes up{known}"
             )
-
-
-def parse_rows(text: str) -> list[int] | None:
-    """Mission numbers of a text such as "0-11,14"; None for "all".
-
-    Raises:
-      InputError: the text does not follow the form.
-    """
-    from twin.errors import InputError
-
-    if text.strip() == "all":
-        return None
-    rows: list[int] = []
-    try:
-        for part in text.split(","):
-            first, _, last = part.strip().partition("-")
-            rows += range(int(first), int(last or first) + 1)
-    except ValueError:
-        rows = []
-    if not rows:
-        raise InputError(f"--missions {text!r} must be all, or numbers such as 0-11,14")
-    return list(dict.fromkeys(rows))
-
-
-def parse_known(texts: tuple[str, ...]) -> dict[str, float]:
-    """Values of texts such as "mass=70".
-
-    Raises:
-      InputError: a text is not a name and a finite number.
-    """
-    from twin.errors import InputError
-
-    known: dict[str, float] = {}
-    for text in texts:
-        name, _, number = text.partition("=")
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"--known {text!r} must be a parameter and its value, such as mass=70")
-        if name.strip() in known:
-            raise InputError(f"--known gives {name.strip()} twice; once is enough")
-        known[name.strip()] = value
-    return known

@@ -48,26 +48,20 @@ class PlotMission:
 
     store: Annotated[Path, tyro.conf.Positional]
     """store (zarr) that holds the mission, or a file that `twin flight` wrote (.nc, .zarr)"""
-
     mission: int = 0
     """index of the mission in the store"""
-
     missions: str | None = None
     """several dives of a log in one figure, such as 0-11,14, or all; in place of --mission"""
-
     figure: Annotated[str | None, tyro.conf.arg(help=CHOICES)] = None
 
     out: Path | None = None
     """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
     be [default: plots]; older figures are replaced without asking"""
-
     vehicle: str | None = None
     """of a log: the vehicle whose flight model tells its velocities: what `twin identify` wrote, or
     a shipped name; default: the shipped one of the log's kind"""
-
     tracks: Path | None = None
     """file of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one"""
-
     only: str | None = None
     """names of the tracks to draw, separated by commas; default: all of the file"""
 
@@ -179,7 +173,7 @@ class PlotMission:
             if self.missions is None:
                 chosen = [self.mission]
             else:
-                from twin.commands.identify import parse_rows
+                from twin.cli.options import parse_rows
 
                 rows = parse_rows(self.missions)
                 chosen = list(range(len(store))) if rows is None else rows

@@ -215,7 +215,7 @@ class Render(JsonOption):
         """The dives that --missions names; None without it."""
         if self.missions is None:
             return None
-        from twin.commands.identify import parse_rows
+        from twin.cli.options import parse_rows
         from twin.records.reader import MissionStore
 
         if self.tracks is not None:

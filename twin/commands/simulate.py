@@ -90,6 +90,7 @@ class Simulate(JsonOption):
     def run(self, console: Console) -> int:
         """Simulate, store, draw, summarise."""
         import twin
+        from twin.cli.options import check_plot_path
         from twin.errors import InputError, SimulationUnstable
         from twin.records.store import check_target
 
@@ -270,18 +271,3 @@ def _energy(figures: dict[str, Any]) -> str:
 
 LEAST_ENERGY = 1e-6
 """[kJ] below which a part's energy is rounding noise"""
-PLOT_FORMATS = (".png", ".pdf", ".svg")
-
-
-def check_plot_path(path: Path | None) -> None:
-    """Refuse a plot that could not be written before anything is flown; raises InputError."""
-    from twin.errors import InputError
-
-    if path is None:
-        return
-    if path.suffix.lower() not in PLOT_FORMATS or path.is_dir():
-        raise InputError(f"--plot {str(path)!r} must be a file ending in {', '.join(PLOT_FORMATS)}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write plot {path}: {error.strerror or error}") from error

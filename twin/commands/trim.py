@@ -47,9 +47,10 @@ class TrimVehicle(JsonOption):
         """Solve and print; NoSteadyState exits 1 with the reason."""
         import math
 
+        from twin import load_vehicle
+        from twin.cli.options import parse_numbers
         from twin.errors import InputError
         from twin.physics.steady_motion import positions_text, trim_positions
-        from twin.vehicle.vehicle import load_vehicle
 
         vehicle = load_vehicle(self.vehicle)
         net_mass, shift = self.net_mass, self.shift
@@ -62,13 +63,17 @@ class TrimVehicle(JsonOption):
         if self.hydrodynamics != "coefficients":
             vehicle = vehicle.with_law(self.hydrodynamics)
         request = (shift, math.radians(self.rotation), net_mass)
-        given = parse_positions(self.positions)
+        what = (
+            "a part and its position, such as propeller=60 (its unit is the part's own: rad, m, "
+            "cm3, rad/s)"
+        )
+        given = parse_numbers("set", self.positions, what)
         if self.model == "fossen":
             from twin.fossen import FossenModel
 
             result = FossenModel(vehicle).trim(*request, positions=given)
         else:
-            from twin.physics.settle import trim
+            from twin import trim
 
             result = trim(vehicle, *request, positions=given)
         figures = asdict(result)
@@ -121,31 +126,3 @@ def _usual_dive(vehicle: Vehicle) -> tuple[float, float]:
             f"PART=VALUE; its parts: {parts or 'none'}"
         )
     return net_mass, steady_glide(vehicle, -pitch, net_mass).shift
-
-
-def parse_positions(texts: tuple[str, ...]) -> dict[str, float]:
-    """Positions of parts by name, of texts such as "rudder=0.1" or "rudder=0.1,elevator=0".
-
-    Raises:
-      InputError: a text is not names with finite numbers, or gives a part twice.
-    """
-    import math
-
-    from twin.errors import InputError
-
-    positions: dict[str, float] = {}
-    for text in ",".join(texts).split(",") if texts else ():
-        name, _, number = (word.strip() for word in text.partition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if not (name and math.isfinite(value)):
-            raise InputError(
-                f"--set {text!r} must be a part and its position, such as propeller=60 (its unit "
-                "is the part's own: rad, m, cm3, rad/s)"
-            )
-        if name in positions:
-            raise InputError(f"--set gives {name} twice; once is enough")
-        positions[name] = value
-    return positions

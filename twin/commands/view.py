@@ -167,31 +167,24 @@ class ViewMission:
 
     def _live(self) -> tuple[Subject, Scenario]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
-        from twin.mission.shipped_missions import load_mission_for
+        import twin
         from twin.physics.lookup_tables import floor_table
-        from twin.physics.scenario import Scenario
-        from twin.physics.simulation import simulate
         from twin.show.render.film import Subject
-        from twin.vehicle.vehicle import load_vehicle
-        from twin.water.current.current_text import parse_current
-        from twin.water.floor import parse_floor
 
         if self.tracks is not None:
             raise InputError("--tracks needs a store: dead-reckoned tracks belong to its missions")
-        vehicle = load_vehicle(self.vehicle or "glider")
-        plan = load_mission_for(vehicle, self.plan)
-        scenario = Scenario(
-            vehicle=vehicle,
-            mission=plan,
-            current=parse_current(self.current or "none"),
-            floor=parse_floor(self.floor or "none"),
+        scenario = twin.scenario_of(
+            vehicle=self.vehicle or "glider",
+            mission=self.plan,
+            current=self.current,
+            floor=self.floor,
         )
-        title = f"Mission {plan.name}, live"
         floor = floor_table(scenario, scenario.run_time())
+        trajectory = twin.simulate(scenario)
         subject = Subject(
-            trajectory=simulate(scenario),
-            vehicle=vehicle,
-            title=title,
+            trajectory=trajectory,
+            vehicle=scenario.vehicle,
+            title=f"Mission {trajectory.provenance['mission']}, live",
             floor=floor if floor.size else None,
         )
         return subject, scenario

@@ -4,17 +4,11 @@
 function of a table of kinds. None of them loads numba before something is compiled.
 """
 
-from twin.compiled.content import changed, generation
-from twin.compiled.dispatch import dispatch, generate
-from twin.compiled.function import Compiled, cfunc, inline, jit
-
-__all__ = [
-    "Compiled",
-    "cfunc",
-    "changed",
-    "dispatch",
-    "generate",
-    "generation",
-    "inline",
-    "jit",
-]
+from twin.compiled.content import changed as changed
+from twin.compiled.content import generation as generation
+from twin.compiled.dispatch import dispatch as dispatch
+from twin.compiled.dispatch import generate as generate
+from twin.compiled.function import Compiled as Compiled
+from twin.compiled.function import cfunc as cfunc
+from twin.compiled.function import inline as inline
+from twin.compiled.function import jit as jit

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.control.registry import register_environments
 from twin.extras import require
-from twin.lazy import attach
+from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.control.dm_suite import load as load
@@ -29,25 +29,9 @@ if TYPE_CHECKING:
     from twin.control.stable_baselines import StableBaselinesVec as StableBaselinesVec
     from twin.control.vector_env import GliderVectorEnv as GliderVectorEnv
 
-_PLACES = {
-    "ALL_TASKS": "twin.control.registry:ALL_TASKS",
-    "GliderEnv": "twin.control.glider_env:GliderEnv",
-    "GliderVectorEnv": "twin.control.vector_env:GliderVectorEnv",
-    "StableBaselinesVec": "twin.control.stable_baselines:StableBaselinesVec",
-    "TASKS": "twin.control.registry:TASKS",
-    "load": "twin.control.dm_suite:load",
-    "register": "twin.control.registry:register",
-}
+_PLACES = places(__name__)
 _OF_GYMNASIUM = ("GliderEnv", "GliderVectorEnv", "StableBaselinesVec")
-__all__ = [
-    "ALL_TASKS",
-    "TASKS",
-    "GliderEnv",
-    "GliderVectorEnv",
-    "StableBaselinesVec",
-    "load",
-    "register",
-]
+__all__ = [*_PLACES]
 _get, __dir__ = attach(__name__, _PLACES)
 
 

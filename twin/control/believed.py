@@ -7,11 +7,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.identify.start_values import net_mass
 from twin.navigation.navigator import NavigationState
 from twin.navigation.settings import Navigation
+from twin.numbers import Array
 from twin.physics.model_block import header, table
 from twin.physics.native import block
 from twin.physics.navigated import OnBoard
@@ -23,7 +23,6 @@ from twin.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from twin.control.physics import WaterPhysics
 
-Array = NDArray[np.float64]
 
 LARGEST_SEED = 2**31
 

@@ -12,17 +12,9 @@ import numpy as np
 from twin.control import rewards
 from twin.control.environment import Environment, build
 from twin.control.physics import Physics, WaterPhysics
-from twin.control.task import (
-    Array,
-    Episode,
-    GliderTask,
-    Place,
-    Reference,
-    as_direction,
-    row,
-    wrap_angle,
-)
+from twin.control.task import Episode, GliderTask, Place, Reference, as_direction, row, wrap_angle
 from twin.control.waypoints import yo_sense
+from twin.numbers import Array
 from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import load_vehicle
 
@@ -115,6 +107,7 @@ class Energy(GliderTask):
             depth=physics.depth(),
             pitch=physics.pitch(),
             duration=time - self.counted,
+            speed=physics.surge(),
         )
         self.spent = self.spent + sum(shares.values())
         self.before, self.counted = after, time

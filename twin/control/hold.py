@@ -12,7 +12,8 @@ import numpy as np
 from twin.control import rewards
 from twin.control.environment import Environment, build
 from twin.control.physics import Physics, WaterPhysics
-from twin.control.task import Array, Episode, GliderTask, Reference, row, wrap_angle
+from twin.control.task import Episode, GliderTask, Reference, row, wrap_angle
+from twin.numbers import Array
 from twin.vehicle.vehicle import load_vehicle
 
 TIME_LIMIT = 600.0

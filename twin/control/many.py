@@ -15,13 +15,12 @@ from twin.control.conditions import Conditions
 from twin.control.placing import OF_THE_VEHICLE, Nominal, place_vehicle, write_conditions
 from twin.errors import InputError
 from twin.frames import flip_vector
+from twin.numbers import Array
 from twin.physics.model_block import header, part_table
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.native import block as b
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 _VELOCITY_STAGE = mujoco.mjtStage.mjSTAGE_VEL.value
 """After a step positions, velocities and the water belong to the new state, as in `Physics`."""

@@ -14,13 +14,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from twin.control.task import GliderTask
 from twin.control.white_noise import LARGEST
 from twin.errors import InputError, unknown_name
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 FLAT, DICT = "flat", "dict"
 KINDS = (FLAT, DICT)

@@ -21,6 +21,7 @@ from twin.control.pictures import Pictures
 from twin.control.placing import Nominal, place_vehicle, write_conditions
 from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
+from twin.numbers import Array
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
     header,
@@ -37,8 +38,6 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-
-Array = NDArray[np.float64]
 
 MEASUREMENTS = {
     "time": "s",
@@ -260,19 +259,15 @@ class WaterPhysics:
 
     def measurements(self) -> dict[str, float]:
         """Every scalar of MEASUREMENTS now, and the position of each part, by name."""
-        roll_rate, pitch_rate, yaw_rate = self.rates()
-        surge, sway, heave = self.velocity_through_water()
-        north, east, down = self.current()
+        vectors = {
+            ("roll_rate", "pitch_rate", "yaw_rate"): self.rates(),
+            ("surge", "sway", "heave"): self.velocity_through_water(),
+            ("current_north", "current_east", "current_down"): self.current(),
+        }
         derived = {
-            "roll_rate": roll_rate,
-            "pitch_rate": pitch_rate,
-            "yaw_rate": yaw_rate,
-            "surge": surge,
-            "sway": sway,
-            "heave": heave,
-            "current_north": north,
-            "current_east": east,
-            "current_down": down,
+            name: value
+            for names, values in vectors.items()
+            for name, value in zip(names, values, strict=True)
         }
         found = {
             name: float(derived[name] if name in derived else getattr(self, name)())

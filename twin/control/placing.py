@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.control.conditions import Conditions
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import header, room, table, write_tables
@@ -15,8 +15,6 @@ from twin.physics.mujoco_model import refit
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
-
-Array = NDArray[np.float64]
 
 OF_THE_VEHICLE = ("qpos0", "body_ipos", "dof_invweight0", "dof_M0", "body_invweight0")
 """Fields of a model beside the block that a real vehicle has of its own"""

@@ -10,15 +10,14 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.control.physics import WaterPhysics
 from twin.control.task import GliderTask, wrap_angle
 from twin.errors import MissionError
 from twin.mission.turning import turn_factor
 from twin.mission.way import way
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Policy = Callable[[Any], Array]
 
 
@@ -75,7 +74,7 @@ class Autopilot:
             loop = kp * error - kd * yaw_rate
             rotation = min(max(turn * loop, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = rotation
-        return task.to_action(command)
+        return task.to_action(vehicle.allocated(command))
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
         """Positions that hold the steady way, and what the heading loop is multiplied by there.
@@ -127,7 +126,7 @@ class Proportional:
             moved = turning.sense("heading") * vehicle.heading_pid[0] * error
             moved = min(max(moved, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = moved
-        return task.to_action(command)
+        return task.to_action(vehicle.allocated(command))
 
 
 def autopilot(environment: Flown, seed: int) -> Policy:

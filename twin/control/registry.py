@@ -15,8 +15,6 @@ from twin import seams
 from twin.errors import InputError
 from twin.registry import Registry
 
-GROUP = "glider_twin.tasks"
-"""Entry points of installed distributions: NAME = "module:function"."""
 NEEDED = ("vehicle", "random", "environment_kwargs")
 """Arguments that `twin.control.load`, the viewer and Gymnasium's environments hand over"""
 Maker = Callable[..., Any]

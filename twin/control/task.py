@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.control.believed import Believed
 from twin.control.conditions import Conditions, Randomiser
@@ -19,12 +19,11 @@ from twin.control.white_noise import UNSHOWN, Noisy
 from twin.errors import InputError, VehicleError
 from twin.mission.way import Way
 from twin.mission.way import way as steady_way
-from twin.numbers import numbers
+from twin.numbers import Array, numbers
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.base import Current
 
-Array = NDArray[np.float64]
 Observation = collections.OrderedDict[str, Array]
 Place = tuple[int, ...]
 """(index,) of one vehicle among many, or () of the only one."""
@@ -317,7 +316,7 @@ class GliderTask:
         way = self.way(pitch)
         alpha = way.angle_of_attack
         v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
-        actuators = tuple(way.command.tolist())
+        actuators = tuple(self.vehicle.allocated(way.command).tolist())
         return Start(depth=depth, heading=heading, pitch=pitch, v_rel=v_rel, actuators=actuators)
 
     # --- observations -------------------------------------------------------------------------

@@ -12,15 +12,8 @@ import numpy as np
 from twin.control import rewards
 from twin.control.environment import Environment, build
 from twin.control.physics import Physics, WaterPhysics
-from twin.control.task import (
-    Array,
-    Episode,
-    GliderTask,
-    Reference,
-    place_marker,
-    row,
-    with_marker,
-)
+from twin.control.task import Episode, GliderTask, Reference, place_marker, row, with_marker
+from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.profile import Profile
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
 Counts = NDArray[np.int64]
 

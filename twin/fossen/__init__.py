@@ -3,14 +3,8 @@
 It shares the vehicle's parameters and the current sampler with the twin, and no equation.
 """
 
-from twin.fossen.model import DEFAULT_DT, FossenModel
-from twin.fossen.state import FossenState, FossenTrajectory
-from twin.fossen.steady import SteadyMotion
-
-__all__ = [
-    "DEFAULT_DT",
-    "FossenModel",
-    "FossenState",
-    "FossenTrajectory",
-    "SteadyMotion",
-]
+from twin.fossen.model import DEFAULT_DT as DEFAULT_DT
+from twin.fossen.model import FossenModel as FossenModel
+from twin.fossen.model import FossenState as FossenState
+from twin.fossen.model import FossenTrajectory as FossenTrajectory
+from twin.fossen.steady import SteadyMotion as SteadyMotion

@@ -29,7 +29,6 @@ Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/phy
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.fossen.forces import (
@@ -57,9 +56,8 @@ from twin.fossen.matrices import (
     times,
     transposed_times,
 )
+from twin.numbers import Array
 from twin.water.current.sampler import sample_gradient
-
-Array = NDArray[np.float64]
 
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics"""

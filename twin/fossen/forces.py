@@ -7,21 +7,17 @@ Body axes FRD about the CB, SI units. What a hull law and a kind of part do is i
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import generate, jit
 from twin.compiled.dispatch import Written
+from twin.numbers import Array
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 from twin.vehicle.parts.base import VALUES
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 _NONE = np.zeros(0)
 STRIPS = 9

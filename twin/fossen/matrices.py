@@ -8,11 +8,9 @@ buoyancy (CB), NED inertial axes, SI units. Every function is compiled.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 
 @jit

@@ -10,14 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
 from twin.fossen.equations import mass_distribution, still_acceleration
 from twin.fossen.forces import ForceParameters, damping_wrench, pumped
+from twin.numbers import Array
 from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
-
-Array = NDArray[np.float64]
 
 DEEP = 1e4
 """[m] a depth at which the hull is immersed at any pitch"""

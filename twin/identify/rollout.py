@@ -27,7 +27,7 @@ from twin.identify.speed import density_of, motion_of
 from twin.identify.turning_residuals import channel_of
 from twin.identify.unknowns import UnknownParameter, choose
 from twin.mission.controller import Schedule
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.water.density import DensityProfile
@@ -231,7 +231,7 @@ class _Flown:
 def _fly(windows: Sequence[_Window], calibrations: Sequence[Calibration]) -> list[list[_Flown]]:
     """Every window with every calibration, in one batch."""
     scenarios = [_scenario(w, c) for c in calibrations for w in windows]
-    results = make_batch(scenarios, threads=1).run()
+    results = Fleet(scenarios, threads=1).run()
     flown: list[_Flown] = []
     for result in results:
         if isinstance(result, SimulationUnstable):

@@ -9,6 +9,7 @@ The file's physics step is one that the vehicle's yaw damping allows.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -30,6 +31,7 @@ from twin.identify.calibration import (
     Calibration,
 )
 from twin.records.storage.whole import whole_file
+from twin.vehicle.consumption import Consumption
 from twin.vehicle.parts import Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -163,20 +165,46 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     return xml
 
 
+def with_consumption(vehicle: Vehicle, consumption: Consumption) -> Vehicle:
+    """The vehicle with these losses and powers in its file's text."""
+    xml, mine = vehicle.xml, Consumption.of(vehicle)
+    for field in dataclasses.fields(Consumption):
+        value = getattr(consumption, field.name)
+        if value != getattr(mine, field.name):
+            xml = _numeric(xml, field.name, [value], vehicle)
+    return parse_vehicle(xml, vehicle.path)
+
+
+def write_consumption(
+    vehicle: Vehicle, consumption: Consumption, path: Path, *, overwrite: bool = False
+) -> Path:
+    """Write a vehicle's file with these losses and powers.
+
+    Raises:
+      WriteError: the file exists and `overwrite` is False, or the disk refuses.
+    """
+    with whole_file(path, overwrite=overwrite) as place:
+        place.write_text(with_consumption(vehicle, consumption).xml, encoding="utf-8")
+    return path
+
+
 def write_vehicle(
     calibration: Calibration,
     path: str | Path,
     provenance: Mapping[str, Any],
     *,
+    consumption: Consumption | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write the calibrated vehicle.
+    """Write the calibrated vehicle, with losses and powers that a log told where there are some.
 
     Raises:
       WriteError: the file exists and `overwrite` is False, or the disk refuses.
     """
     path = Path(path)
     text = vehicle_xml(calibration, provenance)
+    if consumption is not None:
+        text = with_consumption(parse_vehicle(text, path), consumption).xml
     with whole_file(path, overwrite=overwrite) as place:
         place.write_text(text, encoding="utf-8")
     return path

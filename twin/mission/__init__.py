@@ -1,35 +1,17 @@
 """Missions: what a glider is asked to fly, as dataclasses or TOML, checked and compiled."""
 
-from twin.mission.glide_balance import SteadyGlide, steady_glide
-from twin.mission.plan import Mission
-from twin.mission.segments import (
-    Circle,
-    Hold,
-    Hover,
-    LawnMower,
-    SawTooth,
-    Segment,
-    Spiral,
-    Surface,
-    Transect,
-    Waypoint,
-)
-from twin.mission.shipped_missions import load_mission, mission_names
-
-__all__ = [
-    "Circle",
-    "Hold",
-    "Hover",
-    "LawnMower",
-    "Mission",
-    "SawTooth",
-    "Segment",
-    "Spiral",
-    "SteadyGlide",
-    "Surface",
-    "Transect",
-    "Waypoint",
-    "load_mission",
-    "mission_names",
-    "steady_glide",
-]
+from twin.mission.glide_balance import SteadyGlide as SteadyGlide
+from twin.mission.glide_balance import steady_glide as steady_glide
+from twin.mission.plan import Mission as Mission
+from twin.mission.segments import Circle as Circle
+from twin.mission.segments import Hold as Hold
+from twin.mission.segments import Hover as Hover
+from twin.mission.segments import LawnMower as LawnMower
+from twin.mission.segments import SawTooth as SawTooth
+from twin.mission.segments import Segment as Segment
+from twin.mission.segments import Spiral as Spiral
+from twin.mission.segments import Surface as Surface
+from twin.mission.segments import Transect as Transect
+from twin.mission.segments import Waypoint as Waypoint
+from twin.mission.shipped_missions import load_mission as load_mission
+from twin.mission.shipped_missions import mission_names as mission_names

@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,10 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
 from twin.mission.mission_file import ABORTED, DONE, SEGMENT
+from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -178,9 +176,6 @@ class MissionController:
     def aborted(self) -> bool:
         """True once the mission's maximum depth was exceeded."""
         return bool(self.state[ABORTED])
-
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

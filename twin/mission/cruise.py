@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError
 from twin.mission.glide_balance import DEEP, imbalance, newton
+from twin.numbers import Array
 from twin.vehicle.parts import Part
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 LONGITUDINAL = (0, 2, 4)
 """Rows of surge and heave force and pitch moment"""
@@ -126,7 +121,8 @@ def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
     nu_r = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     density = vehicle.reference_density
     force = float(vehicle.law.wrench(nu_r, density)[0])
-    for part in vehicle.parts:
-        position = rate if part.name == vehicle.steering.get("speed") else part.rest
-        force += float(part.wrench(position, nu_r, density, DEEP)[0])
+    position = vehicle.rest
+    position[vehicle.part_names.index(vehicle.steering["speed"])] = rate
+    for part, at in zip(vehicle.parts, vehicle.allocated(position), strict=True):
+        force += float(part.wrench(float(at), nu_r, density, DEEP)[0])
     return force

@@ -13,21 +13,15 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
+from twin.numbers import Array
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 WIDEST = math.radians(20.0)
 """[rad] angle of attack up to which a steady glide is looked for: beyond it wings stall"""
@@ -164,10 +158,12 @@ def imbalance(
     """Force [N] and moment about the CB [N m] left over, shape (6,), body FRD.
 
     Args:
-      position: of the parts, shape (parts,), in their units.
+      position: of the parts, shape (parts,), in their units; those that go along with others are
+        moved with them.
       velocity: through the water, shape (3,) [m/s], body FRD.
       pitch, roll: [rad]. turn_rate: about the vertical [rad/s], positive to starboard.
     """
+    position = vehicle.allocated(position)
     down = np.array(
         [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
     )

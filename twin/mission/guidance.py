@@ -19,14 +19,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.mission import mission_file as g
 from twin.mission.phases import advance
 from twin.mission.reckoning import compass, pid, reckon, wrapped
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
 """[rad] largest error that is integrated: turns and inflections must not wind the loops up."""
@@ -203,7 +201,19 @@ def _leave_surface(gains: Array, command: Array) -> None:
 
 
 @jit
-def guidance_step(
+def _go_along(gains: Array, command: Array) -> None:
+    """Move the parts that go along with those that the loops moved, within their travel."""
+    wanted = command.copy()
+    for k in range(int(gains[g.FOLLOWERS])):
+        row = gains[g.FOLLOWER + k * g.FOLLOWER_COLUMNS :]
+        command[int(row[1])] += row[2] * (wanted[int(row[0])] - row[3])
+    for k in range(int(gains[g.FOLLOWERS])):
+        row = gains[g.FOLLOWER + k * g.FOLLOWER_COLUMNS :]
+        command[int(row[1])] = min(max(command[int(row[1])], row[4]), row[5])
+
+
+@jit
+def _steer(
     table: Array,
     gains: Array,
     state: Array,
@@ -216,28 +226,13 @@ def guidance_step(
     q: float,
     r: float,
     command: Array,
-    altitude: float = math.inf,
-    north: float = math.nan,
-    east: float = math.nan,
-    current_north: float = math.nan,
-    current_east: float = math.nan,
+    altitude: float,
+    north: float,
+    east: float,
+    current_north: float,
+    current_east: float,
 ) -> None:
-    """One control tick: reads the vehicle's state, writes `command` and updates `state`.
-
-    Args:
-      table: (segments + 1, SEGMENT_COLUMNS + 3 parts) float64, from `Mission.compile`.
-      gains: (GAINS,) float64, from `Mission.compile`.
-      state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
-      t: [s] since the mission's start; call once per control period.
-      depth: [m] of the CB, positive down.
-      roll, pitch, heading: [rad]; the compass adds its offset to the heading.
-      p, q, r: body rates [rad/s].
-      command: (parts,) float64, out: the wanted position of each part.
-      altitude: [m] of the CB above the sea floor, inf without one.
-      north, east: [m] of the vehicle: what a fix at the surface says; NaN: there are no fixes.
-      current_north, current_east: [m/s] estimate of a navigator, whose position north and east then
-        are, under water too; NaN: there is none, and guidance dead-reckons (`reckoning`).
-    """
+    """A tick as `guidance_step` says it, for the parts that steer alone."""
     heading = compass(heading + gains[g.COMPASS_OFFSET])
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
     reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
@@ -316,6 +311,50 @@ def guidance_step(
         state,
         turn_slot,
     )
+
+
+@jit
+def guidance_step(
+    table: Array,
+    gains: Array,
+    state: Array,
+    t: float,
+    depth: float,
+    roll: float,
+    pitch: float,
+    heading: float,
+    p: float,
+    q: float,
+    r: float,
+    command: Array,
+    altitude: float = math.inf,
+    north: float = math.nan,
+    east: float = math.nan,
+    current_north: float = math.nan,
+    current_east: float = math.nan,
+) -> None:
+    """One control tick: reads the vehicle's state, writes `command` and updates `state`.
+
+    Args:
+      table: (segments + 1, SEGMENT_COLUMNS + 3 parts) float64, from `Mission.compile`.
+      gains: (GAINS,) float64, from `Mission.compile`.
+      state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
+      t: [s] since the mission's start; call once per control period.
+      depth: [m] of the CB, positive down.
+      roll, pitch, heading: [rad]; the compass adds its offset to the heading.
+      p, q, r: body rates [rad/s].
+      command: (parts,) float64, out: the wanted position of each part.
+      altitude: [m] of the CB above the sea floor, inf without one.
+      north, east: [m] of the vehicle: what a fix at the surface says; NaN: there are no fixes.
+      current_north, current_east: [m/s] estimate of a navigator, whose position north and east then
+        are, under water too; NaN: there is none, and guidance dead-reckons (`reckoning`).
+    """
+    _steer(
+        table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,
+        north, east, current_north, current_east,
+    )  # fmt: skip
+    if gains[g.FOLLOWERS] > 0.0 and state[g.PHASE] != g.HOLDING:
+        _go_along(gains, command)
 
 
 def new_state() -> Array:

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
 from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
+from twin.vehicle.allocation import MOST_FOLLOWERS
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -76,7 +77,10 @@ BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth [m], 
 BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # the pump, likewise
 PITCHES_AT_REST = 26  # 1: the pitching part is a battery, which needs no flow
 COMPASS_OFFSET = 27  # [rad] that the compass reads beyond the true heading
-GAINS = 28
+FOLLOWERS = 28  # how many parts go along with others
+FOLLOWER = 29  # first of them: lead, part, weight, the lead's rest, lowest and highest position
+FOLLOWER_COLUMNS = 6
+GAINS = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -186,6 +190,14 @@ def net_mass(label: str, field: str, value: object) -> None:
 def limit(label: str, field: str, value: object, unit: str) -> None:
     """A time or count above zero."""
     within(label, field, value, unit, 0.0, open_low=True)
+
+
+def optional(
+    check: Callable[..., object], label: str, field: str, value: object, *more: object
+) -> None:
+    """One of the checks above of a value that may be None."""
+    if value is not None:
+        check(label, field, value, *more)
 
 
 def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, ...] = ()) -> None:

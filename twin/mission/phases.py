@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 TIME_TOLERANCE = 1e-6
 """[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bounded import read_toml
 from twin.errors import MissionError, unknown_name
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
@@ -61,8 +60,7 @@ class Mission:
                     f"{label}: segments[{index}] is {segment!r}; give one of "
                     f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"
                 )
-        if self.duration_s is not None:
-            check.limit(label, "duration_s", self.duration_s, "s")
+        check.optional(check.limit, label, "duration_s", self.duration_s, "s")
         check.within(label, "start_depth_m", self.start_depth_m, "m", 0.0)
         check.heading(label, "start_heading_deg", self.start_heading_deg)
         check.pitch(label, "ascent_pitch_deg", self.ascent_pitch_deg)
@@ -185,6 +183,7 @@ class Mission:
                 'give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
+        self._name_idle(vehicle)
         rows = [
             part.row(vehicle, self._label(i))
             for i, segment in enumerate(self.segments)
@@ -194,6 +193,22 @@ class Mission:
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
+
+    def _name_idle(self, vehicle: Vehicle) -> None:
+        """Warn of parts that neither guidance nor a segment of this mission moves."""
+        named = {
+            name for segment in self.segments for name in getattr(segment, "parts", None) or ()
+        }
+        idle = {part: other for part, other in vehicle.idle.items() if part not in named}
+        if idle:
+            what = ", ".join(f"{part} (beside {other})" for part, other in idle.items())
+            warnings.warn(
+                f"vehicle {vehicle.name!r}: guidance leaves {what} at rest: say which part is to "
+                "steer by <text name='steer.CONTROL' data='PART'/> in its file, or command the "
+                "others by 'parts' of a hold or from Python",
+                RuntimeWarning,
+                stacklevel=3,
+            )
 
     def compile_end(self, vehicle: Vehicle) -> Array:
         """The table's last row: what is flown after the segments; MissionError as `compile`."""
@@ -288,5 +303,14 @@ def _gains(vehicle: Vehicle) -> Array:
         part = vehicle.steered(control)
         if part is not None:
             gains[low], gains[low + 1] = part.low, part.high
+    gains[g.FOLLOWERS] = len(vehicle.followers)
+    names = vehicle.part_names
+    for k, follower in enumerate(vehicle.followers):
+        part, lead = vehicle.part(follower.part), vehicle.part(follower.lead)
+        first = g.FOLLOWER + g.FOLLOWER_COLUMNS * k
+        gains[first : first + g.FOLLOWER_COLUMNS] = (
+            *(names.index(lead.name), names.index(part.name), follower.weight),
+            *(lead.rest, part.low, part.high),
+        )
     gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
     return gains

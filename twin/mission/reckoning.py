@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from twin.compiled import jit
 from twin.mission import mission_file as g
+from twin.numbers import Array
 
 
 @jit
@@ -57,8 +55,6 @@ def compass(angle: float) -> float:
     """`angle` [rad] in [0, 2 pi), as headings are."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
 
-
-Array = NDArray[np.float64]
 
 LEAST_SLOPE = math.radians(8.0)
 """[rad] flatter ways say too little of the speed by their depth rate: the steady speed holds"""

@@ -6,14 +6,11 @@ import dataclasses
 import math
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from twin.errors import MissionError, unknown_name
 from twin.mission.plan import Mission
 from twin.mission.segments import SawTooth
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 DEFAULT, PROPELLED = "default", "survey"
 """What a vehicle flies when nothing is said: a glider, and one with a propeller"""

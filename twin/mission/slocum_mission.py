@@ -9,17 +9,14 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin.errors import MissionError
 from twin.mission.plan import OVERSHOOT_MARGIN_M, Mission
 from twin.mission.segments import Segment, Surface, Waypoint
 from twin.mission.segments.profile import SHALLOWEST_M
 from twin.mission.slocum_behavior import Behavior, Parsed, Surfacings, degrees, parse, surfacings
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
+from twin.vehicle.vehicle import Vehicle
 
 STEM = 6
 """Letters of a behavior's name in the name of its files, which have eight before the point"""

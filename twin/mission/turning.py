@@ -9,20 +9,15 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError
 from twin.mission.glide_balance import imbalance, newton
 from twin.mission.way import Way, level_way, way
+from twin.numbers import Array
 from twin.vehicle.parts import Fin
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 LATERAL = (1, 3, 5)
 """Rows of side force, roll and yaw moment"""

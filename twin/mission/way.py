@@ -10,23 +10,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError, unknown_name
 from twin.geodesy import great_circle
 from twin.mission.cruise import steady_flight
 from twin.mission.glide_balance import imbalance, steady_glide
 from twin.mission.mission_file import fail
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide, Part
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 TIME_MARGIN = 1.5
 """A mission may take this much longer than its steady ways: inflections, turns, down-currents."""

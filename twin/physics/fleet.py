@@ -25,6 +25,11 @@ class Fleet:
     """
 
     def __init__(self, scenarios: Sequence[Scenario], *, threads: int = 0):
+        """Make all ready to step; `threads` 0 takes every core.
+
+        Raises:
+          InputError: no scenario, vehicles of different kinds, or one that cannot be built.
+        """
         if not scenarios:
             raise InputError("a fleet needs at least one scenario")
         _check_alike(scenarios)
@@ -102,12 +107,3 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
                 f"has {scenario.vehicle.name!r} ({', '.join(scenario.vehicle.part_names)}; "
                 f"{scenario.hydrodynamics}); make a fleet of each, or use simulate_many"
             )
-
-
-def make_batch(scenarios: Sequence[Scenario], *, threads: int = 0) -> Fleet:
-    """A fleet ready to step; `threads` 0 takes every core.
-
-    Raises:
-      InputError: no scenario, vehicles of different kinds, or one that cannot be built.
-    """
-    return Fleet(scenarios, threads=threads)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
+from twin.numbers import Array
 from twin.physics.model_block import header, joint_places, part_names, part_table, state
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
@@ -17,8 +17,6 @@ from twin.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from twin.physics.ballast import Ballast
     from twin.water.density import DensityProfile
-
-Array = NDArray[np.float64]
 
 
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -10,18 +10,17 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import FloorError
 from twin.mission import Mission
 from twin.mission.controller import Schedule
 from twin.mission.mission_file import COMPASS_OFFSET
+from twin.numbers import Array
 from twin.physics.native import block as b
 
 if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
 
-Array = NDArray[np.float64]
 
 _NONE = np.zeros(0)
 

@@ -12,7 +12,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.mission.controller import MissionController, Observation
@@ -28,6 +27,7 @@ from twin.navigation.navigator import (
     Navigator,
 )
 from twin.navigation.settings import Navigation
+from twin.numbers import Array
 from twin.physics.true_signals import declare_parts
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
@@ -35,7 +35,6 @@ from twin.sensors.live import LiveSuite
 if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
 
-Array = NDArray[np.float64]
 
 ALTITUDE = "measured_altitude"
 ALTITUDE_S = 20.0

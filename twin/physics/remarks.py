@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mission import Mission, Waypoint
+from twin.numbers import Array
 from twin.physics.lookup_tables import tables_of
 from twin.physics.scenario import Scenario
 from twin.records.mission_dataset import summarise
@@ -16,7 +17,6 @@ from twin.records.trajectory import Trajectory
 from twin.water.current.grid_kernels import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
-Array = NDArray[np.float64]
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 
 

@@ -8,11 +8,12 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin.errors import FloorError, InputError, MissionError
 from twin.mission import Mission
 from twin.mission.controller import Schedule
+from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.ballast import Ballast
@@ -22,9 +23,6 @@ from twin.water.current.axes import FORMER_DEFAULT, Origin
 from twin.water.current.base import Current, current_from_dict
 from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
-
-if TYPE_CHECKING:
-    from twin.navigation.estimators.base import VelocityEstimator
 
 SHORTEST, LONGEST = 1e-4, 1e10
 """[s] of a run and between its samples: the shortest step and 300 years, so that every count of

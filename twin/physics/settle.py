@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import NoSteadyState
 from twin.frames import (
@@ -22,6 +21,7 @@ from twin.frames import (
     quaternion_to_euler,
     quaternion_to_matrix,
 )
+from twin.numbers import Array
 from twin.physics.model_block import joint_places, state
 from twin.physics.mujoco_model import compile_model, quiet_mujoco
 from twin.physics.steady_motion import (
@@ -34,8 +34,6 @@ from twin.physics.steady_motion import (
     trim_positions,
 )
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 DEPTH = 1e4
 """[m] far from the surface; the water has the reference density at every depth here"""

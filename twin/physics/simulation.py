@@ -15,6 +15,7 @@ from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import flip_quaternion, flip_vector
 from twin.mission.controller import Command, Controller, Observation
 from twin.mission.mission_file import DONE
+from twin.numbers import Array
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables, tables_of
 from twin.physics.model_block import check_integration, header, state
@@ -29,7 +30,6 @@ from twin.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from twin.physics.navigated import OnBoard
 
-Array = NDArray[np.float64]
 
 STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError
 from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler, quaternion_to_matrix
+from twin.numbers import Array
 from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR, Variable, declare
 from twin.records.schema.limits import TABLE
 from twin.records.trajectory import Trajectory, actuator_names, sample_times
@@ -120,9 +121,6 @@ def _columns(xml: str, path: Path, parts: tuple[str, ...]) -> tuple[str, ...]:
         *(f"act_{part}" for part in parts),
         *(f"ctrl_{part}" for part in parts),
     )
-
-
-Array = NDArray[np.float64]
 
 
 def from_log(

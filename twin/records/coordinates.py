@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.geodesy import from_tangent_plane, wrap_longitude
+from twin.numbers import Array
 from twin.records.schema import MISSION
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 START_LATITUDE, START_LONGITUDE, START_TIME = "start_latitude", "start_longitude", "start_time"
 """Names in a trajectory's provenance, and of arrays (mission) in stores; of the frame's origin"""

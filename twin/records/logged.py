@@ -12,10 +12,10 @@ import functools
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
 from twin.geodesy import position, wrap_longitude
+from twin.numbers import Array
 from twin.records.attributes import (
     DEPLOYMENT,
     DIVE_DURATION,
@@ -38,8 +38,6 @@ from twin.records.schema import VARIABLES
 from twin.records.storage.store_path import StorePath
 from twin.records.trajectory import Trajectory, actuator_names
 from twin.water.current.axes import HIGHEST_LATITUDE
-
-Array = NDArray[np.float64]
 
 NANOSECONDS = 1e9
 FOLLOWS_WITHIN = 3600.0

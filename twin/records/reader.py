@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -45,7 +44,7 @@ from twin.records.storage.store_arrays import (
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.store import open_store
 from twin.records.trajectory import sample_times
-from twin.vehicle.consumption import Consumption
+from twin.vehicle.consumption import Consumption, needed_signals
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 if TYPE_CHECKING:
@@ -91,12 +90,7 @@ class MissionStore:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __len__(self) -> int:
@@ -290,7 +284,7 @@ class MissionStore:
             raise StoreError(f"store {self.path} holds logs, which say nothing of energy")
         self.check_mission(mission)
         vehicle, samples = self.vehicle, int(self.samples[mission])
-        names = ("true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names))
+        names = needed_signals(vehicle)
         signals = {name: self.row(name, mission)[:samples].astype(float) for name in names}
         losses = Consumption.of(vehicle) if consumption is None else consumption
         return losses.signals(vehicle, signals, sample_times(samples, self.period))

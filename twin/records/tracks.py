@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bounded import check_archive, check_dataset
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 from twin.records.attributes import TITLE, is_missions
 from twin.records.presence import FLIGHT_TITLE
 from twin.records.schema import MISSION, TIME
@@ -37,7 +37,6 @@ from twin.records.store import write_netcdf, write_zarr
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 NORTH, EAST = "_north", "_east"
 """Endings of a track's two variables."""

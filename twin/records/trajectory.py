@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, UnknownName
 from twin.lazy import resolve
+from twin.numbers import Array
 from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)

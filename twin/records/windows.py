@@ -9,6 +9,7 @@ buffer, in an order that mixes the store and in which each mission is read once 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
@@ -22,7 +23,6 @@ from numpy.typing import NDArray
 from twin.errors import InputError, StoreError, unknown_name
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
-from twin.records.storage.buffers import Places, buffers
 from twin.records.storage.sharded import fast_reading
 from twin.records.storage.store_path import StorePath, store_path
 
@@ -32,6 +32,12 @@ Missions = dict[int, Floats]
 
 MEMORY = 2.0**31
 """[bytes] that decoded missions may take"""
+Places = NDArray[np.int64]
+"""Numbers of missions among those that are wanted."""
+
+BLOCKS = 16
+"""Blocks of neighbouring missions, drawn at random, that make a buffer: neighbours are read in one
+go, and many blocks mix the store well."""
 AT_A_TIME = 2**20
 """Samples whose signals are decoded in one go, one signal after the other"""
 
@@ -320,3 +326,38 @@ def _copy(
         places.tolist(), missions.tolist(), starts.tolist(), strict=True
     ):
         found[place] = some[mission][start : start + length]
+
+
+def buffers(
+    lengths: NDArray[np.int64], size: int, rng: np.random.Generator | None = None
+) -> list[Places]:
+    """Missions that are in memory together, buffer by buffer; each mission is in one of them.
+
+    Args:
+      lengths: samples of each mission.
+      size: samples of a buffer, about; a longer mission is a buffer of its own.
+      rng: draws which neighbours come together and the order of the buffers; None keeps the
+        store's order.
+
+    Returns:
+      For each buffer its missions, in rising order.
+    """
+    total = int(lengths.sum())
+    count = max(1, math.ceil(total / size))
+    if count == 1:
+        return [np.arange(len(lengths))]
+    blocks = _even_parts(lengths, np.arange(len(lengths)), count * BLOCKS)
+    if rng is not None:
+        blocks = [blocks[k] for k in rng.permutation(len(blocks))]
+    samples = np.array([lengths[block].sum() for block in blocks])
+    return [
+        np.sort(np.concatenate([blocks[k] for k in part]))
+        for part in _even_parts(samples, np.arange(len(blocks)), count)
+    ]
+
+
+def _even_parts(lengths: NDArray[np.int64], items: Places, count: int) -> list[Places]:
+    """Items in at most `count` runs of about the same total length."""
+    middles = np.cumsum(lengths) - lengths / 2.0
+    part = np.floor(middles * (count / lengths.sum())).astype(np.int64)
+    return np.split(items, np.flatnonzero(np.diff(part)) + 1)

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.records.schema import Variable, variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import Outset, Sensor, SensorRun
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     drawn_value,
     require_finite,
@@ -28,8 +28,6 @@ from twin.sensors.checks import (
     signal,
 )
 from twin.sensors.noise import normals
-
-Array = NDArray[np.float64]
 
 ANGLES = ("roll", "pitch", "heading")
 MARCH = 2.0
@@ -109,27 +107,18 @@ class Altimeter(Sensor):
         """The mission's relative error of the range [1]."""
         return {"altimeter_scale": float(self.scale * rng.standard_normal())}
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> AltimeterRun:
+    def begin(self, outset: Outset) -> AltimeterRun:
         """measured_altitude [m]; NaN between pings, out of range and without an echo."""
-        stride = max(1, round(self.ping_period / dt))
-        pings = len(range(0, samples, stride)) if self.fitted else 0
-        noise = self.noise * normals(rng, pings).astype(float)
+        stride = max(1, round(self.ping_period / outset.dt))
+        pings = len(range(0, outset.samples, stride)) if self.fitted else 0
+        noise = self.noise * normals(outset.rng, pings).astype(float)
         return AltimeterRun(
             altimeter=self,
             stride=stride,
             noise=noise,
-            lost=rng.random(pings) < self.lost_share,
-            scale=1.0 + drawn_value(drawn, "altimeter_scale"),
-            floor=surroundings.floor,
+            lost=outset.rng.random(pings) < self.lost_share,
+            scale=1.0 + drawn_value(outset.drawn, "altimeter_scale"),
+            floor=outset.surroundings.floor,
         )
 
     def beam(self, *angles: Array) -> Array:

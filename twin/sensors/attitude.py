@@ -13,16 +13,15 @@ b_a / g, and a gyro bias b_g adds time_constant b_g: attitude is no second measu
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import Outset, Sensor, SensorRun
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     require_finite,
     require_non_negative,
@@ -73,26 +72,21 @@ class Attitude(Sensor):
         """No error at all."""
         return cls(rms_deg=0.0, time_constant=0.0)
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> AttitudeRun:
+    def begin(self, outset: Outset) -> AttitudeRun:
         """measured_roll in [-180, 180) and measured_pitch in [-90, 90] [degree]."""
         own = np.stack(
             [
                 gauss_markov(
-                    rng, samples, std=self.rms_deg, dt=dt, correlation_time=self.correlation_time
+                    outset.rng,
+                    outset.samples,
+                    std=self.rms_deg,
+                    dt=outset.dt,
+                    correlation_time=self.correlation_time,
                 )
                 for _ in ANGLES
             ]
         )
-        return AttitudeRun(self.time_constant, dt, own)
+        return AttitudeRun(self.time_constant, outset.dt, own)
 
 
 @dataclasses.dataclass

@@ -52,6 +52,23 @@ NOWHERE = Surroundings()
 """The defaults of all of them"""
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Outset:
+    """What a sensor knows of a mission before its first sample."""
+
+    samples: int
+    """of the mission at most, n; random numbers are drawn for so many"""
+    signals: Iterable[str]
+    """names of what the vehicle has"""
+    dt: float
+    """[s] between samples"""
+    drawn: Drawn
+    """the constants of the mission, of all sensors"""
+    rng: np.random.Generator
+    """the sensor's own stream"""
+    surroundings: Surroundings = NOWHERE
+
+
 class SensorRun:
     """A sensor at work in one mission, a stretch of samples after the other."""
 
@@ -128,22 +145,8 @@ class Sensor:
         """The constants of one mission, by name as in `draws`."""
         return {}
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> SensorRun:
+    def begin(self, outset: Outset) -> SensorRun:
         """Begin to measure one mission, sample by sample or all at once.
-
-        Args:
-          samples: of the mission at most, n; its random numbers are drawn for so many.
-          signals: names of what the vehicle has.
-          dt, drawn, rng, surroundings: as in `measure`.
 
         Raises:
           InputError: it measures whole missions only.
@@ -174,7 +177,11 @@ class Sensor:
           An array of shape (n,) for each of `channels`, in its unit.
         """
         n = len(signals[self.inputs(signals)[0]])
-        run = self.begin(n, signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings)
+        run = self.begin(
+            Outset(
+                samples=n, signals=signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings
+            )
+        )
         return run.measure(signals, 0, n)
 
     @classmethod
@@ -183,8 +190,6 @@ class Sensor:
         return signals.get(f"true_{name}")
 
 
-GROUP = "glider_twin.sensors"
-"""Entry points of installed distributions: NAME = "module:Class"."""
 PREFIXES = ("true_", "commanded_", "measured_")
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
-from twin.numbers import number
+from twin.numbers import Array, number
 
-Array = NDArray[np.float64]
 Signals = Mapping[str, NDArray[Any]]
 Drawn = Mapping[str, float]
 

@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import Outset, Sensor, SensorRun
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     drawn_value,
     require_finite,
@@ -136,27 +135,22 @@ class Compass(Sensor):
         spread = (self.offset_deg, hard, hard, hard, soft, soft, battery, battery, battery)
         return self.draw_normal(rng, spread)
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> CompassRun:
+    def begin(self, outset: Outset) -> CompassRun:
         """measured_heading [degree] in [0, 360)."""
-        iron = {key: drawn_value(drawn, f"compass_{key}_deg") * DEG for key in IRON}
+        iron = {key: drawn_value(outset.drawn, f"compass_{key}_deg") * DEG for key in IRON}
         soft = np.zeros((3, 3))
         soft[:2, :2] = [[-iron["d"], -iron["e"]], [-iron["e"], iron["d"]]]
         error = gauss_markov(
-            rng, samples, std=self.noise_deg, dt=dt, correlation_time=self.noise_correlation_time
+            outset.rng,
+            outset.samples,
+            std=self.noise_deg,
+            dt=outset.dt,
+            correlation_time=self.noise_correlation_time,
         )
-        there = set(signals)
+        there = set(outset.signals)
         return CompassRun(
             compass=self,
-            dt=dt,
+            dt=outset.dt,
             error=error,
             parts=tuple(
                 f"true_{part}" if f"true_{part}" in there else None

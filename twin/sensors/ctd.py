@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.schema import Variable, variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import NOWHERE, Outset, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
     Drawn,
     Signals,
@@ -101,29 +101,20 @@ class Ctd(Sensor):
             return {}
         return super().measure(signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings)
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> CtdRun:
+    def begin(self, outset: Outset) -> CtdRun:
         """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
         measured_conductivity [S m-1].
         """
         from twin.water.density import DensityProfile
 
-        water = surroundings.density or DensityProfile.constant()
+        water = outset.surroundings.density or DensityProfile.constant()
         return CtdRun(
             ctd=self,
-            dt=dt,
-            offsets=tuple(drawn_value(drawn, name) for name in self.draws),
-            pressure=water.pressure_integral(surroundings.latitude),
-            latitude=surroundings.latitude,
-            longitude=surroundings.longitude,
+            dt=outset.dt,
+            offsets=tuple(drawn_value(outset.drawn, name) for name in self.draws),
+            pressure=water.pressure_integral(outset.surroundings.latitude),
+            latitude=outset.surroundings.latitude,
+            longitude=outset.surroundings.longitude,
         )
 
 

@@ -23,17 +23,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import NOWHERE, Outset, Sensor, SensorRun, Surroundings
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     drawn_value,
     require_finite,
@@ -42,8 +42,6 @@ from twin.sensors.checks import (
     signal,
 )
 from twin.sensors.noise import normals
-
-Array = NDArray[np.float64]
 
 DEG = math.pi / 180.0
 AZIMUTHS_DEG = (45.0, 135.0, 225.0, 315.0)
@@ -199,38 +197,33 @@ class Dvl(Sensor):
         spread = (self.scale, self.sound_speed, turn, turn, turn)
         return self.draw_normal(rng, spread)
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> DvlRun:
+    def begin(self, outset: Outset) -> DvlRun:
         """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
 
         The measured body rates remove the lever arm. The current of the surroundings is evaluated
         at the cell layer.
         """
         if not self.fitted or self.exact:
-            return DvlRun(dvl=self, dt=dt, samples=samples)
+            return DvlRun(dvl=self, dt=outset.dt, samples=outset.samples)
         ping_dt = 1.0 / self.ping_rate
-        pings = max(1, math.ceil((samples - 0.5) * dt * self.ping_rate))
-        outlier, outlier_beam = self._outliers(rng, pings)
-        mount = rotation(np.array([drawn_value(drawn, f"dvl_misalignment_{a}") for a in "xyz"]))
+        pings = max(1, math.ceil((outset.samples - 0.5) * outset.dt * self.ping_rate))
+        outlier, outlier_beam = self._outliers(outset.rng, pings)
+        mount = rotation(
+            np.array([drawn_value(outset.drawn, f"dvl_misalignment_{a}") for a in "xyz"])
+        )
         return DvlRun(
             dvl=self,
-            dt=dt,
-            samples=samples,
-            locked=self._locked(rng, pings, ping_dt),
-            white=normals(rng, samples, 4),
+            dt=outset.dt,
+            samples=outset.samples,
+            locked=self._locked(outset.rng, pings, ping_dt),
+            white=normals(outset.rng, outset.samples, 4),
             outlier=outlier,
             outlier_beam=outlier_beam,
             beams=beam_directions(self.tilt_deg * DEG) @ mount.T,
-            factor=1.0 + drawn_value(drawn, "dvl_scale") + drawn_value(drawn, "dvl_sound_speed"),
-            surroundings=surroundings,
+            factor=1.0
+            + drawn_value(outset.drawn, "dvl_scale")
+            + drawn_value(outset.drawn, "dvl_sound_speed"),
+            surroundings=outset.surroundings,
         )
 
     @classmethod

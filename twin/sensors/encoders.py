@@ -14,8 +14,8 @@ from twin.errors import InputError, UnknownName
 from twin.numbers import number
 from twin.records.schema import Variable, declare, variable
 from twin.records.trajectory import actuator_names
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
-from twin.sensors.checks import Drawn, Signals, require_non_negative, signal
+from twin.sensors.base import Outset, Sensor, SensorRun
+from twin.sensors.checks import Signals, require_non_negative, signal
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,22 +68,13 @@ class Encoders(Sensor):
         """A reading of each part, in the unit of its position."""
         return tuple(_reading(part) for part in actuator_names(signals))
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> EncodersRun:
+    def begin(self, outset: Outset) -> EncodersRun:
         """measured_PART in the unit of true_PART, for each part.
 
         Raises:
           UnknownName: `resolutions` names a part that the vehicle has not.
         """
-        parts = actuator_names(signals)
+        parts = actuator_names(outset.signals)
         for name in self.resolutions:
             if name not in parts:
                 raise UnknownName("part with an encoder", name, parts)

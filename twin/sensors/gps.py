@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import Outset, Sensor, SensorRun
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     drawn_value,
     require_finite,
@@ -97,21 +96,14 @@ class Gps(Sensor):
         below = -np.sin(pitch) * x + np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z)
         return signal(truth, "true_depth") + below < 0.0
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> GpsRun:
+    def begin(self, outset: Outset) -> GpsRun:
         """measured_gps_north and measured_gps_east [m] about the mission's origin; NaN: no fix.
 
         Nothing of a surfacing is drawn before it has come.
         """
-        return GpsRun(gps=self, dt=dt, rng=rng, sigma=drawn_value(drawn, "gps_sigma"))
+        return GpsRun(
+            gps=self, dt=outset.dt, rng=outset.rng, sigma=drawn_value(outset.drawn, "gps_sigma")
+        )
 
     def wait(self, rng: np.random.Generator, start: int, dt: float) -> int:
         """Samples from the begin of a surfacing, at sample `start`, to its first fix."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,9 +19,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
+from twin.sensors.base import Outset, Sensor, SensorRun
 from twin.sensors.checks import (
-    Drawn,
     Signals,
     drawn_value,
     require_non_negative,
@@ -134,33 +132,25 @@ class Imu(Sensor):
             for j, axis in enumerate(AXES)
         }
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> ImuRun:
+    def begin(self, outset: Outset) -> ImuRun:
         """Rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
         gyro = self._triad(
-            samples, GYRO_SIGNALS, "gyro", dt, drawn, rng,
+            outset, GYRO_SIGNALS, "gyro",
             self.gyro_noise_density, self.gyro_bias_instability, self.gyro_rate_random_walk,
         )  # fmt: skip
         force = self._triad(
-            samples, FORCE_SIGNALS, "accel", dt, drawn, rng,
+            outset, FORCE_SIGNALS, "accel",
             self.accel_noise_density, self.accel_bias_instability, self.accel_rate_random_walk,
         )  # fmt: skip
         return ImuRun(gyro, force)
 
     def _triad(
-        self, n: int, names: tuple[str, ...], triad: str, dt: float, drawn: Drawn,
-        rng: np.random.Generator, density: float, instability: float, walk: float,
+        self, outset: Outset, names: tuple[str, ...], triad: str,
+        density: float, instability: float, walk: float,
     ) -> TriadRun:  # fmt: skip
         from twin.sensors.kernels import slow_kernel
 
+        n, dt, drawn, rng = outset.samples, outset.dt, outset.drawn, outset.rng
         bias, scale, turn = (
             np.array([drawn_value(drawn, f"{triad}_{what}_{axis}") for axis in AXES])
             for what in ("bias", "scale", "misalignment")

@@ -7,20 +7,16 @@ random numbers, drawn in the same order.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.sensors.base import NOWHERE, SensorRun, Surroundings
+from twin.numbers import Array
+from twin.sensors.base import NOWHERE, Outset, SensorRun, Surroundings
 from twin.sensors.noise import sensor_generator
-from twin.sensors.suite import is_exact
-
-if TYPE_CHECKING:
-    from twin.sensors.suite import SensorSuite
-
-Array = NDArray[np.float64]
+from twin.sensors.suite import SensorSuite, is_exact
 
 
 class LiveSuite:
@@ -84,8 +80,10 @@ class LiveSuite:
             run = None
             if len(truths) < len(own):
                 run = sensor.begin(
-                    samples, self.signals, dt=dt, drawn=self.drawn,
-                    rng=sensor_generator(rng_seed, name), surroundings=surroundings,
+                    Outset(
+                        samples=samples, signals=self.signals, dt=dt, drawn=self.drawn,
+                        rng=sensor_generator(rng_seed, name), surroundings=surroundings,
+                    )
                 )  # fmt: skip
             delay = max([delays.get(c, 0) for c in sensor.inputs(self.signals)], default=0)
             if run is not None:

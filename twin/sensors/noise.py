@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twin.numbers import Array
+
 Normals = NDArray[np.float32]
 
 PLACES = (

@@ -34,11 +34,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
-from twin.sensors.checks import Drawn, Signals, require_non_negative, require_positive, signal
-
-Array = NDArray[np.float64]
+from twin.sensors.base import Outset, Sensor, SensorRun
+from twin.sensors.checks import Signals, require_non_negative, require_positive, signal
 
 DEPTH_RATE, DVL = "depth-rate", "dvl"
 SPEEDS = (DEPTH_RATE, DVL)
@@ -121,18 +120,9 @@ class Onboard(Sensor):
         n = signal(measured, "measured_depth").shape[0]
         return OnboardTrack(*OnboardRun(self, dt).rows(measured, 0, n))
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> OnboardRun:
+    def begin(self, outset: Outset) -> OnboardRun:
         """measured_onboard_north and measured_onboard_east [m]."""
-        return OnboardRun(self, dt)
+        return OnboardRun(self, outset.dt)
 
 
 @dataclasses.dataclass

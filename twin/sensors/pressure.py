@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.numbers import number
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Sensor, SensorRun, Surroundings
-from twin.sensors.checks import Drawn, Signals, drawn_value, require_non_negative, signal
+from twin.sensors.base import Outset, Sensor, SensorRun
+from twin.sensors.checks import Signals, drawn_value, require_non_negative, signal
 from twin.sensors.noise import normals
 
 if TYPE_CHECKING:
@@ -85,32 +85,23 @@ class Pressure(Sensor):
             "pressure_gain": float(self.gain * unit[1]),
         }
 
-    def begin(
-        self,
-        samples: int,
-        signals: Iterable[str],
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> PressureRun:
+    def begin(self, outset: Outset) -> PressureRun:
         """measured_pressure [dbar] (gauge) and measured_depth [m]."""
         from twin.water.density import DensityProfile
 
-        density = surroundings.density
+        density = outset.surroundings.density
         offset, gain = (
-            drawn_value(drawn, "pressure_offset_dbar"),
-            drawn_value(drawn, "pressure_gain"),
+            drawn_value(outset.drawn, "pressure_offset_dbar"),
+            drawn_value(outset.drawn, "pressure_gain"),
         )
         exact = self.noise == 0.0 and offset == 0.0 and gain == 0.0
         return PressureRun(
             gauge=self,
             density=DensityProfile.constant() if density is None else density,
-            latitude=surroundings.latitude,
+            latitude=outset.surroundings.latitude,
             offset=offset,
             gain=gain,
-            white=None if exact else normals(rng, samples),
+            white=None if exact else normals(outset.rng, outset.samples),
         )
 
 

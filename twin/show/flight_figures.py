@@ -118,9 +118,8 @@ def section(flight: xr.Dataset) -> Figure:
         if (first := _start(flight)) is not None:
             draw_dates(axes, first, HOUR)
             axes.set_xlabel(LABEL)
-        bar = figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
-        bar.set_label("vertical water velocity, up [cm/s]")
-        bar.outline.set_visible(False)
+        label = "vertical water velocity, up [cm/s]"
+        style.colour_bar(axes, lines, label, pad=0.02, aspect=22)
     return figure
 
 
@@ -216,26 +215,27 @@ LEVEL_RATE = 0.03
 
 def _start(flight: xr.Dataset) -> float | None:
     """Unix time [s] of the first sample of all; None where it is not known."""
-    if START_TIME not in flight:
-        return None
-    starts = np.asarray(flight[START_TIME].values)
-    if np.issubdtype(starts.dtype, np.datetime64):
-        if np.isnat(starts).any():
-            return None
-        starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
-    return float(starts.min()) if np.isfinite(starts.astype(float)).all() else None
+    starts = _unix(flight)
+    return float(starts.min()) if starts.size and np.isfinite(starts).all() else None
 
 
 def _starts(flight: xr.Dataset) -> list[float]:
     """[s] of each mission's first sample since that of the first; one after the other without."""
-    if START_TIME in flight:
-        starts = np.asarray(flight[START_TIME].values)
-        if np.issubdtype(starts.dtype, np.datetime64):
-            starts = starts.astype("datetime64[ns]").astype(np.int64) / 1e9
-        if np.isfinite(starts.astype(float)).all():
-            return [float(start) for start in starts - starts.min()]
+    starts = _unix(flight)
+    if starts.size and np.isfinite(starts).all():
+        return [float(start) for start in starts - starts.min()]
     lengths = float(flight.attrs[SAMPLE_PERIOD]) * _samples(flight)
     return [float(end) for end in np.concatenate([[0.0], np.cumsum(lengths)[:-1]])]
+
+
+def _unix(flight: xr.Dataset) -> Array:
+    """Unix times [s] of the missions' first samples, (missions,), NaN where unknown; or empty."""
+    starts = np.asarray(flight[START_TIME].values if START_TIME in flight else [])
+    if not np.issubdtype(starts.dtype, np.datetime64):
+        return starts.astype(float)
+    return np.where(
+        np.isnat(starts), np.nan, starts.astype("datetime64[ns]").astype(np.int64) / 1e9
+    )
 
 
 FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}

@@ -69,14 +69,7 @@ def _rates(axes: style.Axes, log: Log, found: SpeedEstimate) -> None:
     axes.set_title(f"Mission {log.index}")
     axes.set_ylabel("depth rate, down [cm/s]")
     style.label_time(axes, unit)
-    _legend_above(axes)
-
-
-def _legend_above(axes: style.Axes) -> None:
-    """Names in the corner above the axes, where no curve is."""
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.1, columnspacing=1.0
-    )
+    style.legend_above(axes, 2, 0.98, columnspacing=1.0)
 
 
 def _depths(
@@ -106,7 +99,7 @@ def _depths(
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("measured − model, down [cm/s]")
     axes.set_title("Median, quartiles")
-    _legend_above(axes)
+    style.legend_above(axes, 2, 0.98, columnspacing=1.0)
 
 
 def _spread(

@@ -15,6 +15,8 @@ import matplotlib
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -149,3 +151,28 @@ def pad_limits(axes: Axes, *, least: float, which: str = "y") -> None:
         middle = (low + high) / 2
         setter = axes.set_ylim if which == "y" else axes.set_xlim
         setter(middle - least / 2, middle + least / 2)
+
+
+END: dict[str, Any] = {"mfc": "white", "mec": COMMAND, "mew": 1.2, "ls": "none"}
+"""Marker of a track's start or end"""
+
+
+def legend_above(axes: Axes, columns: int, at: float = 0.97, **look: Any) -> None:
+    """Names in the corner above the axes, where no curve is; `at` is their lower edge over the
+    height of the axes."""
+    corner: Any = {"loc": "lower right", "bbox_to_anchor": (1.0, at), "borderaxespad": 0.1}
+    axes.legend(**corner, ncols=columns, **look)
+
+
+def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **look: Any) -> Colorbar:
+    """The bar beside the axes that says what the colours of `drawn` mean."""
+    bar = axes.figure.colorbar(drawn, ax=axes, **look)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    return bar
+
+
+def say_instead(axes: Axes, text: str) -> None:
+    """A line of text in place of what the axes would show."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center")
+    axes.set_axis_off()

@@ -181,7 +181,9 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
 def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]:
     """Name of the part that guidance uses for each control that the vehicle has.
 
-    `<text name="steer.pitch" data="PART"/>` chooses among several; else the first that can.
+    `<text name="steer.pitch" data="PART"/>` chooses one of several, which then does it alone; else
+    the first that can and does nothing else has it, and the others of its kind go along
+    (`twin.vehicle.allocation`).
 
     Raises:
       VehicleError: the part named does not exist or cannot do it.
@@ -191,7 +193,8 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
         able = [part.name for part in parts if control in part.controls()]
         if control == "trim":
             able = _trims(parts, steering.get("pitch"))
-        chosen = reader.text(f"steer.{control}", able[0] if able else "")
+        free = [name for name in able if name not in steering.values()]
+        chosen = reader.text(f"steer.{control}", free[0] if free else "")
         if not chosen:
             continue
         if chosen not in able:
@@ -199,8 +202,17 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
                 f"vehicle file {reader.path}: <text name='steer.{control}'>: "
                 f"{unknown_name('part', chosen, able)}; it names {meaning}"
             )
+        if chosen in steering.values():
+            reader.fail(
+                f"<text name='steer.{control}'>", f"a part of its own, not {chosen!r} again"
+            )
         steering[control] = chosen
     return steering
+
+
+def named_controls(reader: MjcfReader) -> tuple[str, ...]:
+    """Controls whose part the file names: it does them alone."""
+    return tuple(control for control in STEERING if f"steer.{control}" in reader.texts)
 
 
 def _trims(parts: tuple[Part, ...], pitching: str | None) -> list[str]:

@@ -5,7 +5,8 @@ in takes a valve; a battery is moved by a screw against friction and its own wei
 won back. The pressure is that of water of the vehicle's reference density under its own gravity,
 as everywhere in the physics.
 
-Hotel load and pump efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
+Vehicle files say their own figures and where they are from; without any, hotel load and pump
+efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
 dive 10, 12 April 2024, NANOOS, basestation3 file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS`
 of Core, LPSleep, Compass and GPS and of the sensor controller with its CTD at 14.8 V is 3.96 kJ in
 13 560 s; the pump took 4.69 kJ at 12.6 V for 236 cm3 at 700 m. The other figures are ours, of the
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 HOTEL = "hotel"
 """What the share of the electronics is called beside the names of the parts"""
+AFLOAT = 1.5
+"""[m] above which a vehicle is at the surface, as imports have it"""
 ENERGY = "true_energy_"
 """Begins the names of signals of energy; `true_energy_pump` is that of the part `pump`"""
 
@@ -42,10 +45,18 @@ class Consumption:
 
     hotel_power: float = 0.3
     """[W] electronics and sensors, all the time: 0.29 in that dive"""
+    surface_power: float = 0.0
+    """[W] beside it at the surface: radio, GPS, air pump"""
+    payload_power: float = 0.0
+    """[W] of sensors while they sample; a simulated vehicle's always do"""
     pump_efficiency: float = 0.36
     """hydraulic over electrical power of the pump: 0.36 in that dive"""
     hull_vacuum: float = 3e4
     """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
+    pump_loss: float = 0.0
+    """[Pa] energy over the volume that is pumped out, at any depth: motor and gear"""
+    pump_return: float = 0.0
+    """[Pa] energy over the volume that is let in: valve, or the motor that holds it back"""
     screw_efficiency: float = 0.4
     """mechanical over electrical power of the battery's drives"""
     rail_friction: float = 0.1
@@ -82,19 +93,24 @@ class Consumption:
         depth: ArrayLike,
         pitch: ArrayLike,
         duration: ArrayLike,
+        speed: ArrayLike = 0.0,
     ) -> dict[str, Array]:
         """Energy [J] of short moves: that of the electronics as `hotel`, and that of each part.
 
         Args:
           before, after: positions of the parts, in their order and units, shape (..., parts).
           depth: [m]. pitch: [rad]. duration: [s]. Numbers, or as many as there are moves.
+          speed: [m/s] of surge through the water, which a turning screw feels.
         """
-        shares = {HOTEL: np.broadcast_to(self.hotel_power * np.asarray(duration), after.shape[:-1])}
+        afloat = np.asarray(depth) < AFLOAT
+        power = self.hotel_power + self.payload_power + self.surface_power * afloat
+        shares = {HOTEL: np.broadcast_to(power * np.asarray(duration), after.shape[:-1])}
         for i, part in enumerate(vehicle.parts):
+            advance: dict[str, Any] = {"speed": speed} if part.spins else {}
             shares[part.name] = np.asarray(
                 part.energy(
                     vehicle, before[..., i], after[..., i], self,
-                    depth=depth, pitch=pitch, duration=duration,
+                    depth=depth, pitch=pitch, duration=duration, **advance,
                 )
             )  # fmt: skip
         return shares
@@ -108,10 +124,11 @@ class Consumption:
         depth: float,
         pitch: float,
         duration: float,
+        speed: float = 0.0,
     ) -> float:
         """Energy [J] of one short move, electronics and parts together; as `shares`."""
-        shares = self.shares(vehicle, before, after, depth=depth, pitch=pitch, duration=duration)
-        return float(sum(shares.values()))
+        at = {"depth": depth, "pitch": pitch, "duration": duration, "speed": speed}
+        return float(sum(self.shares(vehicle, before, after, **at).values()))
 
     def signals(
         self, vehicle: Vehicle, signals: Mapping[str, Array], time: Array
@@ -122,29 +139,47 @@ class Consumption:
         moved straight from one position to the other.
 
         Args:
-          signals: true_depth [m], true_pitch [degree] and true_PART of each part in its stored
-            unit, shape (time,), of a trajectory or of a mission of any store.
+          signals: what `needed_signals` names: true_depth [m], true_pitch [degree], true_surge
+            [m/s] where a screw turns, and true_PART of each part in its stored unit, shape
+            (time,), of a trajectory or of a mission of any store.
           time: [s], shape (time,).
 
         Raises:
           UnknownName: a signal is missing.
         """
-        names = ["true_depth", "true_pitch", *(f"true_{name}" for name in vehicle.part_names)]
-        for name in names:
+        for name in needed_signals(vehicle):
             if name not in signals:
                 raise UnknownName("signal of this mission", name, signals)
-        depth, pitch, *parts = (np.asarray(signals[name], float) for name in names)
-        scale = [part.quantity.scale for part in vehicle.parts]
-        positions = np.stack(parts, axis=-1) / scale if parts else np.zeros((len(depth), 0))
-        middle = [0.5 * (values[1:] + values[:-1]) for values in (depth, np.deg2rad(pitch))]
+
+        def read(name: str) -> Array:
+            return np.asarray(signals[f"true_{name}"], float)
+
+        def middle(values: Array) -> Array:
+            return np.asarray(0.5 * (values[1:] + values[:-1]))
+
+        positions = np.zeros((len(time), len(vehicle.parts)))
+        for i, part in enumerate(vehicle.parts):
+            positions[:, i] = read(part.name) / part.quantity.scale
         shares = self.shares(
             vehicle, positions[:-1], positions[1:],
-            depth=middle[0], pitch=middle[1], duration=np.diff(time),
+            depth=middle(read("depth")), pitch=middle(np.deg2rad(read("pitch"))),
+            duration=np.diff(time),
+            speed=middle(read("surge")) if _spins(vehicle) else 0.0,
         )  # fmt: skip
         return {
             ENERGY + name: np.concatenate([np.zeros(min(len(time), 1)), np.cumsum(share)])
             for name, share in shares.items()
         }
+
+
+def _spins(vehicle: Vehicle) -> bool:
+    return any(part.spins for part in vehicle.parts)
+
+
+def needed_signals(vehicle: Vehicle) -> list[str]:
+    """Names of the signals that `Consumption.signals` reads."""
+    surge = ["true_surge"] if _spins(vehicle) else []
+    return ["true_depth", "true_pitch", *surge, *(f"true_{name}" for name in vehicle.part_names)]
 
 
 @functools.lru_cache(maxsize=16)

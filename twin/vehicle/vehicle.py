@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
-from twin.vehicle.assembly import MovingMass, read_masses, read_parts, read_steering
+from twin.vehicle.allocation import Follower, followers, idle_parts
+from twin.vehicle.assembly import (
+    MovingMass,
+    named_controls,
+    read_masses,
+    read_parts,
+    read_steering,
+)
 from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.mjcf import USER, MjcfReader
@@ -36,6 +43,7 @@ from twin.vehicle.presets import (
     unknown_vehicle,
     vehicle_text,
 )
+from twin.version import PHYSICS_VERSION
 
 Array = NDArray[np.float64]
 
@@ -115,6 +123,10 @@ class Vehicle:
     steering: Mapping[str, str]
     """Name of the part that guidance uses for what it steers: the words of
     `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
+    followers: tuple[Follower, ...] = ()
+    """Parts that go along with those of `steering`: `twin.vehicle.allocation`."""
+    idle: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Parts that guidance leaves at rest, and the part that does what each could do."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
     """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
     that do not say theirs."""
@@ -157,6 +169,11 @@ class Vehicle:
     def _require(self, condition: bool, name: str, rule: str) -> None:
         if not condition:
             raise VehicleError(f"vehicle {self.name!r} ({self.path}): {name} must be {rule}")
+
+    @property
+    def physics_version(self) -> int:
+        """Version of the physics by which it flies: the latest of what it is made of."""
+        return max(self.law.physics, *(part.physics for part in self.parts), PHYSICS_VERSION)
 
     # --- masses and volumes -----------------------------------------------------------------------
 
@@ -254,6 +271,21 @@ class Vehicle:
         """Place among the parts of what `steered` gives; None: the vehicle has none."""
         name = self.steering.get(control)
         return None if name is None else self.part_names.index(name)
+
+    def allocated(self, position: Array, leads: Collection[str] | None = None) -> Array:
+        """Positions of all parts, shape (parts,), when those that steer stand as in `position`.
+
+        A part that goes along with another has its share of that one's way from rest added, and
+        stops at the ends of its travel. `leads`: names of the parts that others follow; None: all.
+        """
+        going = [f for f in self.followers if leads is None or f.lead in leads]
+        if not going:
+            return position
+        found, names, rest = np.array(position, dtype=np.float64), self.part_names, self.rest
+        for follower in going:
+            lead, part = names.index(follower.lead), names.index(follower.part)
+            found[part] += follower.weight * (position[lead] - rest[lead])
+        return np.clip(found, self.actuator_min, self.actuator_max)
 
     @property
     def actuator_min(self) -> Array:
@@ -395,6 +427,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
+    alone = named_controls(reader)
+    shared = followers(parts, steering, alone)
     vehicle = Vehicle(
         name=path.stem,
         path=path,
@@ -425,6 +459,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
+        followers=shared,
+        idle=idle_parts(parts, steering, shared, alone),
         usual_glide=numeric("usual_glide", 2) if "usual_glide" in reader.numerics else USUAL_GLIDE,
         usual_mission=reader.text("usual_mission", ""),
         summary=reader.text("summary", ""),

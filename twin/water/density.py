@@ -12,13 +12,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.compiled import jit
 from twin.errors import InputError
-from twin.numbers import number, numbers
-
-Array = NDArray[np.float64]
+from twin.numbers import Array, number, numbers
 
 REFERENCE_DENSITY = 1025.0
 """[kg/m3], the density inside the Sea-Wing's coefficients (Zhang et al., 2013)"""
@@ -38,7 +36,7 @@ DEFAULT_SPACING = 1.0
 SEA_COMPRESSIBILITY = 4.35e-10
 """[1/Pa] of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10). A hull's is
 nearly the same: without it a vehicle that has no CTD would seem to have a rigid hull."""
-DEEPEST = 6000.0
+COLUMN_DEPTH = 6000.0
 """[m] of a column that is given by its surface alone"""
 PROGRAM_HEADER = 2
 MAX_PROGRAM_POINTS = 20_000
@@ -170,7 +168,7 @@ class DensityProfile:
     @classmethod
     def compressed(cls, surface: float = REFERENCE_DENSITY) -> DensityProfile:
         """One water, `surface` [kg/m3] at the top, compressed by SEA_COMPRESSIBILITY below."""
-        depth = np.array([0.0, DEEPEST])
+        depth = np.array([0.0, COLUMN_DEPTH])
         pressure = surface * float(gravity(DEFAULT_LATITUDE)) * depth
         return cls(depth=depth, values=surface * (1.0 + SEA_COMPRESSIBILITY * pressure))
 

@@ -33,6 +33,7 @@ from factory.exporting.og1.terms import (
     SURFACING,
     TIME_FILL,
     TRACKS,
+    UNITS,
     VARIATION,
     VOCABULARY,
     log_attributes,
@@ -159,11 +160,11 @@ def _series(
     )
     yield from deployment_place(*logs.fixes(track.missions[0])[0])
     yield "PHASE", _phase(track.signal("measured_phase"))
-    dive = {"long_name": "number of the dive", "units": "1", **at}
+    dive = {"long_name": "number of the dive", "units": UNITS["DIVE_NUMBER"], **at}
     yield "DIVE_NUMBER", Og1Variable(track.repeated("dive"), dive, fill=-1, kind="i4")
     if "magnetic_variation" in logs.dataset:
         added = {"long_name": "magnetic variation that HEADING contains, east positive", **at}
-        added["units"] = "degree"
+        added["units"] = UNITS[VARIATION]
         values = track.repeated("magnetic_variation")
         yield VARIATION, Og1Variable(values, added, fill=np.nan)
     seen = set(logs.signals())
@@ -231,7 +232,7 @@ def _currents(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
                 attributes = {
                     "long_name": str(track.logs.dataset[stored].attrs["long_name"]),
                     "standard_name": f"{standard}_sea_water_velocity",
-                    "units": "m s-1",
+                    "units": UNITS[name],
                     "coordinates": COORDINATES,
                     "comment": "mean over the depths of the dive",
                 }

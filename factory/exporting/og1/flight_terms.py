@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flown_track import Flown
-from factory.exporting.og1.terms import COORDINATES, PAYLOAD
+from factory.exporting.og1.terms import COORDINATES, PAYLOAD, UNITS, VELOCITY
 from factory.exporting.og1.variables import ENDING, Og1Variable, flags, quality
 from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
@@ -69,7 +69,7 @@ def reckoning(reckoned: NDArray[np.bool_], deviation: Array) -> Iterator[tuple[s
     )
     attributes = {
         "long_name": "standard deviation of the position, north and east each",
-        "units": "m",
+        "units": UNITS["POSITION_SD"],
         **MODELLED,
     }
     yield "POSITION_SD", Og1Variable(deviation, attributes, fill=np.nan, kind="f4")
@@ -93,26 +93,30 @@ def flight_terms(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Var
     def speed(dive: Any) -> Array:
         return np.asarray(dive.motion.speed)
 
-    for name, values, units, long_name, standard in (
-        ("GLIDER_SPEED_MODEL", of(speed), "m s-1", "speed through the water",
+    for name, values, long_name, standard in (
+        ("GLIDER_SPEED_MODEL", of(speed), "speed through the water",
          "platform_speed_wrt_sea_water"),
-        ("GLIDER_HORZ_VELO_MODEL", of(lambda dive: np.hypot(*dive.velocity.T)), "m s-1",
+        ("GLIDER_HORZ_VELO_MODEL", of(lambda dive: np.hypot(*dive.velocity.T)),
          "horizontal speed through the water", ""),
-        ("GLIDER_VERT_VELO_MODEL", of(lambda dive: -dive.sink_rate), "m s-1",
+        ("GLIDER_VERT_VELO_MODEL", of(lambda dive: -dive.sink_rate),
          "vertical speed in still water, positive up", ""),
-        ("GLIDER_SURGE_MODEL", of(lambda dive: dive.motion.surge), "m s-1",
+        ("GLIDER_SURGE_MODEL", of(lambda dive: dive.motion.surge),
          "velocity through the water, forward", ""),
-        ("GLIDER_SWAY_MODEL", of(lambda dive: dive.motion.sway), "m s-1",
+        ("GLIDER_SWAY_MODEL", of(lambda dive: dive.motion.sway),
          "velocity through the water, starboard", ""),
         ("ANGLE_OF_ATTACK_MODEL",
          of(lambda dive: np.where(speed(dive) > LEAST_SPEED,
                                   np.degrees(dive.motion.angle_of_attack), np.nan)),
-         "degree", "angle of attack", ""),
-        ("VERT_CURR_MODEL", of(lambda dive: dive.water_up), "m s-1",
+         "angle of attack", ""),
+        ("VERT_CURR_MODEL", of(lambda dive: dive.water_up),
          "vertical velocity of the water, positive up: observed less modelled rise",
          "upward_sea_water_velocity"),
     ):  # fmt: skip
-        attributes = {"long_name": f"{long_name}, by the flight model", "units": units, **MODELLED}
+        attributes = {
+            "long_name": f"{long_name}, by the flight model",
+            "units": UNITS[name],
+            **MODELLED,
+        }
         if standard:
             attributes["standard_name"] = standard
         yield name, Og1Variable(values, attributes, fill=np.nan, kind="f4")
@@ -140,7 +144,7 @@ def _currents(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variab
         word = "standard deviation of it, each way" if axis == "deviation" else f"{axis}ward"
         attributes = {
             "long_name": f"depth-averaged current by the flight model and the fixes, {word}",
-            "units": "m s-1",
+            "units": VELOCITY,
             "comment": "mean over the dive, from fix to fix",
             **MODELLED,
         }
@@ -170,7 +174,7 @@ def conductivity(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
     attributes = {
         "long_name": MADE_CONDUCTIVITY,
         "standard_name": "sea_water_electrical_conductivity",
-        "units": "S m-1",
+        "units": UNITS["CNDC"],
         "coordinates": COORDINATES,
         "sensor": "SENSOR_CTD",
         "ancillary_variables": f"CNDC{ENDING}",
@@ -185,11 +189,11 @@ def payload(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
     Oxygen is per mass there, which needs the water's density: without a CTD it keeps its name and
     unit of the store.
     """
-    for stored, (name, units) in PAYLOAD.items():
+    for stored, name in PAYLOAD.items():
         if stored not in track.logs:
             continue
         values, variable = track.signal(stored), VARIABLES[stored]
-        attributes = {**variable.attributes(), "units": units, "coordinates": COORDINATES}
+        attributes = {**variable.attributes(), "units": UNITS[name], "coordinates": COORDINATES}
         if stored == OXYGEN:
             if not set(WATER) <= set(track.logs.signals()) or variable.units != "umol L-1":
                 name, attributes["units"] = stored.upper(), variable.units

@@ -1,6 +1,7 @@
 """Simulated missions as OG1.0 trajectory files: one file each, plainly marked as simulated.
 
-Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10 and ACDD-1.3. The
+Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10, with the
+attributes of ACDD-1.3. The
 format knows one file per deployment, so each mission is one. LATITUDE and LONGITUDE are what the
 glider's measurements give, a dead-reckoned track corrected at the fixes; *_ONBOARD is the track
 that it logged itself; the truth, which no real file has, is in variables named TRUE_*. Positions

@@ -111,13 +111,39 @@ RAW_TIMES = {
 """Times of the original samples beside those of the grid"""
 VARIATION = "MAGNETIC_VARIATION"
 PAYLOAD = {
-    "measured_oxygen": ("DOXY", "umol kg-1"),
-    "measured_chlorophyll": ("CHLA", "mg m-3"),
-    "measured_dissolved_organic_matter": ("CDOM", "1e-9"),
-    "measured_turbidity": ("TURBIDITY", "1"),
+    "measured_oxygen": "DOXY",
+    "measured_chlorophyll": "CHLA",
+    "measured_dissolved_organic_matter": "CDOM",
+    "measured_turbidity": "TURBIDITY",
 }
-"""Name and unit in the file of what the format has names for; oxygen is per mass there. 1 mg m-3
-is 1 ug L-1."""
+"""Name in the file of what the format has names for; oxygen is per mass there."""
+VELOCITY = "m s-1"
+UNITS = {
+    "TIME": EPOCH,
+    "LATITUDE": "degrees_north",
+    "LONGITUDE": "degrees_east",
+    "DEPTH": "m",
+    "POSITION_SD": "m",
+    "DIVE_NUMBER": "1",
+    VARIATION: "degree",
+    "CNDC": "S m-1",
+    "DOXY": "umol kg-1",
+    "CHLA": "mg m-3",  # 1 ug L-1
+    "CDOM": "1e-9",
+    "TURBIDITY": "1",
+    "ANGLE_OF_ATTACK_MODEL": "degree",
+    **dict.fromkeys(
+        (
+            "GLIDER_SPEED_MODEL", "GLIDER_HORZ_VELO_MODEL", "GLIDER_VERT_VELO_MODEL",
+            "GLIDER_SURGE_MODEL", "GLIDER_SWAY_MODEL", "VERT_CURR_MODEL", "DAC_NORTH_MODEL",
+            "DAC_EAST_MODEL", "DAC_SD_MODEL", "DAC_NORTH", "DAC_EAST", "DAVG_CURR_NORTH",
+            "DAVG_CURR_EAST",
+        ),
+        VELOCITY,
+    ),
+}  # fmt: skip
+"""Units, as UDUNITS writes them, of the variables that the format names and a store has not: a
+store's own signals keep theirs"""
 MEASURED = SIMULATED_MEASURED + CTD_MEASURED + LOGGED_MEASURED
 LONG_NAMES = {
     "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
@@ -173,9 +199,9 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
     """ACDD's limits of the data, which search engines of data portals read."""
     limits: dict[str, float | str] = {"geospatial_vertical_positive": "down"}
     for name, values, units in (
-        ("lat", latitude, "degrees_north"),
-        ("lon", longitude, "degrees_east"),
-        ("vertical", depth, "m"),
+        ("lat", latitude, UNITS["LATITUDE"]),
+        ("lon", longitude, UNITS["LONGITUDE"]),
+        ("vertical", depth, UNITS["DEPTH"]),
     ):
         if np.isfinite(values).any():  # a log without fixes has no place
             limits[f"geospatial_{name}_min"] = float(np.nanmin(values))
@@ -201,7 +227,9 @@ KEYWORDS = (
 FORMAT = {
     "featureType": "trajectory",
     "cdm_data_type": "Trajectory",
-    "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+    # attributes are ACDD-1.3's, which wants a standard name of each variable: CF has none of a
+    # rudder or a pump, so that the convention is not declared
+    "Conventions": "CF-1.10, OG-1.0",
     "standard_name_vocabulary": "CF Standard Name Table v93",
 }
 """What every file says of its layout"""

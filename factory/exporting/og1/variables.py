@@ -19,11 +19,11 @@ from factory.exporting.og1.terms import (
     COORDINATES,
     DVL_MODE_FILL,
     DVL_MODES,
-    EPOCH,
     FILL,
     N_MEASUREMENTS,
     PHASE_FLAGS,
     PHASES,
+    UNITS,
     VOCABULARY,
     bounds,
 )
@@ -144,7 +144,7 @@ def time_attributes(long_name: str) -> dict[str, Any]:
     return {
         "long_name": long_name,
         "standard_name": "time",
-        "units": EPOCH,
+        "units": UNITS["TIME"],
         "calendar": "standard",
         "valid_min": 1e9,
         "valid_max": 4e9,
@@ -161,7 +161,7 @@ def position(
         {
             "long_name": long_name,
             "standard_name": standard_name,
-            "units": "degrees_north" if standard_name == "latitude" else "degrees_east",
+            "units": UNITS[standard_name.upper()],
             "valid_min": -largest,
             "valid_max": largest,
             **attributes,
@@ -176,7 +176,7 @@ def deployment_place(latitude: float, longitude: float) -> Iterable[tuple[str, O
         attributes = {
             "long_name": f"{kind} of deployment",
             "standard_name": kind,
-            "units": "degrees_north" if kind == "latitude" else "degrees_east",
+            "units": UNITS[kind.upper()],
         }
         fill = FILL if np.isnan(value) else None
         yield (
@@ -192,7 +192,7 @@ def depth_variable(depth: Array, long_name: str, comment: str) -> Og1Variable:
         {
             "long_name": long_name,
             "standard_name": "depth",
-            "units": "m",
+            "units": UNITS["DEPTH"],
             "positive": "down",
             "axis": "Z",
             "valid_min": 0.0,

@@ -1,11 +1,18 @@
-"""Checks of one dive: a log that does not hold it to its end, and sensors that stood still."""
+"""Checks of one dive: a log that does not hold it to its end, and sensors that stood still.
+
+And of a log: what it holds from before its clock was set.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import datetime
+
 import numpy as np
 
-from factory.importing.deployment_log import DeploymentLog
+from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.dives.segments import LogSegment
+from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 
 _SILENT = 120.0
@@ -20,6 +27,44 @@ _STEADY = ("measured_pitch", "measured_heading")
 """Channels that never stay the same to the last digit over a dive."""
 _STANDS, _PITCHED = 300.0, 10.0
 """[s, degree] A depth that keeps its value for so long while the nose points up or down."""
+
+
+def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
+    """The log without what it holds from before its clock was set, counted.
+
+    Such a piece ends with a silence of more than `_UNSET`, and has neither a fix, which would have
+    set the clock, nor a dive.
+    """
+    if log.pieces is not None or log.gridded:
+        return log
+    every = {**log.channels, **log.auxiliary}
+    times = np.unique(np.concatenate([log.fixes.time, *(one.time for one in every.values())]))
+    begins = np.concatenate([[-np.inf], times[1:][np.diff(times) > _UNSET]])
+    depth, pressure = log.channel("measured_depth"), log.channel("measured_pressure")
+    deep = depth if len(depth) else pressure
+    known = np.concatenate([log.fixes.time, deep.time[deep.values > rules.min_depth]])
+    if len(begins) == 1 or not known.size:
+        return log
+    start = float(begins[np.searchsorted(begins, known.min(), side="right") - 1])
+    lost = times[times < start]
+    if not lost.size:
+        return log
+    day = datetime.datetime.fromtimestamp(float(lost[0]), datetime.UTC).date()
+    tally.add("removed", log.deployment, lost.size, f"times from before the clock was set: {day}")
+
+    def later(one: Channel) -> Channel:
+        return one.within(start, np.inf)
+
+    return dataclasses.replace(
+        log,
+        channels={n: kept for n, one in log.channels.items() if len(kept := later(one))},
+        auxiliary={n: kept for n, one in log.auxiliary.items() if len(kept := later(one))},
+        magnetic_variation=later(log.magnetic_variation) or log.magnetic_variation,
+    )
+
+
+_UNSET = 30.0 * 86400.0
+"""[s] A clock that is not set is years away; a log of one deployment is silent for days"""
 
 
 def complete(log: DeploymentLog, segment: LogSegment, dive: int, tally: Tally) -> bool:

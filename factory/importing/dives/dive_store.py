@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.dive_checks import complete, standing
+from factory.importing.dives.dive_checks import complete, since_clock, standing
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
@@ -145,7 +145,7 @@ def build(
     lacking: dict[str, list[str]] = {}
     deepened: list[DeploymentLog] = []
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
-        log = zeroed(with_depth(log, tally), rules, tally)
+        log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
         deepened.append(log)
         depth = log.channel("measured_depth")
         check_signs(log, tally)

@@ -19,7 +19,8 @@ ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
 """[degree] On a circle: interpolated the short way round."""
 HELD = frozenset(
     {"commanded_shift", "commanded_rotation", "commanded_pump", "commanded_pitch",
-     "commanded_heading", "commanded_segment", "measured_dvl_mode"}
+     "commanded_heading", "commanded_segment", "measured_dvl_mode", "measured_pump_power",
+     "measured_thruster_power"}
 )  # fmt: skip
 """Set at once and kept: the last value holds."""
 KNOWN_FROM = frozenset({"measured_current_north", "measured_current_east"})
@@ -27,7 +28,8 @@ KNOWN_FROM = frozenset({"measured_current_north", "measured_current_east"})
 SPARSE = frozenset(
     {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
-     "measured_dvl_heave"}
+     "measured_dvl_heave", "measured_charge", "measured_voltage", "measured_battery_current",
+     "measured_vacuum"}
 )  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})

@@ -23,8 +23,8 @@ LRAUV = Importer(
     name="lrauv",
     vehicle="long-range AUV",
     files=".mat (v7.3), .nc4, simulator csv",
-    channels="depth, attitude, temperature, fixes, on-board track; buoyancy, mass, rudder, "
-    "elevator, propeller and their commands by the names of the parts of `tethys`",
+    channels="depth, attitude, temperature, fixes, on-board track, batteries; buoyancy, mass, "
+    "rudder, elevator, propeller and their commands by the names of the parts of `tethys`",
     suffixes=frozenset({".mat", ".nc", ".nc4", ".csv", ".gz"}),
     marks=frozenset(
         {"EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",

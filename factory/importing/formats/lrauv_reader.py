@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.batteries import used_of_left
 from factory.importing.cleaning import clean, positions
 from factory.importing.columns import parse_stamps, read_table, tidy, unix_seconds
 from factory.importing.deployment_log import (
@@ -58,6 +59,8 @@ SOURCES = {
     "measured_rudder": ("platform_rudder_angle",),
     "measured_elevator": ("platform_elevator_angle",),
     "measured_propeller": _PROPELLER,
+    "measured_charge": ("platform_battery_charge",),
+    "measured_voltage": ("platform_battery_voltage",),
     "commanded_pump": ("VerticalControl.buoyancyAction",),
     "commanded_shift": ("VerticalControl.massPositionAction",),
     "commanded_elevator": ("VerticalControl.elevatorAngleAction",),
@@ -197,6 +200,8 @@ def _log(
         source = next((n for n in names if n in series), None)
         if source is not None and np.isfinite(series[source][1]).any():
             channels[target] = channel(target, source, VARIABLES[target].units)
+    if "measured_charge" in channels:
+        channels["measured_charge"] = used_of_left(channels["measured_charge"])
     if not len(channels.get("measured_depth", ())) and not len(
         channels.get("measured_pressure", ())
     ):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination, to_degrees
+from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
 from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import (
@@ -61,7 +62,7 @@ SCALARS = ("profile_id", "profile_time", "trajectory", "u", "v", "time_uv")
 """Of a profile."""
 READ = (
     CLOCK, "pressure", "depth", *CTD, *FIXES, *(n for pair in TRACKS for n in pair), *SCALARS,
-    *(name for names in ANGLES.values() for name in names),
+    *(name for names in ANGLES.values() for name in names), *SLOCUM_SENSORS,
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
 _KIND = "NGDAC file"
@@ -204,6 +205,12 @@ def _log(
     elif depth is not None:
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, place, tally)
+    sensors = {
+        n: Channel(time[there], columns[n][there])
+        for n in SLOCUM_SENSORS
+        if n in columns and (there := np.isfinite(columns[n])).any()
+    }
+    channels |= slocum_batteries(sensors, tally)
     found = {
         n: Channel(time[there], columns[n][there])
         for n in extra

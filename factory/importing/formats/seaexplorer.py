@@ -23,9 +23,9 @@ SEAEXPLORER = Importer(
     name="seaexplorer",
     vehicle="SeaExplorer glider",
     files=".gli and .pld logs, plain or gzip, comma or semicolon",
-    channels="attitude, ballast, both masses, declination, fixes; CTD of the payload. Beam "
-    "velocities of an AD2CP are left out: without their transform and a reference layer they are "
-    "no velocity through the water",
+    channels="attitude, ballast, both masses, declination, fixes, voltage; CTD of the payload. "
+    "Beam velocities of an AD2CP are left out: without their transform and a reference layer they "
+    "are no velocity through the water",
     suffixes=TABLES,
     # the vehicle numbers its files: sea035.12.gli.sub.36
     name_words=frozenset({"gli", "pld1"}),

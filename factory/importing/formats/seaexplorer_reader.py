@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
+from factory.importing.batteries import from_inside
 from factory.importing.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
 from factory.importing.columns import (
     Table,
@@ -57,7 +58,7 @@ NO_VALUE = -999.0
 """Commands and sensors below this are switched off (-9999)."""
 _NAVIGATION = (
     "NavState", "Heading", "Declination", "Pitch", "Roll", "Depth", "Lat", "Lon", "DesiredH",
-    "BallastCmd", "BallastPos", "LinCmd", "LinPos", "AngCmd", "AngPos",
+    "BallastCmd", "BallastPos", "LinCmd", "LinPos", "AngCmd", "AngPos", "Voltage", "Pa",
 )  # fmt: skip
 _SIMPLE = (
     ("Roll", "measured_roll", 1.0),
@@ -68,6 +69,7 @@ _SIMPLE = (
     # the mass turns to starboard for positive angles, ours to port
     ("AngPos", "measured_rotation", -1.0),
     ("AngCmd", "commanded_rotation", -1.0),
+    ("Voltage", "measured_voltage", 1.0),
 )
 _CTDS = ("LEGATO", "GPCTD", "CTD")
 """Prefixes of the CTDs that payloads carry."""
@@ -191,6 +193,9 @@ def _log(
         if source in columns:
             values = factor * columns[source]
             channels[target] = clean(target, time, values, tally, subject=source)
+    if "Pa" in columns:
+        vacuum = from_inside(columns["Pa"])
+        channels["measured_vacuum"] = clean("measured_vacuum", time, vacuum, tally, subject="Pa")
     for source, target in (("Heading", "measured_heading"), ("DesiredH", "commanded_heading")):
         if source in columns:
             if not len(variation):

@@ -23,8 +23,9 @@ SEAGLIDER = Importer(
     name="seaglider",
     vehicle="Seaglider",
     files="basestation p*.nc; tables of samples, dives and ADCP",
-    channels="attitude, bladder, both battery axes, CTD, three fixes a dive, reported current; the "
-    "ADCP's inverse solution becomes `true_surge/sway/heave` and `true_current_*`",
+    channels="attitude, bladder, both battery axes, CTD, three fixes a dive, reported current, "
+    "batteries, pump power; the ADCP's inverse solution becomes `true_surge/sway/heave` "
+    "and `true_current_*`",
     suffixes=TABLES | {".nc"},
     marks=frozenset(
         {"vbd_cc", "u_ttw", "gps2_lat", "gpsE_time", "eng_pitchAng", "log_gps_lat",

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.batteries import GAUGES, PUMPED, RECKONED, voltage_and_charge
 from factory.importing.cleaning import (
     degrees_minutes,
     positions,
@@ -45,7 +46,7 @@ MOVES = {
 """Actuator states after each move, held from `gc_end_secs` on."""
 NUMBERS = (
     "magnetic_variation", "depth_avg_curr_north", "depth_avg_curr_east", "log_C_PITCH",
-    "log_PITCH_CNV",
+    "log_PITCH_CNV", "log_INTERNAL_PRESSURE", *GAUGES,
 )  # fmt: skip
 ADCP = {
     "ad2cp_inv_glider_time": "time",
@@ -63,8 +64,9 @@ _CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
 _FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
 _FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
 READ = (
-    "time", *SAMPLES, "gc_end_secs", *MOVES, *NUMBERS, *ADCP, *_CALIBRATION, "start_of_climb_time",
-    "trajectory", WAYPOINT, *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
+    "time", *SAMPLES, "gc_end_secs", *MOVES, *PUMPED, *RECKONED, *NUMBERS, *ADCP,
+    *_CALIBRATION, "start_of_climb_time", "trajectory", WAYPOINT,
+    *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
     "temperature_qc", "salinity", "salinity_qc",
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
@@ -80,6 +82,8 @@ class DiveFile:
     samples: Columns
     dive: Columns
     """One row."""
+    moves: Columns
+    """Of the pump, a row a move."""
     adcp: Columns
     ctd: Columns
     payload: dict[str, Channel]
@@ -120,6 +124,9 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
                     row[number] = as_array(variables[number][...])[:1]
             row |= _fixes(variables, tally)
             row |= _waypoint(variables)
+            for words in RECKONED:
+                row |= voltage_and_charge(text_of(variables.get(words)), words)
+            moves = {n: as_array(variables[n][:]) for n in PUMPED if n in variables}
             adcp = {c: as_array(variables[v][:]) for v, c in ADCP.items() if v in variables}
             ctd = _ctd(variables, path, tally)
             carried = {n: _carried(variables, n) for n in payload if n in variables}
@@ -139,6 +146,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
         glider=name,
         samples=samples,
         dive=row,
+        moves=moves,
         adcp=adcp if "u_ttw" in adcp and "time" in adcp else {},
         ctd=ctd,
         payload=carried,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
+from factory.importing.batteries import GAUGES, PUMPED, seaglider_batteries
 from factory.importing.columns import Table, read_table, stacked, tidy, unix_seconds
 from factory.importing.deployment_log import (
     Channel,
@@ -86,7 +87,7 @@ _READ = {
     "dives": (
         *(f"{fix}_{part}" for fix in ("gps1", "gps2", "gpsE") for part in ("time", "lat", "lon")),
         "glider", "dive", "magnetic_variation", "depth_avg_curr_north", "depth_avg_curr_east",
-        "log_C_PITCH", "log_PITCH_CNV",
+        "log_C_PITCH", "log_PITCH_CNV", "log_INTERNAL_PRESSURE", *GAUGES,
     ),
     "adcp": ("glider", "dive", "time", "depth_m", "u_ttw", "v_ttw", "w_ttw", "u_ocn", "v_ocn"),
 }  # fmt: skip
@@ -100,6 +101,8 @@ class GliderTables:
     name: str
     samples: list[Columns] = dataclasses.field(default_factory=list)
     dives: list[Columns] = dataclasses.field(default_factory=list)
+    moves: list[Columns] = dataclasses.field(default_factory=list)
+    """Of the pump (netCDF)."""
     adcp: list[Columns] = dataclasses.field(default_factory=list)
     ctd: list[Columns] = dataclasses.field(default_factory=list)
     """Temperature and salinity with times of their own (netCDF); tables have them in samples."""
@@ -137,6 +140,7 @@ def read_seaglider(
         glider = gliders.setdefault(found.glider, GliderTables(found.glider))
         glider.samples.append(found.samples)
         glider.dives.append(found.dive)
+        glider.moves.append(found.moves)
         if found.adcp:
             glider.adcp.append(found.adcp)
         if found.ctd:
@@ -223,6 +227,8 @@ def _log(glider: GliderTables, options: ReadOptions, tally: Tally) -> Deployment
     elif not len(variation):
         variation = reference_declination(fixes, glider.name, tally)
     channels = signals_of(time, samples, dives, variation, fixes, glider.name, tally)
+    moves = [one for one in glider.moves if set(PUMPED) <= set(one)]
+    channels |= seaglider_batteries(dives, stacked(moves, PUMPED) if moves else {}, tally)
     channels |= water_of(glider.name, glider.ctd, time, samples, channels, fixes, tally)
     carried = {
         name: joined([piece[name] for piece in glider.payload if name in piece]) for name in extra

@@ -144,12 +144,22 @@ def test_a_mission_that_is_not_there_is_told(field_store: Path, tmp_path: Path) 
         export_og1(GeneratedStore(field_store), 77, tmp_path)
 
 
+def test_a_signal_that_the_format_needs_and_the_store_lacks_is_named(
+    field_store: Path, tmp_path: Path
+) -> None:
+    run = GeneratedStore(field_store)
+    run.dataset = run.dataset.drop_vars(["measured_depth", "measured_dvl_mode"])
+    with pytest.raises(StoreError, match=r"lacks measured_depth, measured_dvl_mode: OG1\.0 needs"):
+        export_og1(run, 1, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
 def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -> None:
     import pyarrow.parquet as pq
 
     run = GeneratedStore(field_store)
-    path = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
+    (path,) = export_parquet(run, range(len(run)), tmp_path / "missions.parquet", lambda: None)
     table = pq.read_table(path)
     assert table.num_rows == run.samples.sum()
     stored = [name for name in VARIABLES if name in run.dataset]

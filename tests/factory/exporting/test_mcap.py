@@ -12,7 +12,7 @@ import pytest
 from logs import Flight, write_slocum
 
 from factory.exporting import EXPORTERS
-from factory.exporting.mcap.cdr import body, encode, orientation, to_body, world
+from factory.exporting.mcap_cdr import body, encode, orientation, to_body, world
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError
@@ -169,7 +169,7 @@ def test_long_missions_are_written_piece_by_piece(
 ) -> None:
     from mcap.reader import make_reader
 
-    monkeypatch.setattr("factory.exporting.mcap.mcap_file.AT_A_TIME", 100)
+    monkeypatch.setattr("factory.exporting.mcap_file.AT_A_TIME", 100)
     run = GeneratedStore(field_store)
     (pieces,) = EXPORTERS["mcap"].export(run, [MISSION], tmp_path / "bags")
     found = []
@@ -251,14 +251,14 @@ def test_bytes_are_those_of_rosbags() -> None:
 def test_what_has_no_date_or_takes_no_option_is_told(
     field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from factory.exporting import ExportOptions, mcap
+    from factory.exporting import ExportOptions
 
     run = GeneratedStore(field_store)
     with pytest.raises(InputError, match="mcap export takes no --vehicle"):
         EXPORTERS["mcap"].export(run, [0], tmp_path / "a", options=ExportOptions(vehicle="glider"))
     nowhere = sample_coordinates(run, 0)
     nowhere["datetime"] = np.full(len(nowhere["datetime"]), np.datetime64("NaT"))
-    monkeypatch.setattr("factory.exporting.mcap.samples.sample_coordinates", lambda *_: nowhere)
+    monkeypatch.setattr("factory.exporting.mcap_samples.sample_coordinates", lambda *_: nowhere)
     with pytest.raises(StoreError, match="lacks the start time of mission 0"):
-        mcap.MCAP.export(run, [0], tmp_path / "b")
+        EXPORTERS["mcap"].export(run, [0], tmp_path / "b")
     assert list(tmp_path.iterdir()) == []

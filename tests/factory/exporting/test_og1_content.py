@@ -119,14 +119,30 @@ def test_units_are_the_format_s_and_values_are_in_them(og1: Path, store: Path) -
 
 @needs_checker
 @pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
-def test_it_passes_the_cf_and_the_acdd_check(
+def test_it_passes_the_cf_check_and_declares_what_it_passes(
     og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """ACDD wants a standard name for each variable: it is missing only where CF has none."""
     found = complaints(og1, ["cf:1.10", "acdd:1.3"], tmp_path, monkeypatch)
     assert not any(found["cf:1.10"].values()), found["cf:1.10"]
     acdd = found["acdd:1.3"]
-    assert set(acdd["high_priorities"] + acdd["medium_priorities"]) <= {"standard_name"}, acdd
+    declares = "Conventions does not contain 'ACDD-1.3'"
+    lacking = [m for m in acdd["high_priorities"] + acdd["medium_priorities"] if m != declares]
+    assert set(lacking) <= {"standard_name"}, acdd
+    with netCDF4.Dataset(og1) as file:
+        assert lacking
+        assert "ACDD" not in file.Conventions
+        assert "CF-1.10" in file.Conventions
+
+
+def test_the_command_says_whose_flight_model_it_took(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(store), "--to", "og1", "--out", str(tmp_path / "out"), "--mission", "0"]
+    assert PROGRAM.main(words) == 0
+    assert "by the shipped vehicle seaglider" in capsys.readouterr().err
+    assert PROGRAM.main([*words, "--overwrite", "--vehicle", "seaglider"]) == 0
+    assert "shipped vehicle" not in capsys.readouterr().err
 
 
 def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, store: Path) -> None:

@@ -323,18 +323,20 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     failures = run.failures()
     assert summary.failed == len(failures) == sum(heard) > 0
     assert run.array("attempt").sum() == len(failures)
-    for mission, failure in failures:
-        assert run.recipe.parameters(mission, failure.attempt).values["vehicle.k_q"] == 400.0
+    for failure in failures:
+        assert (
+            run.recipe.parameters(failure.mission, failure.attempt).values["vehicle.k_q"] == 400.0
+        )
         assert failure.time_s is not None
         assert f"at {failure.time_s:.1f} s" in failure.reason
         warn = mujoco.get_mju_user_warning()
-        then, now = replay_failure(run, mission, failure.attempt)
+        then, now = replay_failure(run, failure.mission, failure.attempt)
         assert mujoco.get_mju_user_warning() is warn  # silenced for the replay only
         assert then == now
     assert "vehicle_k_q" not in run.dataset or set(run.array("vehicle_k_q")) == {1.0}
     assert verify_store(run).ok
     with pytest.raises(StoreError, match="did not fail; failures in the store"):
-        replay_failure(run, failures[0][0], 19)
+        replay_failure(run, failures[0].mission, 19)
 
 
 def test_a_mission_that_never_flies_ends_the_run(tmp_path: Path, recipe: Recipes) -> None:

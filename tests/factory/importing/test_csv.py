@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
 from factory.importing.netcdf import in_unit
-from factory.verify_logs import verify_logs
+from factory.soundness import verify_logs
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -304,6 +304,7 @@ def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
          "unknown mapped signal 'measured_roll'"),
         (mine(corrections=[{"files": "*", "signal": "measured_pitch", "reason": "x"}]),
          "it changes nothing"),
+        (mine(corrections=[{"files": "*", "reason": "x", "sign": -1}]), ": signal is missing"),
         (mine(dvl_lock="floor"), "unknown dvl_lock 'floor'"),
         (mine(gap_s=0), "gap_s must be above 0"),
         (mine(tme={}), "unknown key 'tme': did you mean 'time'"),
@@ -455,6 +456,14 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> Non
         sailfish(tmp_path, vf=np.full(len(run), 0.15))
     with pytest.raises(InputError, match=r"0 m/s where the track moves forward .*sensor that was"):
         sailfish(tmp_path, vf=np.zeros(len(run)))
+
+
+def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path: Path) -> None:
+    columns = sailfish_columns()
+    minute = columns["time"] < columns["time"][0] + 70.0
+    short = {name: values[minute] for name, values in columns.items()}
+    with pytest.raises(InputError, match="metres per sample"):
+        sailfish(tmp_path, **(short | {"vf": np.full(int(minute.sum()), 0.15)}))
 
 
 def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, gps_columns, pack, write_dbd, write_seaexplorer
+from logs import SHARED, Flight, gps_columns, pack, write_dbd, write_seaexplorer
 
 from factory.importing import import_logs
 from factory.importing.angles import reference_declination
@@ -81,7 +81,7 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
     dataset, report = import_logs("slocum", [tmp_path])
     told = [e.detail for e in report.entries if e.subject.endswith(("unreadable file", "kind"))]
     assert len(told) == 6
-    with pytest.raises(InputError, match=r"^5 files cannot be read, more than half: .*keep-going"):
+    with pytest.raises(InputError, match=r"^5 files cannot be read, half or more: .*keep-going"):
         import_logs("slocum", [tmp_path], keep_going=False)
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd", "sea009_M3_gli.csv"):
         assert sum(name in line for line in told) == 1, name
@@ -91,6 +91,13 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
     for name in ("a.dbd", "b.dbd", "c.dbd", "d.dbd", "e.ecd"):
         with pytest.raises(InputError, match=name):
             import_logs("slocum", [tmp_path / name])
+
+
+def test_half_of_the_files_unreadable_is_a_failure(dbd: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.dbd").write_bytes(b"no header of any Slocum\n" * 20)
+    with pytest.raises(InputError, match=r"^1 files cannot be read, half or more"):
+        import_logs("slocum", [tmp_path], keep_going=False)
+    assert import_logs("slocum", [tmp_path])[1].files == (dbd.name,)
 
 
 def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> None:
@@ -105,6 +112,63 @@ def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> 
     assert told.count == 3
     assert told.detail.startswith("3 of 4 files: cache file 11111111.cac is missing")
     assert f"--cache {caches}" in told.detail
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_log_that_lists_its_sensors_makes_the_cache_of_the_others(
+    dbd: Path, tmp_path: Path, compressed: bool
+) -> None:
+    """Whatever its place among them: here the last by name."""
+    right, _ = import_logs("slocum", [dbd])
+    other = tmp_path / "other"
+    other.mkdir()
+    whole = write_dbd(other, FLIGHT, factored=False)[0].read_bytes()
+    folder = tmp_path / "satellite"
+    folder.mkdir()
+    (folder / "a.dbd").write_bytes(dbd.read_bytes())
+    name, content = ("z.dcd", pack(whole)) if compressed else ("z.dbd", whole)
+    (folder / name).write_bytes(content)
+    dataset, report = import_logs("slocum", [folder])
+    assert report.files == ("a.dbd", name)
+    assert not [e for e in report.entries if e.subject == "unreadable file"]
+    assert np.array_equal(dataset["measured_pitch"], right["measured_pitch"], equal_nan=True)
+    # one that is not imported gives its list too: in the folder of caches
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    (alone / "a.dbd").write_bytes(dbd.read_bytes())
+    _, report = import_logs("slocum", [alone], cache=folder)
+    assert report.files == ("a.dbd",)
+
+
+def test_a_list_of_sensors_that_is_cut_or_anothers_is_told(dbd: Path, tmp_path: Path) -> None:
+    dbd.with_name("0badcafe.cac").unlink()
+    folder = tmp_path / "satellite"
+    folder.mkdir()
+    whole = write_dbd(folder, FLIGHT, factored=False)[0].read_bytes()
+    for path in folder.iterdir():
+        path.unlink()
+    cut = folder / "cut.dbd"
+    cut.write_bytes(whole[: whole.index(b"s: T 5 ") + 3])
+    with pytest.raises(InputError, match=r"cut\.dbd is truncated within its list of sensors: 5 of"):
+        import_logs("slocum", [cut])
+    short = write_dbd(tmp_path / "satellite", FLIGHT, without=("m_pitch",), factored=False)[0]
+    (folder / "0badcafe.cac").unlink()
+    cut.write_bytes(dbd.read_bytes())
+    with pytest.raises(InputError, match=rf"{short.name} is not the one of cut\.dbd: it lists"):
+        import_logs("slocum", [cut])
+
+
+def test_satellite_files_of_a_real_glider_need_no_cache_file() -> None:
+    """72 of the 84 refer to a list of sensors that only the other twelve have."""
+    folder = SHARED / "slocum_seus_2017" / "salacia-20170710T1942"
+    if not folder.is_dir():
+        pytest.skip("the shared real logs are absent")
+    pytest.importorskip("dbdreader")
+    dataset, report = import_logs("slocum", [folder])
+    assert report.deployments == ("salacia",)
+    assert len(report.files) == 84
+    assert not [e for e in report.entries if e.subject == "unreadable file"]
+    assert np.isfinite(dataset["measured_depth"]).sum() > 5000
 
 
 def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(

@@ -86,8 +86,8 @@ def test_shallow_logs_and_unknown_kinds_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no dive deeper than 5 m.*--min-depth"):
         import_logs("slocum", paths)
     assert import_logs("slocum", paths, rules=DiveRules(min_depth=2.0))[1].rows == 3
-    with pytest.raises(InputError, match="unknown kind of log 'spray'"):
-        import_logs("spray", paths)
+    with pytest.raises(InputError, match="unknown kind of log 'petrel'"):
+        import_logs("petrel", paths)
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, slocum_columns, write_slocum
+from logs import Flight, slocum_columns, write_csv, write_slocum
 
 from factory.importing import import_logs
 from twin.errors import InputError
@@ -129,3 +129,37 @@ def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path, own_v
     assert any("another meaning" in entry.detail for entry in report.entries)
     with pytest.raises(InputError, match="exists already"):
         import_logs("slocum", paths, payload=["turbidity=sci_flntu_turb_units"])
+
+
+def test_folders_below_are_named_and_searched_on_request(tmp_path: Path) -> None:
+    folders = [tmp_path / "parent" / name for name in ("2016", "2017")]
+    for number, folder in enumerate(folders):
+        folder.mkdir(parents=True)
+        write_slocum(folder, Flight(), name=f"unit{number}")
+    with pytest.raises(InputError, match=r"; 2 below it do: give --recursive, or name .*2016, "):
+        import_logs("slocum", [tmp_path / "parent"])
+    _, report = import_logs("slocum", [tmp_path / "parent"], recursive=True)
+    assert report.deployments == ("unit0", "unit1")
+    (tmp_path / "empty" / "below").mkdir(parents=True)
+    with pytest.raises(InputError, match="nor do the folders below it"):
+        import_logs("slocum", [tmp_path / "empty"])
+
+
+def test_what_a_log_holds_from_before_its_clock_was_set_goes(tmp_path: Path) -> None:
+    """Hours on the deck in 1990: no fix, no dive; another deployment's dives stay."""
+    right, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
+    table = slocum_columns(Flight())
+    early = {name: values[:50].copy() for name, values in table.items()}
+    early["time"] = 646_000_000.0 + np.arange(50.0)
+    early["m_depth"], early["m_pressure"] = np.zeros(50), np.zeros(50)
+    both = {name: np.concatenate([early[name], table[name]]) for name in table}
+    write_csv(tmp_path / "unit1_flight.csv", both)
+    dataset, report = import_logs("slocum", [tmp_path])
+    assert report.count("removed", "unit1") == 50
+    assert not [e for e in report.entries if "silent for" in e.detail]
+    assert np.array_equal(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
+    early["m_depth"], early["m_pressure"] = np.full(50, 60.0), np.full(50, 6.0)
+    both = {name: np.concatenate([early[name], table[name]]) for name in table}
+    write_csv(tmp_path / "unit1_flight.csv", both)
+    _, report = import_logs("slocum", [tmp_path])
+    assert report.count("removed", "unit1") == 0

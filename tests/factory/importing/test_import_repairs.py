@@ -188,9 +188,13 @@ def test_a_batterys_travel_that_is_no_gliders_is_suspect(tmp_path: Path) -> None
 
 def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path: Path) -> None:
     columns = slocum_columns(FLIGHT)
-    renamed = {"pitch": columns["m_pitch"], "m_vacuum": columns["m_roll"], "m_pitch": None}
+    renamed = {
+        "pitch": columns["m_pitch"],
+        "m_tot_num_inflections": columns["m_roll"],
+        "m_pitch": None,
+    }
     _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **renamed))
-    assert details(report, "not read")["flight table"] == "m_vacuum, pitch"
+    assert details(report, "not read")["flight table"] == "m_tot_num_inflections, pitch"
     assert report.count("not read", "flight table") == 2
     assert "is it 'pitch', which is not read?" in details(report, "missing")["measured_pitch"]
     # a log without attitude is a log: what cannot be made of it is said, nothing is suspect

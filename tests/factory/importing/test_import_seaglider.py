@@ -242,6 +242,25 @@ def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose()
     assert abs(np.median(sway[there])) < 0.1 * np.median(surge[there])
 
 
+@pytest.mark.parametrize("without", ["time", "uttw"])
+def test_an_adcps_solution_that_lacks_its_times_or_velocities_is_no_truth(
+    tmp_path: Path, without: str
+) -> None:
+    paths = write_basestation(tmp_path, FLIGHT)
+    for path in paths:
+        with netCDF4.Dataset(path, "a") as file:
+            times = file["time"][::6]
+            file.createDimension("ad2cp_inv_glider_data_point", len(times))
+            parts = {"time": times, "depth": 50.0, "uttw": 0.1, "vttw": 0.2, "wttw": 0.0}
+            for name in parts.keys() - {without}:
+                full = f"ad2cp_inv_glider_{name}"
+                variable = file.createVariable(full, "f8", ("ad2cp_inv_glider_data_point",))
+                variable[:] = parts[name]
+    dataset, report = import_logs("seaglider", paths)
+    assert report.rows == FLIGHT.dives
+    assert not [name for name in dataset.data_vars if "surge" in str(name)]
+
+
 def test_base_stations_files_say_where_the_glider_was_sent(tmp_path: Path) -> None:
     flight = Flight(depth=150.0)
     dataset, report = import_logs("seaglider", write_basestation(tmp_path, flight))

@@ -27,6 +27,7 @@ from logs import (
     write_seaexplorer,
     write_seaglider,
     write_slocum,
+    write_spray,
     write_table,
 )
 
@@ -51,6 +52,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
     ),
     "ngdac": (write_ngdac,),
     "og1": (lambda folder, flight: [write_og1(folder / "deployment.nc", flight)],),
+    "spray": (lambda folder, flight: [write_spray(folder / "CUGN_line_90.nc", flight)],),
     "lrauv": (
         lambda folder, flight: [write_mat(folder / "log.mat", flight)],
         lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],

@@ -28,7 +28,7 @@ from factory.logs_page import (
     deployment_page,
     dive_figures,
 )
-from factory.verify_logs import verify_logs
+from factory.soundness import verify_logs
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

@@ -93,6 +93,14 @@ def test_an_outlier_in_one_velocity_is_taken_out_of_both_and_counted():
     assert "No current was known" in " ".join(counts.sentences(LabelConfig(source="dvl")))
 
 
+@pytest.mark.parametrize("samples", [1, 2, 7])
+def test_the_current_s_mean_speed_is_that_of_the_samples_however_few(samples):
+    short = {name: values[:samples] for name, values in surveyed().items()}
+    counts = count_labels([mission(short)], LabelConfig(source="dvl", known_current="0.3,0.4"))
+    assert counts.samples == samples
+    assert (counts.current_mean, counts.current_max) == pytest.approx((0.5, 0.5))
+
+
 def test_labels_reach_the_training_with_their_gaps_and_change_no_input(tmp_path):
     signals = surveyed()
     signals["measured_dvl_surge"][20] += 0.3

@@ -9,9 +9,9 @@ from navigation import PERIOD, add_fixes, steady_mission, trimmed_mission, write
 
 from learn.data.dataset import MissionSequence, load_missions
 from learn.evaluation.deviation import Coverage, ErrorModel, fit_error_model
-from learn.evaluation.evaluation import evaluate, visible
+from learn.evaluation.evaluation import evaluate
 from learn.evaluation.judged_tracks import TrackCollector
-from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores
+from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores, visible
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.baseline import Estimate

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.layer_speed import naive_context_delay
 from learn.networks.context_delay import (
     ContextDelay,
-    naive_context_delay,
     pack_sequences,
     unpack_sequences,
 )

@@ -10,7 +10,7 @@ from learn.data.dataset import MissionSequence
 from learn.data.normalisation import Normalisation
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
-from learn.networks.ema import BLOCK
+from learn.networks.fixed_memory import BLOCK
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError
 

@@ -1,5 +1,6 @@
 """The start of a fit: what it checks and leaves when it fails, and how a run is gone on with."""
 
+import errno
 import json
 import shutil
 import signal
@@ -23,7 +24,7 @@ from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from learn.training.settings import FitConfig
 from twin.cli.console import to_json
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, WriteError
 
 QUICK = ("--epochs", "1", "--hidden", "4", "--layers", "1", "--members", "1", "--workers", "1")
 
@@ -155,6 +156,29 @@ def test_a_start_that_ends_before_training_leaves_the_old_run(here, monkeypatch,
         assert "is as it was" in str(caught.value)
 
 
+@pytest.mark.parametrize("file", [None, "runs/new/surge-0.safetensors"])
+def test_a_disk_that_is_full_is_told_with_the_run(here, monkeypatch, file):
+    """The system names no file when a write fails, and one when it cannot be opened."""
+
+    def fail(*_, **__):
+        error = OSError(errno.ENOSPC, "No space left on device")
+        error.filename = file and str(here / file)
+        raise error
+
+    monkeypatch.setattr("learn.training.workers.train", fail)
+    with pytest.raises(WriteError, match=r"cannot write .*runs/new: No space left"):
+        fit(small_config("s.zarr"), here / "runs" / "new")
+
+
+def test_a_file_of_something_else_is_not_told_as_the_runs(here, monkeypatch):
+    def fail(*_, **__):
+        raise FileNotFoundError(errno.ENOENT, "No such file or directory", "/nowhere/else")
+
+    monkeypatch.setattr("learn.training.workers.train", fail)
+    with pytest.raises(FileNotFoundError):
+        fit(small_config("s.zarr"), here / "runs" / "new")
+
+
 def test_a_name_stays_free_when_nothing_was_trained(here, capsys):
     def poke(arrays):
         arrays["measured_pitch"][1, 12] = float("nan")
@@ -261,6 +285,18 @@ def unfinish(folder):
     write_sealed(folder / "run.json", {**description, "complete": False})
     for ending in (".json", ".safetensors"):
         (folder / f"sway-0{ending}").unlink()
+
+
+def test_a_run_says_how_well_its_networks_were_trained(here):
+    """The figures are those of its metrics."""
+    run = open_run("done")
+    lines = [json.loads(line) for line in (run.folder / METRICS).read_text().splitlines()]
+    for name, said in read_description(run.folder)["networks"].items():
+        its = [line for line in lines if line["network"] == name]
+        assert said["validation_mse"] == min(line["validation_mse"] for line in its)
+        last = {key: its[-1][key] for key in ("train_mse", "seconds")}
+        assert {key: said[key] for key in last} == last
+        assert (said["steps"], said["epochs"]) == (its[-1]["step"], its[-1]["epoch"])
 
 
 def test_a_run_is_gone_on_with_by_its_name_alone(here, capsys):

@@ -5,7 +5,7 @@ import copy
 import pytest
 import torch
 
-from learn.training.soap import Soap
+from learn.training.minibatch import Soap
 
 
 def residual(seed=0):

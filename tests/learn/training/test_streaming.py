@@ -19,7 +19,7 @@ from learn.training.settings import FitConfig
 from learn.training.trainer import Trainer, mean_squared_error
 from twin.errors import InputError, StoreError
 from twin.navigation.features import select_features
-from twin.records.storage.buffers import buffers
+from twin.records.windows import buffers
 
 FEATURES = select_features(("attitude", "depth_rate", "glide_speed"))
 LENGTHS = [700, 400, 900, 300, 500, 800, 650, 450, 350, 600]
@@ -200,7 +200,7 @@ import json, sys
 import numpy as np
 from learn.data.preparation import prepare, training_lengths
 from learn.data.sequences import ahead
-from twin.records.storage.buffers import buffers
+from twin.records.windows import buffers
 def peak():
     lines = open("/proc/self/status").read().splitlines()
     return 1024 * int(next(line.split()[1] for line in lines if line.startswith("VmHWM")))

@@ -17,6 +17,7 @@ from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
 from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
 from learn.seams import NETWORKS
+from learn.training.checkpoint import write_checkpoint
 from learn.training.schedule import TrainingConfig, step_size
 from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
@@ -123,6 +124,27 @@ def test_a_killed_training_resumes_to_the_same_bits(surge, config, tmp_path):
         assert torch.equal(a, b)
     ours = [(r.step, r.train_mse, r.validation_mse) for r in resumed.history]
     assert ours == [(r.step, r.train_mse, r.validation_mse) for r in straight.history]
+
+
+def test_a_checkpoint_from_before_there_were_buffers_goes_on(surge, tmp_path):
+    config = dataclasses.replace(ADAM, epochs=4, validations=8)
+    straight = trainer(surge, config).run()
+    path, reports = tmp_path / "checkpoint.pt", []
+
+    def kill(report):
+        reports.append(report)
+        if len(reports) == 4:
+            raise Killed
+
+    with pytest.raises(Killed):
+        trainer(surge, config, checkpoint=path, report=kill).run()
+    saved = torch.load(path, weights_only=True)
+    assert saved["position"] > 0
+    del saved["buffer"]
+    write_checkpoint(path, saved)
+    resumed = trainer(surge, config, checkpoint=path).run()
+    for a, b in zip(straight.network.parameters(), resumed.network.parameters(), strict=True):
+        assert torch.equal(a, b)
 
 
 def test_resuming_with_other_settings_is_refused(surge, tmp_path):

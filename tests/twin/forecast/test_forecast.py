@@ -113,6 +113,13 @@ def _flight(place, time=60.0):
                  track=np.zeros((2, 2)), duration=100.0, taken=20.0)  # fmt: skip
 
 
+def test_two_members_spread_as_far_as_they_are_apart() -> None:
+    (one,) = surfacings_of([_flight((0.0, 0.0)), _flight((400.0, 0.0))], PLACE)
+    (alone,) = surfacings_of([_flight((200.0, 0.0))], PLACE)
+    spread = one.covariance - alone.covariance  # beyond that of the fix
+    np.testing.assert_allclose(spread, [[2.0 * 200.0**2, 0.0], [0.0, 0.0]], atol=1e-6)
+
+
 def test_an_ellipse_of_few_members_holds_its_part_of_further_ones() -> None:
     rng = np.random.default_rng(1)
     held, count, trials = 0, 10, 4000

@@ -18,6 +18,7 @@ from twin.identify.answer import confused
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
 from twin.identify.handling import handle, with_usual_glide
 from twin.identify.lateral import Glide, exponential, linearised
+from twin.identify.logged import ATTITUDE_WINDOW, _rates
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.problem import PRIOR, bootstrap, cut
 from twin.identify.proof import failures
@@ -103,7 +104,11 @@ def store(tmp_path_factory, truth):
 def handling(store):
     logs = load_logs(store)
     found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
-    return handle(logs, found)
+    parts: list[float] = []
+    made = handle(logs, found, progress=parts.append)
+    assert parts == sorted(parts), "progress goes back"
+    assert 0.0 < parts[0] < parts[-1] == 1.0
+    return made
 
 
 def glides(vehicle):
@@ -292,11 +297,12 @@ def test_block_bootstrap_knows_of_days_that_differ():
     assert found > 4.0 * usual
 
 
-def test_few_dives_are_cut_and_what_was_known_is_not():
-    blocks = np.array([0] * 40 + [1] * 40 + [PRIOR] * 3)
+@pytest.mark.parametrize(("dives", "pieces"), [(1, 8), (2, 8), (3, 9), (8, 8), (11, 11)])
+def test_few_dives_are_cut_and_what_was_known_is_not(dives, pieces):
+    blocks = np.array([*np.repeat(np.arange(dives), 40), PRIOR, PRIOR, PRIOR])
     parts = cut(blocks)
-    assert len(np.unique(parts[:80])) == 8
-    assert (parts[80:] == PRIOR).all()
+    assert len(np.unique(parts[:-3])) == pieces
+    assert (parts[-3:] == PRIOR).all()
 
 
 def test_undetermined_keeps_its_known_deviation():
@@ -304,6 +310,19 @@ def test_undetermined_keeps_its_known_deviation():
     blocks = np.concatenate([np.repeat(np.arange(10), 10), [PRIOR]])
     found = float(bootstrap(jacobian, np.zeros(101), blocks)[0, 0])
     assert found == pytest.approx(1.0, rel=0.25)
+
+
+def test_rates_without_gyroscopes_are_slopes_of_least_squares():
+    """White noise of the angles comes into a slope by the formula of a straight line's fit."""
+    count, period, noise = 40_000, 2.0, 1e-3
+    rng = np.random.default_rng(5)
+    roll = rng.normal(0.0, noise, count)
+    level = np.zeros(count)
+    rates = _rates({}, roll, level, 0.01 * period * np.arange(count), period)
+    window = round(ATTITUDE_WINDOW / period) | 1
+    expected = noise / period * np.sqrt(12.0 / (window * (window**2 - 1.0)))
+    assert rates[0].std() == pytest.approx(expected, rel=0.05)
+    assert rates[2].mean() == pytest.approx(0.01, rel=1e-3)
 
 
 def test_travel_grows_with_the_log(store):

@@ -177,6 +177,11 @@ def test_a_heavy_vehicle_is_faster_down_and_slower_up() -> None:
     assert phase_speed([], 2.0).descent == 1.0
 
 
+def test_in_a_still_sea_the_factor_is_the_ratio_of_the_depth_rates() -> None:
+    speed = phase_speed([dive_of(1.2, 0.9)], 2.0)
+    assert (speed.descent, speed.climb) == pytest.approx((1.2, 0.9), rel=1e-9)
+
+
 def test_the_sea_s_own_motion_is_not_taken_for_ballast() -> None:
     dive = dive_of(1.2, 1.0)
     swell = 0.5 * np.sin(np.arange(800) / 9.0)

@@ -9,6 +9,7 @@ import pytest
 
 from twin.fossen import FossenModel
 from twin.mission import Mission, SawTooth, guidance
+from twin.mission.glide_balance import imbalance
 from twin.mission.mission_file import CLIMB_TURN, DIVE_TURN
 from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
 from twin.mission.way import way
@@ -64,6 +65,31 @@ def test_the_heading_is_held_in_both_phases(share):
     table, _ = mission.compile(vehicle)
     signs = np.sign(table[0, [DIVE_TURN, CLIMB_TURN]])
     assert signs.tolist() == ([1.0, 1.0] if share == 0.0 else [1.0, -1.0])
+
+
+def test_a_mass_in_a_turn_has_its_weight_and_its_centrifugal_force():
+    """Newton's law of a point mass, as it moves from one place of the hull to another."""
+    vehicle, here = PRINTED, np.array([0.02, -0.01, 0.03])
+    there = here + np.array([0.05, 0.04, -0.02])
+    position = np.array([part.rest for part in vehicle.parts])
+    velocity, pitch, roll, turn_rate = np.array([0.4, 0.05, -0.1]), 0.4, -0.3, 0.2
+    down = np.array(
+        [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
+    )
+    omega = turn_rate * down
+
+    def left_over(place):
+        moved = vehicle.replace(static_cg=place)
+        motion = {"pitch": pitch, "roll": roll, "turn_rate": turn_rate}
+        return imbalance(moved, position, velocity, **motion)
+
+    def of_point(place):
+        acceleration = np.cross(omega, velocity + np.cross(omega, place))
+        force = vehicle.static_mass * (vehicle.gravity * down - acceleration)
+        return np.concatenate([force, np.cross(place, force)])
+
+    found = left_over(there) - left_over(here)
+    np.testing.assert_allclose(found, of_point(there) - of_point(here), rtol=1e-9, atol=1e-9)
 
 
 def test_a_rudder_turns_the_same_way_in_all_phases():

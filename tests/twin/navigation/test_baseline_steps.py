@@ -54,7 +54,7 @@ def test_a_baseline_step_by_step_says_what_it_says_of_the_last_sample(name, flow
         seen = {channel: values[: last + 1] for channel, values in flown.items()}
         whole = baseline.estimate(seen, PERIOD)
         if whole.surge is None:  # of the log the evaluation asks for more water lock
-            whole = baseline._estimate(seen, PERIOD, 0.0)
+            whole = baseline.estimate(seen, PERIOD, least_water=0.0)
         assert found[last, 0] == pytest.approx(whole.surge[-1], abs=1e-9)
         assert found[last, 1] == pytest.approx(whole.sway[-1], abs=1e-9)
     under_way = (flown["true_depth"] > 10.0) & (np.arange(len(found)) > 200)

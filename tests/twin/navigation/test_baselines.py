@@ -19,6 +19,7 @@ from twin.navigation.estimators.baseline import bridge, hold, smooth
 from twin.navigation.estimators.dvl import spikes
 from twin.navigation.estimators.ekf import Ekf, EkfNoise
 from twin.navigation.estimators.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
+from twin.navigation.estimators.onboard import OnboardReckoning
 from twin.navigation.estimators.pitch_plus_alpha import (
     PitchPlusAlpha,
     steady_angle_of_attack,
@@ -115,6 +116,15 @@ def test_at_the_surface_nobody_makes_way_even_with_a_gauge_that_is_off(offset):
 
 
 # --- DVL --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("vehicle", "by_doppler_log"), [("glider", False), ("remus", True)])
+def test_the_onboard_track_of_a_propelled_vehicle_may_have_seen_the_bottom(vehicle, by_doppler_log):
+    """Without a fix it is a track over ground all the same; a glider's is one through the water."""
+    track = {"measured_onboard_north": np.arange(9.0), "measured_onboard_east": np.zeros(9)}
+    found = OnboardReckoning(vehicle=load_vehicle(vehicle)).estimate(track, PERIOD)
+    assert found.saw_bottom is by_doppler_log
+    np.testing.assert_array_equal(found.ground_track[:, 0], np.arange(9.0))
 
 
 def with_dvl(signals, mode, current=(0.0, 0.0, 0.0)):

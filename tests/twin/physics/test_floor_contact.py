@@ -13,7 +13,7 @@ import twin
 from twin.errors import FloorError, InputError, MissionError, VehicleError
 from twin.mission import Mission, SawTooth
 from twin.mission.controller import MissionController
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import write_tables
 from twin.physics.mujoco_model import compile_model
@@ -99,7 +99,7 @@ def test_a_fleet_meets_the_same_floor():
         Scenario(mission=YO, duration=300.0, floor=floor)
         for floor in (SLOPE, FlatFloor(depth_m=25.0), ROUGH)
     ]
-    for alone, batched in zip(map(simulate, scenarios), make_batch(scenarios).run(), strict=True):
+    for alone, batched in zip(map(simulate, scenarios), Fleet(scenarios).run(), strict=True):
         np.testing.assert_array_equal(alone.states, batched.states)
         np.testing.assert_array_equal(alone["true_contact"], batched["true_contact"])
         assert alone["true_contact"].max() > 0.0
@@ -199,7 +199,7 @@ def with_obstacle(text: str = TEXT) -> twin.Vehicle:
 def test_an_obstacle_of_the_file_stays_in_every_run():
     scenario = Scenario(vehicle=with_obstacle(), mission=YO)
     alone, full = simulate(scenario), Simulation(scenario, lean=False).run()
-    (batched,) = make_batch([scenario]).run()
+    (batched,) = Fleet([scenario]).run()
     for run in (alone, full, batched):
         assert 25.0 < run["true_depth"].max() < 30.0
         assert summarise(run)["grounded"]

@@ -107,11 +107,11 @@ for _ in range(3):
     mujoco.mj_resetData(simulation.model, again)
 """,
     "a batch whose fleet is gone": """
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 many = [scenario(60.0 + 30.0 * k) for k in range(5)]
 singles = [Simulation(one) for one in many]
 expected = [flown(one.model, one.data, 500)[:9] for one in singles]
-batch = make_batch(many, threads=4).batch
+batch = Fleet(many, threads=4).batch
 held = litter()
 for _ in range(5):
     batch.step(nstep=100)

@@ -17,7 +17,7 @@ from twin.mission.controller import Command
 from twin.mission.segments import Waypoint
 from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.settings import Navigation
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario, scenario_from_dict
 from twin.physics.simulation import Simulation
 from twin.physics.true_signals import LiveTruth
@@ -236,7 +236,7 @@ def test_what_cannot_be_navigated_is_refused(changes, message):
 def test_native_loops_refuse_navigated_scenarios():
     scenario = Scenario(mission=round_trip(), duration=60.0, navigate=IDEAL)
     with pytest.raises(InputError, match="fly navigated scenarios with simulate_many"):
-        make_batch([scenario])
+        Fleet([scenario])
     with pytest.raises(InputError, match="leave sensors, seed and bottom_depth out"):
         twin.simulate(scenario, sensors="field")
     assert Scenario(navigate="truth", duration=1.0).navigate is None

@@ -12,7 +12,7 @@ from physics import glider, set_motion
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission, SawTooth, load_mission
 from twin.mission.controller import Command, MissionController, Schedule
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.model_block import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate, simulate_many
@@ -52,7 +52,7 @@ def test_a_batch_on_any_threads_equals_one_by_one():
     ]
     alone = [simulate(s) for s in scenarios]
     for threads in (1, 2):
-        for one, batched in zip(alone, make_batch(scenarios, threads=threads).run(), strict=True):
+        for one, batched in zip(alone, Fleet(scenarios, threads=threads).run(), strict=True):
             same(one, batched)
         for one, pooled in zip(alone, simulate_many(scenarios, threads=threads), strict=True):
             same(one, pooled)

@@ -9,7 +9,7 @@ import pytest
 
 import twin
 from twin.errors import InputError
-from twin.sensors import SENSORS, Dvl, Gps, Sensor, SensorSuite
+from twin.sensors import SENSORS, Dvl, Gps, Outset, Sensor, SensorSuite
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
 from twin.water.density import DensityProfile
@@ -123,11 +123,11 @@ def test_a_sensor_that_measures_whole_missions_only_is_named(truth):
     class Late(Gps):
         name = "late"
 
-        def begin(self, *args, **settings):
-            return Sensor.begin(self, *args, **settings)
+        def begin(self, outset):
+            return Sensor.begin(self, outset)
 
     with pytest.raises(InputError, match="sensor 'late' measures whole missions only"):
-        Late().begin(10, (), dt=DT, drawn={}, rng=np.random.default_rng(0))
+        Late().begin(Outset(samples=10, signals=(), dt=DT, drawn={}, rng=np.random.default_rng(0)))
 
 
 def test_more_samples_than_drawn_for_and_missing_signals_are_explained(truth):

@@ -272,6 +272,60 @@ def test_a_left_handed_screw_rolls_to_starboard_and_takes_as_much():
     assert taken[0] == taken[1] > 0.0
 
 
+DIAGRAM = {
+    "diameter": 0.14, "thrust_coefficient": 0.00345, "zero_thrust_advance": 0.078,
+    "standing_drag": 0.093, "torque_coefficient": 0.000258, "zero_torque_advance": 0.105,
+    "standing_torque": 0.0021,
+}  # fmt: skip
+
+
+def screw_of(**changes: float) -> Propeller:
+    return dataclasses.replace(TORPEDO.part("propeller"), **{**DIAGRAM, **changes})
+
+
+def both_codes(screw: Propeller, rate: float, speed: float) -> np.ndarray:
+    motion = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = screw.wrench(rate, motion, DENSITY, 50.0)
+    values, place = np.array(screw.values()), np.array(screw.position)
+    native = type(screw).native_wrench(values, place, rate, *motion, DENSITY, 50.0)
+    np.testing.assert_allclose(native, found, rtol=1e-12, atol=1e-12)
+    return found
+
+
+def test_an_open_water_diagram_has_its_zeros_and_all_quadrants():
+    screw = screw_of()
+    for rate in (100.0, -100.0):
+        free = 0.078 * rate * 0.14
+        assert both_codes(screw, rate, free)[0] == pytest.approx(0.0, abs=1e-9)
+        assert both_codes(screw, rate, 0.105 * rate * 0.14)[3] == pytest.approx(0.0, abs=1e-9)
+        assert both_codes(screw, rate, 0.9 * free)[0] * rate > 0.0  # drives
+        assert both_codes(screw, rate, 1.1 * free)[0] * rate < 0.0  # brakes
+        assert both_codes(screw, rate, -free)[0] * rate > 0.0  # crash stop
+    for speed in (1.0, -1.0):  # a screw that stands still is a drag
+        drag = both_codes(screw, 0.0, speed)[0]
+        assert drag == pytest.approx(-speed * DENSITY * 0.14**2 * 0.093)
+
+
+def test_a_screw_takes_more_power_than_it_gives_and_windmills_for_nothing():
+    screw = screw_of()
+    assert screw.power_given < 0.0
+    still = {"depth": 0.0, "pitch": 0.0, "duration": 1.0}
+    for rate in (30.0, 100.0, -100.0):
+        for speed in np.linspace(-4.0, 4.0, 41):
+            wrench = both_codes(screw, rate, float(speed))
+            useful, shaft = wrench[0] * speed, -wrench[3] * rate
+            assert useful <= shaft + 1e-9
+            taken = screw.energy(
+                TORPEDO, rate, rate, Consumption(propeller_efficiency=1.0), speed=speed, **still
+            )
+            assert taken == pytest.approx(max(shaft, 0.0), rel=1e-9, abs=1e-9)
+
+
+def test_a_diagram_that_gives_energy_is_refused():
+    with pytest.raises(VehicleError, match="no more power leaves the water"):
+        dataclasses.replace(TORPEDO, parts=(screw_of(zero_torque_advance=0.07),), steering={})
+
+
 def test_lift_of_a_stalled_fin_vanishes_and_does_not_turn_round():
     x, _, z, *_ = fin_wrench("elevator", 1.5, stalled_lift_slope=-3.0)
     assert z == pytest.approx(0.0, abs=1e-9)

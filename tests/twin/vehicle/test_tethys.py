@@ -17,11 +17,13 @@ from twin.checks.agreement import check_manoeuvres
 from twin.checks.published import held_flight
 from twin.errors import NoSteadyState
 from twin.fossen import FossenModel
+from twin.fossen.steady import SteadyProblem
 from twin.frames import euler_to_matrix
 from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
+from twin.physics.steady_motion import solve_steady_state
 from twin.sensors import Dvl, Surroundings
 from twin.sensors.dvl import MODES, OUTPUTS
 from twin.vehicle.consumption import Consumption
@@ -443,8 +445,17 @@ def test_the_list_holds_one_fin_and_the_simulator_adds_four():
 
 def test_straight_flight_of_mbaris_set_needs_the_rudder():
     """docs/reference/vehicles.md: it grows into one of two mirrored turns; a kick picks it."""
-    with pytest.raises(NoSteadyState, match=r"grows by 0\.07"):
-        FossenModel(MBARI).trim(positions={"propeller": RATE})
+    model = FossenModel(MBARI)
+    assert abs(model.trim(positions={"propeller": RATE}).turn_rate_rad_s) == pytest.approx(
+        0.0166, abs=5e-5
+    )
+    ahead = MBARI.rest
+    ahead[MBARI.part_names.index("propeller")] = RATE
+    problem = SteadyProblem(model.parameters, ahead, MBARI.steered_index("heading"), True)
+    straight = solve_steady_state(problem.residual, problem.straight_guesses())
+    growths = [problem.eigenvalues(x).real.max() for x in straight if abs(x[5]) < 1e-6]
+    assert growths
+    assert growths == pytest.approx([0.0738] * len(growths), abs=1e-3)
     command, kick = MBARI.rest, MBARI.rest
     command[MBARI.part_names.index("propeller")] = kick[MBARI.part_names.index("propeller")] = RATE
     turns = []

@@ -20,7 +20,7 @@ from twin.identify import load_calibration
 from twin.mission import Mission
 from twin.mission.controller import Command
 from twin.mission.segments import Hold
-from twin.physics.fleet import make_batch
+from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
 from twin.physics.settle import trim
 from twin.physics.start import Start
@@ -201,7 +201,7 @@ def test_a_fleet_is_of_one_kind(torpedo):
     with pytest.raises(
         InputError, match=r"vehicles of one kind: .*propeller.*shift.*simulate_many"
     ):
-        make_batch(scenarios)
+        Fleet(scenarios)
 
 
 def test_identification_says_what_it_needs(capsys, store):

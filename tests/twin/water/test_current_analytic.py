@@ -25,6 +25,7 @@ from twin.water.current import (
     still_water,
 )
 from twin.water.current.axes import coriolis
+from twin.water.current.tide import PERIOD_HOURS
 
 MONTEREY = Origin(latitude_deg=36.8)
 
@@ -140,6 +141,19 @@ def test_tidal_periods_by_name():
     for name, hours in {"M2": 12.4206, "S2": 12.0, "K1": 23.9345, "O1": 25.8193}.items():
         rate = TidalEllipse(constituent=name, semi_major=0.1).angular_rate
         assert 2 * math.pi / rate / 3600.0 == pytest.approx(hours, abs=5e-5)
+
+
+def test_tidal_periods_are_those_of_doodson_s_numbers():
+    """Rates [degree/h] of lunar time, and of the mean longitudes of Moon, Sun and lunar perigee."""
+    rates = 14.49205212, 0.54901653, 0.04106864, 0.00464183
+    numbers = {
+        "M2": (2, 0, 0, 0), "S2": (2, 2, -2, 0), "N2": (2, -1, 0, 1), "K2": (2, 2, 0, 0),
+        "K1": (1, 1, 0, 0), "O1": (1, -1, 0, 0), "P1": (1, 1, -2, 0), "Q1": (1, -2, 0, 1),
+    }  # fmt: skip
+    expected = {name: 360.0 / np.dot(times, rates) for name, times in numbers.items()}
+    assert expected.keys() == PERIOD_HOURS.keys()
+    for name, hours in expected.items():
+        assert PERIOD_HOURS[name] == pytest.approx(hours, abs=2e-5), name
 
 
 def test_tide_errors():

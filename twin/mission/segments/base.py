@@ -15,19 +15,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import seams
 from twin.errors import MissionError
 from twin.mission import mission_file as g
+from twin.numbers import Array
 from twin.registry import Registry, self_named
+from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from twin.mission.way import Way
-    from twin.vehicle.vehicle import Vehicle
 
-
-Array = NDArray[np.float64]
 
 SURFACED_MARGIN_M = 0.5
 """[m] added to half the hull's length: a vehicle that hangs at the surface by one end counts as
@@ -40,11 +38,13 @@ class Segment:
 
     kind: ClassVar[str] = ""
     """Name in mission files."""
+    limits: ClassVar[tuple[str, ...]] = ()
+    """Fields of which it needs one to end by itself; without any it always does."""
 
     @property
     def limited(self) -> bool:
         """Whether the segment ends by itself."""
-        return True
+        return not self.limits or any(getattr(self, name) is not None for name in self.limits)
 
     def flown_as(self) -> tuple[Segment, ...]:
         """The segments that guidance flies for it, a row each; itself unless a kind is made of

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -16,11 +13,8 @@ from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.level import Level
 from twin.mission.turning import circling
 from twin.mission.way import Way
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 MOST_TRIES = 300
 """Wider circles that are tried, each 2 % wider, to say which one is possible"""
@@ -31,6 +25,7 @@ class Circle(Level):
     """A level circle through the water: the wanted heading turns at speed over radius."""
 
     kind: ClassVar[str] = "circle"
+    limits = ("turns", "duration_s")
 
     radius_m: float
     """[m] through the water, positive to starboard."""
@@ -43,15 +38,8 @@ class Circle(Level):
         super().__post_init__()
         if not abs(check.number(self.kind, "radius_m", self.radius_m)) > 0.0:
             check.fail(self.kind, "radius_m", self.radius_m, "a radius, positive to starboard")
-        if self.turns is not None:
-            check.limit(self.kind, "turns", self.turns, "")
-        if self.duration_s is not None:
-            check.limit(self.kind, "duration_s", self.duration_s, "s")
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.turns is not None or self.duration_s is not None
+        check.optional(check.limit, self.kind, "turns", self.turns, "")
+        check.optional(check.limit, self.kind, "duration_s", self.duration_s, "s")
 
     def _duration(self, steady: Way) -> float | None:
         times = [] if self.duration_s is None else [float(self.duration_s)]

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -20,12 +17,9 @@ from twin.mission.way import (
     checked_shift,
     reject_missing,
 )
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +27,7 @@ class Hold(Segment):
     """Fixed actuator positions, no loop closed: an open-loop manoeuvre."""
 
     kind: ClassVar[str] = "hold"
+    limits = ("duration_s", "until_depth_m")
 
     shift_m: float = 0.0
     """Battery displacement from neutral [m], positive forward (nose down)."""
@@ -57,15 +52,8 @@ class Hold(Segment):
             check.fail(kind, "parts", self.parts, "a table of positions by part")
         for name, value in self.parts.items():
             check.number(kind, f"parts.{name}", value)
-        if self.duration_s is not None:
-            check.limit(kind, "duration_s", self.duration_s, "s")
-        if self.until_depth_m is not None:
-            check.within(kind, "until_depth_m", self.until_depth_m, "m", 0.0)
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.duration_s is not None or self.until_depth_m is not None
+        check.optional(check.limit, kind, "duration_s", self.duration_s, "s")
+        check.optional(check.within, kind, "until_depth_m", self.until_depth_m, "m", 0.0)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """One command."""

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -15,12 +12,9 @@ from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit
 from twin.mission.segments.level import check_place
 from twin.mission.way import reject_missing, standing_shift
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +22,7 @@ class Hover(Segment):
     """Drift with the water at a depth, or at a height above the sea floor."""
 
     kind: ClassVar[str] = "hover"
+    limits = ("duration_s",)
 
     depth_m: float | None = None
     """Depth to keep [m]; this or `altitude_m`."""
@@ -42,13 +37,7 @@ class Hover(Segment):
         check_place(self.kind, self.depth_m, self.altitude_m)
         most = check.MAX_PITCH_DEG
         check.within(self.kind, "pitch_deg", self.pitch_deg, "deg", -most, most)
-        if self.duration_s is not None:
-            check.limit(self.kind, "duration_s", self.duration_s, "s")
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.duration_s is not None
+        check.optional(check.limit, self.kind, "duration_s", self.duration_s, "s")
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A row with the pump's loop about neutral and the battery's about its standing shift.

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission.segments.level import Level
 from twin.mission.segments.transect import Transect
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle
 
 MOST_LEGS = 10_000
 """Legs of a survey: each is a row of the table that guidance flies."""

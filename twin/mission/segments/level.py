@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -15,11 +11,8 @@ from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
 from twin.mission.turning import turn_factor
 from twin.mission.way import Way, level_way, reject_missing, turn_limit
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 MAX_PITCH_DEG = 20.0
 """Usual limit of the pitch on the way to a depth, as the LRAUV's yo-yos have it."""
@@ -63,11 +56,9 @@ class Level(Segment):
     def __post_init__(self) -> None:
         kind = self.kind
         check_place(kind, self.depth_m, self.altitude_m)
-        if self.min_altitude_m is not None:
-            check.limit(kind, "min_altitude_m", self.min_altitude_m, "m")
+        check.optional(check.limit, kind, "min_altitude_m", self.min_altitude_m, "m")
         check.within(kind, "min_depth_m", self.min_depth_m, "m", 0.0)
-        if self.speed_m_s is not None:
-            check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
+        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
         check.pitch(kind, "max_pitch_deg", self.max_pitch_deg)
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(kind, field, value, "deg", 0.0, 90.0, open_low=True)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
@@ -19,11 +16,8 @@ from twin.mission.way import (
     reject_missing,
     way,
 )
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 DEFAULT_MIN_DEPTH_M = 5.0
 """Deep enough that the overshoot of an inflection (2 m for the Sea-Wing) stays submerged."""
@@ -34,6 +28,8 @@ SHALLOWEST_M = 1.0
 @dataclass(frozen=True, kw_only=True)
 class Profile(Segment):
     """Dives and climbs between two depths; the base of `SawTooth` and `Spiral`."""
+
+    limits: ClassVar[tuple[str, ...]] = ("yos", "duration_s", "until_depth_m")
 
     max_depth_m: float
     """A dive turns into a climb here [m]."""
@@ -71,33 +67,21 @@ class Profile(Segment):
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"
             check.fail(kind, "min_depth_m", self.min_depth_m, rule)
-        if self.min_altitude_m is not None:
-            check.limit(kind, "min_altitude_m", self.min_altitude_m, "m")
+        check.optional(check.limit, kind, "min_altitude_m", self.min_altitude_m, "m")
         check.pitch(kind, "pitch_deg", self.pitch_deg)
-        if self.net_mass_kg is not None:
-            check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
-        if self.climb_pitch_deg is not None:
-            check.pitch(kind, "climb_pitch_deg", self.climb_pitch_deg)
-        if self.climb_net_mass_kg is not None:
-            check.net_mass(kind, "climb_net_mass_kg", self.climb_net_mass_kg)
-        if self.speed_m_s is not None:
-            check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
-        if self.trim_share is not None:
-            check.within(kind, "trim_share", self.trim_share, "", 0.0, 1.0)
+        check.optional(check.net_mass, kind, "net_mass_kg", self.net_mass_kg)
+        check.optional(check.pitch, kind, "climb_pitch_deg", self.climb_pitch_deg)
+        check.optional(check.net_mass, kind, "climb_net_mass_kg", self.climb_net_mass_kg)
+        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
+        check.optional(check.within, kind, "trim_share", self.trim_share, "", 0.0, 1.0)
         if self.yos is not None:
             check.limit(kind, "yos", self.yos, "")
             if (2 * self.yos) % 1:
                 check.fail(kind, "yos", self.yos, "a multiple of 0.5")
-        if self.duration_s is not None:
-            check.limit(kind, "duration_s", self.duration_s, "s")
+        check.optional(check.limit, kind, "duration_s", self.duration_s, "s")
         if self.until_depth_m is not None:
             low, high = self.min_depth_m, self.max_depth_m
             check.within(kind, "until_depth_m", self.until_depth_m, "m", low, high)
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return not (self.yos is None and self.duration_s is None and self.until_depth_m is None)
 
     def _ways(self, vehicle: Vehicle, label: str) -> tuple[Way, Way]:
         """How the vehicle dives and climbs; raises MissionError when it cannot."""

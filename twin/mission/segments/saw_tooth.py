@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.profile import Profile
 from twin.mission.way import heading, turn_limit
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +27,7 @@ class SawTooth(Profile):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.heading_deg is not None:
-            check.heading(self.kind, "heading_deg", self.heading_deg)
+        check.optional(check.heading, self.kind, "heading_deg", self.heading_deg)
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(self.kind, field, value, "deg", 0.0, 90.0, open_low=True)
 

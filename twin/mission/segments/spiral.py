@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -14,11 +11,8 @@ from twin.mission import mission_file as g
 from twin.mission.segments.base import command_of
 from twin.mission.segments.profile import Profile
 from twin.mission.way import checked_rotation
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +30,7 @@ class Spiral(Profile):
     def __post_init__(self) -> None:
         super().__post_init__()
         check.rotation(self.kind, "rotation_deg", self.rotation_deg)
-        if self.climb_rotation_deg is not None:
-            check.rotation(self.kind, "climb_rotation_deg", self.climb_rotation_deg)
+        check.optional(check.rotation, self.kind, "climb_rotation_deg", self.climb_rotation_deg)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A profile with a fixed position of what turns the vehicle."""

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
@@ -22,12 +19,9 @@ from twin.mission.way import (
     turn_limit,
     way,
 )
+from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,16 +50,12 @@ class Surface(Segment):
         kind = self.kind
         check.limit(kind, "duration_s", self.duration_s, "s")
         check.pitch(kind, "pitch_deg", self.pitch_deg)
-        if self.net_mass_kg is not None:
-            check.net_mass(kind, "net_mass_kg", self.net_mass_kg)
-        if self.speed_m_s is not None:
-            check.limit(kind, "speed_m_s", self.speed_m_s, "m/s")
-        if self.heading_deg is not None:
-            check.heading(kind, "heading_deg", self.heading_deg)
+        check.optional(check.net_mass, kind, "net_mass_kg", self.net_mass_kg)
+        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
+        check.optional(check.heading, kind, "heading_deg", self.heading_deg)
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(kind, field, value, "deg", 0.0, 90.0, open_low=True)
-        if self.shift_m is not None:
-            check.number(kind, "shift_m", self.shift_m)
+        check.optional(check.number, kind, "shift_m", self.shift_m)
 
     def _ascent(self, vehicle: Vehicle, label: str) -> Way:
         """The steady climb."""

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.base import limit
 from twin.mission.segments.level import Level
 from twin.mission.way import Way, heading
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +19,7 @@ class Transect(Level):
     """A level way on a heading, under a propeller."""
 
     kind: ClassVar[str] = "transect"
+    limits = ("length_m", "duration_s")
 
     heading_deg: float | None = None
     """Heading to hold [deg true]; None: the heading at the segment's start."""
@@ -35,17 +30,9 @@ class Transect(Level):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.heading_deg is not None:
-            check.heading(self.kind, "heading_deg", self.heading_deg)
-        if self.length_m is not None:
-            check.limit(self.kind, "length_m", self.length_m, "m")
-        if self.duration_s is not None:
-            check.limit(self.kind, "duration_s", self.duration_s, "s")
-
-    @property
-    def limited(self) -> bool:
-        """Whether the segment ends by itself."""
-        return self.length_m is not None or self.duration_s is not None
+        check.optional(check.heading, self.kind, "heading_deg", self.heading_deg)
+        check.optional(check.limit, self.kind, "length_m", self.length_m, "m")
+        check.optional(check.limit, self.kind, "duration_s", self.duration_s, "s")
 
     def _duration(self, steady: Way) -> float | None:
         """[s] until its limit; None: it has none."""

@@ -7,10 +7,9 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import geodesy
 from twin.errors import MissionError, unknown_name
@@ -20,11 +19,8 @@ from twin.mission.segments.base import command_of, limit
 from twin.mission.segments.profile import Profile
 from twin.mission.segments.surface import Surface
 from twin.mission.way import Way, check_near, check_reachable, turn_limit
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 DEGREES, METRES = ("latitude", "longitude"), ("north_m", "east_m")
 """Keys of a target: on the Earth, or from the origin of the mission's frame"""
@@ -45,6 +41,7 @@ class Waypoint(Profile):
     """
 
     kind: ClassVar[str] = "waypoint"
+    limits = ()  # it ends when it has arrived
 
     targets: tuple[Mapping[str, float], ...]
     """Places to go to, in order: `{ latitude = 49.1, longitude = -16.2 }` [degree], or
@@ -82,8 +79,7 @@ class Waypoint(Profile):
         targets = tuple(_checked(f"{kind}: targets[{i}]", t) for i, t in enumerate(self.targets))
         object.__setattr__(self, "targets", targets)
         check.limit(kind, "arrival_radius_m", self.arrival_radius_m, "m")
-        if self.surface_after_s is not None:
-            check.limit(kind, "surface_after_s", self.surface_after_s, "s")
+        check.optional(check.limit, kind, "surface_after_s", self.surface_after_s, "s")
         if self.surface_after_yos is not None:
             check.limit(kind, "surface_after_yos", self.surface_after_yos, "")
             if self.surface_after_yos % 1:
@@ -108,11 +104,6 @@ class Waypoint(Profile):
             )
         field, value = "max_rotation_deg", self.max_rotation_deg
         check.within(kind, field, value, "deg", 0.0, 90.0, open_low=True)
-
-    @property
-    def limited(self) -> bool:
-        """It ends when it has arrived."""
-        return True
 
     @property
     def geographic(self) -> bool:

@@ -6,7 +6,7 @@ baselines are two seams: kinds of one's own join by name. An estimator is import
 
 from typing import TYPE_CHECKING
 
-from twin.lazy import attach
+from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.navigation.estimators.base import VELOCITY_ESTIMATORS as VELOCITY_ESTIMATORS
@@ -16,17 +16,6 @@ if TYPE_CHECKING:
     from twin.navigation.estimators.base import register as register
     from twin.navigation.estimators.base import usual_velocity_estimator as usual_velocity_estimator
 
-_PLACES = {
-    name: f"twin.navigation.estimators.base:{name}"
-    for name in (
-        "VELOCITY_ESTIMATORS",
-        "BodyVelocity",
-        "VelocityEstimator",
-        "open_velocity_estimator",
-        "register",
-        "usual_velocity_estimator",
-    )
-}
-
+_PLACES = places(__name__)
 __all__ = [*_PLACES]
 __getattr__, __dir__ = attach(__name__, _PLACES)

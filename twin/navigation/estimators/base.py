@@ -9,7 +9,7 @@ import abc
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,6 @@ from twin import seams
 from twin.errors import InputError
 from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
-
 
 State = Mapping[str, NDArray[Any]]
 """What the next step depends on, arrays by name."""

@@ -8,25 +8,18 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
-from twin.navigation.estimators.base import (
-    BodyVelocity,
-    State,
-    VelocityDeviation,
-    VelocityEstimator,
-)
+from twin.navigation.estimators.base import VelocityDeviation, VelocityEstimator
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.plugins import place_of
 from twin.records.schema import VARIABLES
 from twin.registry import check_class
-from twin.seams import BASELINES
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle
 
@@ -84,6 +77,9 @@ class Baseline(abc.ABC):
     channels: ClassVar[tuple[str, ...]]
     """Schema variables that it reads on every vehicle; none of them is truth."""
 
+    steps: ClassVar[type[BaselineSteps]] = BaselineSteps
+    """The method under way."""
+
     vehicle: Vehicle
     """Nominal parameters."""
 
@@ -115,7 +111,7 @@ class Baseline(abc.ABC):
 
         What it says of a sample is what `estimate` says of the last one of what was seen so far.
         """
-        return BaselineSteps(self, period)
+        return self.steps(self, period)
 
 
 def no_glider(vehicle: Vehicle) -> str:
@@ -216,73 +212,3 @@ def bridge(values: Array, valid: Mask, outside: float = 0.0, *, held: bool = Fal
         return np.full(len(values), outside)
     after = values[valid][-1] if held else outside
     return np.interp(index, index[valid], values[valid], left=outside, right=after)
-
-
-class ByBaseline(VelocityEstimator):
-    """A baseline sample by sample, for the vehicle as its file says."""
-
-    baseline: ClassVar[str]
-    """its name"""
-
-    def __init__(self, inner: VelocityEstimator):
-        self._inner = inner
-        self.period, self.channels = inner.period, inner.channels
-
-    @classmethod
-    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
-        """See `VelocityEstimator`; it takes no argument."""
-        if argument:
-            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
-        kind = BASELINES[cls.baseline]
-        if why := kind.unsuited(vehicle):
-            raise InputError(f"estimator {cls.kind!r}: {why}")
-        return cls(kind(vehicle=vehicle).begin(period))
-
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`."""
-        return self._inner.deviation
-
-    def reset(self) -> None:
-        """See `VelocityEstimator`."""
-        self._inner.reset()
-
-    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`."""
-        return self._inner.step(sample)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """See `VelocityEstimator`."""
-        return self._inner.state()
-
-    def restore(self, state: State) -> None:
-        """See `VelocityEstimator`."""
-        self._inner.restore(state)
-
-
-class ByEkf(ByBaseline):
-    """See `twin.navigation.estimators.ekf`."""
-
-    kind = baseline = "ekf"
-    summary = "extended Kalman filter on the vehicle's momentum equations"
-
-
-class BySteadyFlight(ByBaseline):
-    """See `twin.navigation.estimators.steady_flight`."""
-
-    kind = baseline = "steady_flight"
-    summary = "forces in balance at every sample"
-
-
-class ByPitchPlusAlpha(ByBaseline):
-    """See `twin.navigation.estimators.pitch_plus_alpha`."""
-
-    kind = baseline = "pitch_plus_alpha"
-    summary = "depth rate over the tangent of pitch plus one angle of attack"
-
-
-class ByDvl(ByBaseline):
-    """See `twin.navigation.estimators.dvl`."""
-
-    kind = baseline = "dvl"
-    summary = "Doppler log, filled by a glider's flight model or else by its last velocity"

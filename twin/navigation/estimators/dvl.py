@@ -12,7 +12,6 @@ last velocity that was measured.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -36,7 +35,7 @@ from twin.navigation.dvl_cleaning import (
     MAD_TO_SIGMA,
     WATER,
 )
-from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
+from twin.navigation.estimators.base import BodyVelocity
 from twin.navigation.estimators.baseline import (
     Baseline,
     Estimate,
@@ -55,6 +54,27 @@ CURRENT_TIME_S = 600.0
 """[s] over which the current found in bottom lock is averaged."""
 LEAST_WATER_SHARE = 0.5
 """of the samples in water lock: below it the log says nothing on the velocity through the water"""
+
+
+class DvlSteps(BaselineSteps):
+    """The Doppler log under way: every water lock counts, the flight model says the rest.
+
+    Of a vehicle whose flight is not modelled the last velocity that the log measured holds: through
+    the water in water lock, over ground in bottom lock, where a navigator then finds no current.
+    """
+
+    kind = "dvl"
+    summary = "Doppler log, filled by a glider's flight model or else by its last velocity"
+
+    def last(self, signals: Signals) -> BodyVelocity:
+        """See `BaselineSteps`; without any lock a glider's flight model's."""
+        vehicle = self.baseline.vehicle
+        if no_glider(vehicle):
+            return _last_measured(signals)
+        found = self.baseline.estimate(signals, self.period, least_water=0.0)
+        if found.surge is None:
+            found = SteadyFlight(vehicle=vehicle).estimate(signals, self.period)
+        return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,6 +98,7 @@ class Dvl(Baseline):
         *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
     )
+    steps = DvlSteps
 
     @classmethod
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
@@ -85,16 +106,13 @@ class Dvl(Baseline):
         flight = () if no_glider(vehicle) else SteadyFlight.channels
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `Baseline`; without any lock nothing is estimated."""
-        return self._estimate(signals, period, LEAST_WATER_SHARE)
+    def estimate(
+        self, signals: Signals, period: float, least_water: float = LEAST_WATER_SHARE
+    ) -> Estimate:
+        """See `Baseline`; without any lock nothing is estimated.
 
-    def begin(self, period: float) -> VelocityEstimator:
-        """See `Baseline`: on board every water lock counts, and the
-        flight model or the last velocity says the rest."""
-        return DvlSteps(self, period)
-
-    def _estimate(self, signals: Signals, period: float, least_water: float) -> Estimate:
+        `least_water` is the share of samples in water lock that a velocity needs.
+        """
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
@@ -144,32 +162,6 @@ class Dvl(Baseline):
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
         return held, np.asarray(age * period <= SHORT_LOSS_S)
-
-
-class DvlSteps(BaselineSteps):
-    """The Doppler log under way.
-
-    Of a vehicle whose flight is not modelled the last velocity that the log measured holds: through
-    the water in water lock, over ground in bottom lock, where a navigator then finds no current.
-    """
-
-    baseline: Dvl
-
-    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; without any lock a glider's flight model's."""
-        self.recent.add(sample)
-        if self.recent.count < 2:
-            return BodyVelocity(surge=0.0, sway=0.0)
-        signals = self.recent.signals()
-        if no_glider(self.baseline.vehicle):
-            return _last_measured(signals)
-        found = self.baseline._estimate(signals, self.period, 0.0)
-        if found.surge is not None and found.sway is not None:
-            return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
-        flight = SteadyFlight(vehicle=self.baseline.vehicle).estimate(signals, self.period)
-        assert flight.surge is not None
-        assert flight.sway is not None
-        return BodyVelocity(surge=float(flight.surge[-1]), sway=float(flight.sway[-1]))
 
 
 def _last_measured(signals: Signals) -> BodyVelocity:

@@ -28,12 +28,7 @@ from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.matrices import skew
 from twin.identify.start_values import net_mass
 from twin.navigation.dead_reckoning import Array, AttitudeSeries, Signals, finite_channel
-from twin.navigation.estimators.base import (
-    BodyVelocity,
-    State,
-    VelocityDeviation,
-    VelocityEstimator,
-)
+from twin.navigation.estimators.base import BodyVelocity, State, VelocityDeviation
 from twin.navigation.estimators.baseline import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -46,7 +41,7 @@ from twin.navigation.estimators.baseline import (
 )
 from twin.navigation.estimators.ekf_kernels import DEPTH, STATES, SURGE, SWAY, filtered
 from twin.navigation.estimators.glide_deviation import glide_deviation
-from twin.navigation.estimators.steps import Recent
+from twin.navigation.estimators.steps import BaselineSteps, Recent
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -89,6 +84,76 @@ class EkfRun(NamedTuple):
     """[m] what the filter expected, (time,)"""
 
 
+_INPUTS = (
+    "measured_roll", "measured_pitch", "measured_roll_rate", "measured_pitch_rate",
+    "measured_yaw_rate", "measured_pump",
+)  # fmt: skip
+
+
+class EkfSteps(BaselineSteps):
+    """The filter under way, with the depths of the last seconds."""
+
+    kind = "ekf"
+    summary = "extended Kalman filter on the vehicle's momentum equations"
+
+    def __init__(self, baseline: Ekf, period: float):
+        """Begin before the first sample; `period` [s] between samples."""
+        super().__init__(baseline, period)
+        self.recent = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
+        self.reset()
+
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        super().reset()
+        self._carried = np.zeros(0)
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`."""
+        self.recent.add(sample)
+        depth = sample["measured_depth"]
+        still = depth < SURFACE_DEPTH
+        if depth < SHALLOW_DEPTH and self.recent.count > 1:
+            still = bool(afloat(self.recent.signals()["measured_depth"], self.period)[-1])
+        if not self._carried.size:
+            self._carried = first_carried(self.baseline.noise, depth)
+        inputs = self._inputs(sample, depth, still=still)
+        run = self.baseline.model.run(inputs, np.array([depth]), self.period, self._carried)
+        surge, sway, heave = run.states[0, :3]
+        return BodyVelocity(
+            surge=float(surge), sway=float(sway), heave=float(heave),
+            covariance=run.covariances[0, :3, :3],
+        )  # fmt: skip
+
+    def _inputs(self, sample: Mapping[str, float], depth: float, *, still: bool) -> Array:
+        """As `Ekf.inputs`, of one sample, (1, 7).
+
+        Raises:
+          InputError: a value is missing or not finite.
+        """
+        try:
+            roll, pitch, p, q, r, pump = (float(sample[name]) for name in _INPUTS)
+        except KeyError as lost:
+            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
+        if not math.isfinite(roll + pitch + p + q + r + pump + depth):
+            bad = [name for name in (*_INPUTS, "measured_depth") if not math.isfinite(sample[name])]
+            raise InputError(f"channel {bad[0]} of the sample is not finite: the EKF needs it")
+        roll, pitch = math.radians(roll), math.radians(pitch)
+        net = 0.0 if still else float(net_mass(self.baseline.vehicle, pump, max(depth, 0.0)))  # type: ignore[arg-type]
+        down = (
+            -math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll),
+        )  # fmt: skip
+        return np.array([[*down, p, q, r, net]])
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        return {**super().state(), "carried": self._carried.copy()}
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`."""
+        super().restore(state)
+        self._carried = np.array(state["carried"], np.float64)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ekf(Baseline):
     """Model-based observer with the nominal parameters."""
@@ -104,6 +169,7 @@ class Ekf(Baseline):
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
         *("measured_pump", "measured_shift", "measured_rotation"),
     )
+    steps = EkfSteps
     noise: EkfNoise = dataclasses.field(default_factory=EkfNoise)
 
     @classmethod
@@ -128,10 +194,6 @@ class Ekf(Baseline):
             surge_sd=np.sqrt(run.covariances[:, SURGE, SURGE]),
             sway_sd=np.sqrt(run.covariances[:, SWAY, SWAY]),
         )
-
-    def begin(self, period: float) -> VelocityEstimator:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        return EkfSteps(self, period)
 
     def run(self, signals: Signals, period: float) -> EkfRun:
         """The whole filter on one mission."""
@@ -208,79 +270,6 @@ def first_carried(noise: EkfNoise, depth: float) -> Array:
     state = np.zeros(STATES)
     state[DEPTH] = depth
     return np.concatenate([np.full(7, np.nan), state, np.diag(first).ravel()])
-
-
-_INPUTS = (
-    "measured_roll", "measured_pitch", "measured_roll_rate", "measured_pitch_rate",
-    "measured_yaw_rate", "measured_pump",
-)  # fmt: skip
-
-
-class EkfSteps(VelocityEstimator):
-    """The filter under way."""
-
-    def __init__(self, ekf: Ekf, period: float):
-        """Begin before the first sample; `period` [s] between samples."""
-        self.ekf, self.period = ekf, period
-        self.channels = ekf.channels
-        self._depths = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
-        self.reset()
-
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`."""
-        return self.ekf.deviation
-
-    def reset(self) -> None:
-        """See `VelocityEstimator`."""
-        self._depths.reset()
-        self._carried = np.zeros(0)
-
-    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`."""
-        self._depths.add(sample)
-        depth = sample["measured_depth"]
-        still = depth < SURFACE_DEPTH
-        if depth < SHALLOW_DEPTH and self._depths.count > 1:
-            still = bool(afloat(self._depths.signals()["measured_depth"], self.period)[-1])
-        if not self._carried.size:
-            self._carried = first_carried(self.ekf.noise, depth)
-        inputs = self._inputs(sample, depth, still=still)
-        run = self.ekf.model.run(inputs, np.array([depth]), self.period, self._carried)
-        surge, sway, heave = run.states[0, :3]
-        return BodyVelocity(
-            surge=float(surge), sway=float(sway), heave=float(heave),
-            covariance=run.covariances[0, :3, :3],
-        )  # fmt: skip
-
-    def _inputs(self, sample: Mapping[str, float], depth: float, *, still: bool) -> Array:
-        """As `Ekf.inputs`, of one sample, (1, 7).
-
-        Raises:
-          InputError: a value is missing or not finite.
-        """
-        try:
-            roll, pitch, p, q, r, pump = (float(sample[name]) for name in _INPUTS)
-        except KeyError as lost:
-            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
-        if not math.isfinite(roll + pitch + p + q + r + pump + depth):
-            bad = [name for name in (*_INPUTS, "measured_depth") if not math.isfinite(sample[name])]
-            raise InputError(f"channel {bad[0]} of the sample is not finite: the EKF needs it")
-        roll, pitch = math.radians(roll), math.radians(pitch)
-        net = 0.0 if still else float(net_mass(self.ekf.vehicle, pump, max(depth, 0.0)))  # type: ignore[arg-type]
-        down = (
-            -math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll),
-        )  # fmt: skip
-        return np.array([[*down, p, q, r, net]])
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """See `VelocityEstimator`."""
-        return {**self._depths.state(), "carried": self._carried.copy()}
-
-    def restore(self, state: State) -> None:
-        """See `VelocityEstimator`."""
-        self._depths.restore(state)
-        self._carried = np.array(state["carried"], np.float64)
 
 
 def _inertia(vehicle: Vehicle) -> Array:

@@ -24,6 +24,7 @@ from twin.navigation.estimators.baseline import (
     no_glider,
     smooth,
 )
+from twin.navigation.estimators.steps import BaselineSteps
 from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
@@ -34,6 +35,13 @@ LEAST_PITCH = math.radians(10.0)
 """[rad] below this the quotient is not used and the last speed is held (inflections)."""
 MAX_SPEED = 1.0
 """[m/s] no buoyancy glider is faster through the water for long."""
+
+
+class PitchPlusAlphaSteps(BaselineSteps):
+    """The same under way."""
+
+    kind = "pitch_plus_alpha"
+    summary = "depth rate over the tangent of pitch plus one angle of attack"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,6 +56,7 @@ class PitchPlusAlpha(Baseline):
     colour = "orange"
     drawn = True
     channels: ClassVar[tuple[str, ...]] = ("measured_depth", "measured_pitch")
+    steps = PitchPlusAlphaSteps
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:

@@ -8,7 +8,6 @@ steep the depth rate fixes it, which a wrong drag coefficient or ballast cannot 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +20,7 @@ from twin.navigation.dead_reckoning import (
     depth_rate,
     finite_channel,
 )
-from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation, VelocityEstimator
+from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation
 from twin.navigation.estimators.baseline import (
     Baseline,
     Estimate,
@@ -46,6 +45,27 @@ LEAST_SINE = 0.12
 buoyancy gliders is near 8."""
 
 
+class SteadyFlightSteps(BaselineSteps):
+    """Steady flight under way: only samples from the last glide on are balanced."""
+
+    kind = "steady_flight"
+    summary = "forces in balance at every sample"
+
+    def last(self, signals: Signals) -> BodyVelocity:
+        """See `BaselineSteps`; at rest before the first glide."""
+        vehicle = self.baseline.vehicle
+        seen = Seen.of(vehicle, signals, self.period)
+        end, count = (0 if seen.still[-1] else len(seen.still)), 1
+        while end > 0:
+            begin = max(end - count, 0)
+            velocity, gliding = seen.balanced(vehicle, slice(begin, end))
+            if gliding.any():
+                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
+                return BodyVelocity(surge=float(surge), sway=float(sway))
+            end, count = begin, 2 * count
+        return BodyVelocity(surge=0.0, sway=0.0)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SteadyFlight(Baseline):
     """Speed, angle of attack and sideslip from forces in balance."""
@@ -62,6 +82,7 @@ class SteadyFlight(Baseline):
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate", "measured_pump"),
     )
+    steps = SteadyFlightSteps
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
@@ -81,10 +102,6 @@ class SteadyFlight(Baseline):
         return Estimate(
             surge=np.where(seen.still, 0.0, surge), sway=np.where(seen.still, 0.0, sway)
         )
-
-    def begin(self, period: float) -> VelocityEstimator:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        return SteadyFlightSteps(self, period)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,26 +161,3 @@ class Seen:
         gliding = gliding & self.steady[span] & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
         speed = (speed * FLAT_SINE**2 + rate * down) / (FLAT_SINE**2 + down**2)
         return np.maximum(speed, 0.0) * direction[:2], gliding
-
-
-class SteadyFlightSteps(BaselineSteps):
-    """Steady flight under way: only samples from the last glide on are balanced."""
-
-    baseline: SteadyFlight
-
-    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; at rest at the first sample and before the first glide."""
-        self.recent.add(sample)
-        if self.recent.count < 2:
-            return BodyVelocity(surge=0.0, sway=0.0)
-        vehicle = self.baseline.vehicle
-        seen = Seen.of(vehicle, self.recent.signals(), self.period)
-        end, count = (0 if seen.still[-1] else self.recent.count), 1
-        while end > 0:
-            begin = max(end - count, 0)
-            velocity, gliding = seen.balanced(vehicle, slice(begin, end))
-            if gliding.any():
-                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
-                return BodyVelocity(surge=float(surge), sway=float(sway))
-            end, count = begin, 2 * count
-        return BodyVelocity(surge=0.0, sway=0.0)

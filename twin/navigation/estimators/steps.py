@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.navigation.dead_reckoning import Signals
 from twin.navigation.estimators.base import (
     BodyVelocity,
     State,
     VelocityDeviation,
     VelocityEstimator,
 )
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
+from twin.seams import BASELINES
+from twin.vehicle.vehicle import Vehicle
 
 MEMORY_S = 120.0
 """[s] that a baseline looks back: its longest average, and an inflection, over which it holds."""
@@ -79,7 +81,10 @@ class Recent:
 
 
 class BaselineSteps(VelocityEstimator):
-    """What a baseline says of the last sample when it has seen `MEMORY_S` up to it."""
+    """What a baseline says of the last sample when it has seen `MEMORY_S` up to it.
+
+    One that the command line can name has the name of its baseline as `kind`.
+    """
 
     def __init__(self, baseline: Any, period: float):
         """Begin before the first sample of a `Baseline`; `period` [s] between samples."""
@@ -93,20 +98,34 @@ class BaselineSteps(VelocityEstimator):
         found: VelocityDeviation = self.baseline.deviation
         return found
 
+    @classmethod
+    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
+        """See `VelocityEstimator`; it takes no argument."""
+        if argument:
+            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
+        baseline = BASELINES[cls.kind]
+        if why := baseline.unsuited(vehicle):
+            raise InputError(f"estimator {cls.kind!r}: {why}")
+        return cls(baseline(vehicle=vehicle), period)
+
     def reset(self) -> None:
         """See `VelocityEstimator`."""
         self.recent.reset()
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; at rest at the first sample.
+        """See `VelocityEstimator`; at rest at the first sample."""
+        self.recent.add(sample)
+        if self.recent.count < 2:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        return self.last(self.recent.signals())
+
+    def last(self, signals: Signals) -> BodyVelocity:
+        """Velocity at the last of the samples (count,) of each channel.
 
         Raises:
           InputError: the method gives no velocity of this vehicle.
         """
-        self.recent.add(sample)
-        if self.recent.count < 2:
-            return BodyVelocity(surge=0.0, sway=0.0)
-        found = self.baseline.estimate(self.recent.signals(), self.period)
+        found = self.baseline.estimate(signals, self.period)
         if found.surge is None or found.sway is None:
             raise InputError(
                 f"the method {self.baseline.title!r} gives no velocity through the water here: "

@@ -10,62 +10,29 @@ A feature is computed over a whole mission (`Feature.compute`) or sample by samp
 (`FeatureSteps`), to the same values.
 """
 
-from twin.navigation.features.base import (
-    FEATURES,
-    GLIDER_PARTS,
-    SLOW_S,
-    Array,
-    Channels,
-    Feature,
-    Term,
-    channels_of,
-    feature,
-    is_known,
-    is_part_channel,
-    register,
-    trailing_mean,
-    trailing_slope,
-)
-from twin.navigation.features.selection import (
-    DEFAULT_GROUPS,
-    FLIGHT,
-    INPUT_SETS,
-    SENSORS,
-    feature_matrix,
-    features_for,
-    features_of,
-    groups,
-    leave_out,
-    mirror_signs,
-    select_features,
-)
-from twin.navigation.features.steps import FeatureSteps
-
-__all__ = [
-    "DEFAULT_GROUPS",
-    "FEATURES",
-    "FLIGHT",
-    "GLIDER_PARTS",
-    "INPUT_SETS",
-    "SENSORS",
-    "SLOW_S",
-    "Array",
-    "Channels",
-    "Feature",
-    "FeatureSteps",
-    "Term",
-    "channels_of",
-    "feature",
-    "feature_matrix",
-    "features_for",
-    "features_of",
-    "groups",
-    "is_known",
-    "is_part_channel",
-    "leave_out",
-    "mirror_signs",
-    "register",
-    "select_features",
-    "trailing_mean",
-    "trailing_slope",
-]
+from twin.navigation.features.base import FEATURES as FEATURES
+from twin.navigation.features.base import GLIDER_PARTS as GLIDER_PARTS
+from twin.navigation.features.base import SLOW_S as SLOW_S
+from twin.navigation.features.base import Channels as Channels
+from twin.navigation.features.base import Feature as Feature
+from twin.navigation.features.base import Term as Term
+from twin.navigation.features.base import channels_of as channels_of
+from twin.navigation.features.base import feature as feature
+from twin.navigation.features.base import is_known as is_known
+from twin.navigation.features.base import is_part_channel as is_part_channel
+from twin.navigation.features.base import register as register
+from twin.navigation.features.base import trailing_mean as trailing_mean
+from twin.navigation.features.base import trailing_slope as trailing_slope
+from twin.navigation.features.selection import DEFAULT_GROUPS as DEFAULT_GROUPS
+from twin.navigation.features.selection import FLIGHT as FLIGHT
+from twin.navigation.features.selection import INPUT_SETS as INPUT_SETS
+from twin.navigation.features.selection import SENSORS as SENSORS
+from twin.navigation.features.selection import feature_matrix as feature_matrix
+from twin.navigation.features.selection import features_for as features_for
+from twin.navigation.features.selection import features_of as features_of
+from twin.navigation.features.selection import groups as groups
+from twin.navigation.features.selection import leave_out as leave_out
+from twin.navigation.features.selection import mirror_signs as mirror_signs
+from twin.navigation.features.selection import select_features as select_features
+from twin.navigation.features.steps import FeatureSteps as FeatureSteps
+from twin.numbers import Array as Array

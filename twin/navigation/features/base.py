@@ -14,14 +14,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import seams
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
 from twin.registry import Registry
 
-Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
 """Signals (time,) of one mission by schema name; angles in degrees as stored."""
 

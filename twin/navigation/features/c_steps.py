@@ -10,7 +10,8 @@ import dataclasses
 from collections.abc import Sequence
 
 from twin.errors import InputError
-from twin.navigation.features.base import Array, Feature, Term, feature, slope_weights
+from twin.navigation.features.base import Feature, Term, feature, slope_weights
+from twin.numbers import Array
 
 DEGREE = "(3.14159265358979323846 / 180.0)"
 SHAPED = {

@@ -16,19 +16,20 @@ import numpy as np
 
 from twin.navigation.features.base import SLOW_S, Feature, Look, Shape, Term
 
-FLIGHT_SURGE = Feature(
-    name="flight_surge", group="flight", unit="m s-1", terms=(Term(channel="estimated_surge"),)
-)
-FLIGHT_SWAY = Feature(
-    name="flight_sway",
-    group="flight",
-    unit="m s-1",
-    terms=(Term(channel="estimated_sway"),),
-    odd=True,
-)
-FLIGHT_ATTACK = Feature(
-    name="flight_attack", group="flight", unit="rad", terms=(Term(channel="estimated_attack"),)
-)
+
+def _one(
+    name: str,
+    group: str,
+    channel: str,
+    unit: str = "1",
+    shape: Shape = "plain",
+    look: Look = "last",
+    seconds: float = 0.0,
+    *,
+    odd: bool = False,
+) -> Feature:
+    term = Term(channel=channel, shape=shape, look=look, seconds=seconds)
+    return Feature(name=name, group=group, unit=unit, terms=(term,), odd=odd)
 
 
 FLAT_SINE = 0.15
@@ -54,11 +55,6 @@ const double rate = t[0], sine = sin(t[1] * 3.14159265358979323846 / 180.0);
 """`glide_speed` in C99."""
 
 
-def _rate(name: str, seconds: float) -> Feature:
-    term = Term(channel="measured_depth", look="slope", seconds=seconds)
-    return Feature(name=name, group=name, unit="m s-1", terms=(term,))
-
-
 def _glide(name: str, look: Look, seconds: float) -> Feature:
     rate = Term(channel="measured_depth", look="slope", seconds=seconds)
     pitch = Term(channel="measured_pitch", look=look, seconds=seconds)
@@ -67,9 +63,11 @@ def _glide(name: str, look: Look, seconds: float) -> Feature:
     )
 
 
-DEPTH = Feature(name="depth", group="depth", unit="m", terms=(Term(channel="measured_depth"),))
-DEPTH_RATE = _rate("depth_rate", 0.0)
-DEPTH_RATE_SLOW = _rate("depth_rate_slow", SLOW_S)
+DEPTH = _one("depth", "depth", "measured_depth", "m")
+DEPTH_RATE = _one("depth_rate", "depth_rate", "measured_depth", "m s-1", look="slope")
+DEPTH_RATE_SLOW = _one(
+    "depth_rate_slow", "depth_rate_slow", "measured_depth", "m s-1", look="slope", seconds=SLOW_S
+)
 GLIDE_SPEED = _glide("glide_speed", "last", 0.0)
 GLIDE_SPEED_SLOW = _glide("glide_speed_slow", "mean", SLOW_S)
 
@@ -105,10 +103,6 @@ const double rate = t[0], sine = size > 0.0 ? t[1] / size : 0.0;
 """`gravity_glide_speed` in C99."""
 
 
-def _plain(name: str, group: str, channel: str, unit: str, *, odd: bool = False) -> Feature:
-    return Feature(name=name, group=group, unit=unit, terms=(Term(channel=channel),), odd=odd)
-
-
 def _mean_force(seconds: float) -> tuple[Term, ...]:
     return tuple(Term(channel=name, look="mean", seconds=seconds) for name in FORCES)
 
@@ -125,12 +119,12 @@ def _gravity_glide(name: str, seconds: float) -> Feature:
     )
 
 
-ROLL_RATE = _plain("roll_rate", "gyroscope", "measured_roll_rate", "rad s-1", odd=True)
-PITCH_RATE = _plain("pitch_rate", "gyroscope", "measured_pitch_rate", "rad s-1")
-YAW_RATE = _plain("yaw_rate", "gyroscope", "measured_yaw_rate", "rad s-1", odd=True)
-SPECIFIC_FORCE_X = _plain("specific_force_x", "accelerometer", FORCES[0], "m s-2")
-SPECIFIC_FORCE_Y = _plain("specific_force_y", "accelerometer", FORCES[1], "m s-2", odd=True)
-SPECIFIC_FORCE_Z = _plain("specific_force_z", "accelerometer", FORCES[2], "m s-2")
+ROLL_RATE = _one("roll_rate", "gyroscope", "measured_roll_rate", "rad s-1", odd=True)
+PITCH_RATE = _one("pitch_rate", "gyroscope", "measured_pitch_rate", "rad s-1")
+YAW_RATE = _one("yaw_rate", "gyroscope", "measured_yaw_rate", "rad s-1", odd=True)
+SPECIFIC_FORCE_X = _one("specific_force_x", "accelerometer", FORCES[0], "m s-2")
+SPECIFIC_FORCE_Y = _one("specific_force_y", "accelerometer", FORCES[1], "m s-2", odd=True)
+SPECIFIC_FORCE_Z = _one("specific_force_z", "accelerometer", FORCES[2], "m s-2")
 GRAVITY_PITCH_SINE = Feature(
     name="gravity_pitch_sine",
     group="gravity",
@@ -143,29 +137,22 @@ GRAVITY_GLIDE_SPEED = _gravity_glide("gravity_glide_speed", 0.0)
 GRAVITY_GLIDE_SPEED_SLOW = _gravity_glide("gravity_glide_speed_slow", SLOW_S)
 
 
-def _of(name: str, group: str, angle: str, shape: Shape, *, odd: bool = False) -> Feature:
-    term = Term(channel=f"measured_{angle}", shape=shape)
-    return Feature(name=name, group=group, unit="1", terms=(term,), odd=odd)
-
-
-def _slow_sine(name: str, angle: str, *, odd: bool = False) -> Feature:
-    term = Term(channel=f"measured_{angle}", shape="sine", look="mean", seconds=SLOW_S)
-    return Feature(name=name, group="attitude_slow", unit="1", terms=(term,), odd=odd)
-
-
 def _change(name: str, angle: str, *, slow: bool = False, odd: bool = False) -> Feature:
     seconds = SLOW_S if slow else 0.0
-    term = Term(channel=f"measured_{angle}", shape="angle", look="slope", seconds=seconds)
     group = "attitude_rate_slow" if slow else "attitude_rate"
-    return Feature(name=name, group=group, unit="rad s-1", terms=(term,), odd=odd)
+    return _one(name, group, f"measured_{angle}", "rad s-1", "angle", "slope", seconds, odd=odd)
 
 
-SIN_ROLL = _of("sin_roll", "attitude", "roll", "sine", odd=True)
-COS_ROLL = _of("cos_roll", "attitude", "roll", "cosine")
-SIN_PITCH = _of("sin_pitch", "attitude", "pitch", "sine")
-COS_PITCH = _of("cos_pitch", "attitude", "pitch", "cosine")
-SIN_ROLL_SLOW = _slow_sine("sin_roll_slow", "roll", odd=True)
-SIN_PITCH_SLOW = _slow_sine("sin_pitch_slow", "pitch")
+SIN_ROLL = _one("sin_roll", "attitude", "measured_roll", shape="sine", odd=True)
+COS_ROLL = _one("cos_roll", "attitude", "measured_roll", shape="cosine")
+SIN_PITCH = _one("sin_pitch", "attitude", "measured_pitch", shape="sine")
+COS_PITCH = _one("cos_pitch", "attitude", "measured_pitch", shape="cosine")
+SIN_ROLL_SLOW = _one(
+    "sin_roll_slow", "attitude_slow", "measured_roll", "1", "sine", "mean", SLOW_S, odd=True
+)
+SIN_PITCH_SLOW = _one(
+    "sin_pitch_slow", "attitude_slow", "measured_pitch", "1", "sine", "mean", SLOW_S
+)
 ROLL_CHANGE = _change("roll_change", "roll", odd=True)
 PITCH_CHANGE = _change("pitch_change", "pitch")
 HEADING_CHANGE = _change("heading_change", "heading", odd=True)
@@ -174,34 +161,22 @@ PITCH_CHANGE_SLOW = _change("pitch_change_slow", "pitch", slow=True)
 HEADING_CHANGE_SLOW = _change("heading_change_slow", "heading", slow=True, odd=True)
 
 
-def _of_controls(
-    name: str,
-    group: str,
-    channel: str,
-    unit: str,
-    shape: Shape = "plain",
-    look: Look = "last",
-    *,
-    odd: bool = False,
-) -> Feature:
-    term = Term(channel=channel, shape=shape, look=look)
-    return Feature(name=name, group=group, unit=unit, terms=(term,), odd=odd)
-
-
-SHIFT = _of_controls("shift", "controls", "measured_shift", "m")
-SIN_ROTATION = _of_controls("sin_rotation", "controls", "measured_rotation", "1", "sine", odd=True)
-COS_ROTATION = _of_controls("cos_rotation", "controls", "measured_rotation", "1", "cosine")
-PUMP = _of_controls("pump", "controls", "measured_pump", "cm3")
-SHIFT_CHANGE = _of_controls("shift_change", "control_rate", "measured_shift", "m s-1", look="slope")
-ROTATION_CHANGE = _of_controls(
+SHIFT = _one("shift", "controls", "measured_shift", "m")
+SIN_ROTATION = _one("sin_rotation", "controls", "measured_rotation", "1", "sine", odd=True)
+COS_ROTATION = _one("cos_rotation", "controls", "measured_rotation", "1", "cosine")
+PUMP = _one("pump", "controls", "measured_pump", "cm3")
+SHIFT_CHANGE = _one("shift_change", "control_rate", "measured_shift", "m s-1", look="slope")
+ROTATION_CHANGE = _one(
     "rotation_change", "control_rate", "measured_rotation", "rad s-1", "angle", "slope", odd=True
 )
-PUMP_CHANGE = _of_controls("pump_change", "control_rate", "measured_pump", "cm3 s-1", look="slope")
-SHIFT_COMMAND = _of_controls("shift_command", "commands", "commanded_shift", "m")
-SIN_ROTATION_COMMAND = _of_controls(
+PUMP_CHANGE = _one("pump_change", "control_rate", "measured_pump", "cm3 s-1", look="slope")
+SHIFT_COMMAND = _one("shift_command", "commands", "commanded_shift", "m")
+SIN_ROTATION_COMMAND = _one(
     "sin_rotation_command", "commands", "commanded_rotation", "1", "sine", odd=True
 )
-COS_ROTATION_COMMAND = _of_controls(
-    "cos_rotation_command", "commands", "commanded_rotation", "1", "cosine"
-)
-PUMP_COMMAND = _of_controls("pump_command", "commands", "commanded_pump", "cm3")
+COS_ROTATION_COMMAND = _one("cos_rotation_command", "commands", "commanded_rotation", "1", "cosine")
+PUMP_COMMAND = _one("pump_command", "commands", "commanded_pump", "cm3")
+
+FLIGHT_SURGE = _one("flight_surge", "flight", "estimated_surge", "m s-1")
+FLIGHT_SWAY = _one("flight_sway", "flight", "estimated_sway", "m s-1", odd=True)
+FLIGHT_ATTACK = _one("flight_attack", "flight", "estimated_attack", "rad")

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.features.base import Array, Feature, Term, feature, slope_weights
+from twin.navigation.features.base import Feature, Term, feature, slope_weights
+from twin.numbers import Array
 
 STATE = ("window", "angles", "count")
 """Arrays of a state."""

@@ -40,6 +40,7 @@ from twin.physics.native.effects import (
     part_volume,
     part_wrench,
     run_control,
+    run_log,
 )
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
@@ -51,7 +52,6 @@ from twin.physics.native.hydrodynamics import (
     part_rate,
     point_mass_wrench,
 )
-from twin.physics.native.sample_log import run_log
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
 

@@ -5,33 +5,17 @@ happened, `measured_*` what the sensors said, `commanded_*` what was asked for. 
 in stores, radians in code.
 """
 
-from twin.records.schema.base import Variable
-from twin.records.schema.declared import (
-    MISSION,
-    SCHEMA_VERSION,
-    SIMULATED,
-    TIME,
-    VARIABLES,
-    declare,
-    declare_stored,
-    variable,
-    variables,
-)
-from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
-
-__all__ = [
-    "HYDROGRAPHY",
-    "LOGGED_ONLY",
-    "MISSION",
-    "SCHEMA_VERSION",
-    "SIGNALS",
-    "SIMULATED",
-    "TIME",
-    "VARIABLES",
-    "WITH_FLOOR",
-    "Variable",
-    "declare",
-    "declare_stored",
-    "variable",
-    "variables",
-]
+from twin.records.schema.declared import HYDROGRAPHY as HYDROGRAPHY
+from twin.records.schema.declared import LOGGED_ONLY as LOGGED_ONLY
+from twin.records.schema.declared import MISSION as MISSION
+from twin.records.schema.declared import SCHEMA_VERSION as SCHEMA_VERSION
+from twin.records.schema.declared import SIGNALS as SIGNALS
+from twin.records.schema.declared import SIMULATED as SIMULATED
+from twin.records.schema.declared import TIME as TIME
+from twin.records.schema.declared import VARIABLES as VARIABLES
+from twin.records.schema.declared import WITH_FLOOR as WITH_FLOOR
+from twin.records.schema.declared import Variable as Variable
+from twin.records.schema.declared import declare as declare
+from twin.records.schema.declared import declare_stored as declare_stored
+from twin.records.schema.declared import variable as variable
+from twin.records.schema.declared import variables as variables

@@ -1,27 +1,122 @@
-"""Registry: the variables that this process knows, by name, and how others are added."""
+"""Declared: the variables that this process knows, by name, and how others are added.
+
+The signals that the twin simulates or an import brings stand in `signals.csv`, a row each, in the
+order of storage. Standard names are CF's where one exists; `gaps` marks what may be NaN inside a
+mission; `held_by` says where it is not of every simulated mission.
+"""
 
 from __future__ import annotations
 
+import csv
+import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError, UnknownName
-from twin.records.schema.base import GROUPS, Variable
-from twin.records.schema.signals import HYDROGRAPHY, LOGGED_ONLY, SIGNALS, WITH_FLOOR
 
 SCHEMA_VERSION = 1
 MISSION, TIME = "mission", "time"
 
-VARIABLES: dict[str, Variable] = {variable.name: variable for variable in SIGNALS}
+GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
+"""Attribute `signal_group` by the prefix of a name"""
+_UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
+                  "kg m-3": 4, "dbar": 5, "S m-1": 7}  # fmt: skip
+"""1e-4 degree is 2e-6 rad, 1e-6 m/s drifts 1 cm in 3 h."""
+_HORIZONTAL_DECIMALS, _DEPTH_DECIMALS, _BATTERY_DECIMALS = 3, 5, 7
+"""[m]: tracks to 1 mm; depth finer, since its rate is taken over half a second; 1e-7 m of battery
+moves pitch by 1e-4 degree."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """One stored signal."""
+
+    name: str
+    units: str
+    """As CF (UDUNITS) writes it; "1" is dimensionless."""
+    long_name: str
+    """A short noun phrase"""
+    standard_name: str | None = None
+    limits: tuple[float, float] | None = None
+    """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
+    gaps: bool = False
+    """Whether it may be NaN inside a mission: no fix, no lock, no setpoint."""
+    comment: str = ""
+    """Conventions, and where it is NaN."""
+
+    @property
+    def decimals(self) -> int | None:
+        """Decimals that bulk stores keep, far below any sensor; None keeps full float32."""
+        return _decimals(self.name, self.units)
+
+    @property
+    def group(self) -> str:
+        """truth, measured or commanded."""
+        return GROUPS[self.name.split("_", 1)[0]]
+
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes."""
+        attributes: dict[str, Any] = {
+            "units": self.units,
+            "long_name": self.long_name,
+            "signal_group": self.group,
+        }
+        if self.standard_name:
+            attributes["standard_name"] = self.standard_name
+        if self.comment:
+            attributes["comment"] = self.comment
+        if self.standard_name == "depth":
+            attributes["positive"] = "down"
+        if self.limits:
+            attributes["valid_min"], attributes["valid_max"] = self.limits
+        if self.gaps:
+            attributes["gaps"] = 1
+        return attributes
+
+    def stored_attributes(self) -> dict[str, str | int]:
+        """Attributes in bulk stores, which keep so many decimals."""
+        attributes: dict[str, str | int] = {**self.attributes()}
+        if self.decimals is not None:
+            attributes["least_significant_digit"] = self.decimals
+        return attributes
+
+
+def _decimals(name: str, units: str) -> int | None:
+    if units != "m":
+        return _UNIT_DECIMALS.get(units)
+    if name.endswith(("north", "east")):
+        return _HORIZONTAL_DECIMALS
+    return _BATTERY_DECIMALS if name.endswith("shift") else _DEPTH_DECIMALS
+
+
+def _read_signals() -> tuple[dict[str, Variable], dict[str, str]]:
+    """The rows of `signals.csv` by name, and what each says in `held_by`."""
+    found: dict[str, Variable] = {}
+    held: dict[str, str] = {}
+    with Path(__file__).with_name("signals.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            name, standard, gaps = row["name"], row["standard_name"] or None, bool(row["gaps"])
+            held[name], words = row["held_by"], (row["units"], row["long_name"], standard)
+            found[name] = Variable(name, *words, gaps=gaps, comment=row["comment"])
+    return found, held
+
+
+VARIABLES, _HELD_BY = _read_signals()
 """Every variable by name, in storage order."""
+SIGNALS = tuple(VARIABLES.values())
+"""Those of the table"""
+LOGGED_ONLY = frozenset(name for name, held in _HELD_BY.items() if held == "logs")
+"""Variables that only stores of real logs hold; the twin does not simulate them."""
+HYDROGRAPHY = frozenset(name for name, held in _HELD_BY.items() if held == "hydrography")
+"""Variables of simulated missions in water whose temperature and salinity are known."""
+WITH_FLOOR = tuple(name for name, held in _HELD_BY.items() if held == "floor")
+"""Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
+SIMULATED = tuple(name for name, held in _HELD_BY.items() if not held)
+"""Variables of every simulated mission, in storage order."""
 
 _STORED: set[str] = set()
 """Names that this process knows from a store alone"""
-
-SIMULATED: tuple[str, ...] = tuple(
-    name for name in VARIABLES if name not in LOGGED_ONLY | HYDROGRAPHY and name not in WITH_FLOOR
-)
-"""Variables of every simulated mission, in storage order."""
 
 
 def variable(name: str) -> Variable:

@@ -56,6 +56,14 @@ TABLE: tuple[LimitedQuantity, ...] = (
     LimitedQuantity("dbar", "", (-20.0, 12_000.0)),
     # freezing brine to a deck in the sun
     LimitedQuantity("degree_Celsius", "", (-5.0, 45.0)),
+    # a counter may count what is left; the largest vehicles carry some thousand
+    LimitedQuantity("A h", "", (-1e4, 1e5)),
+    LimitedQuantity("V", "", (0.0, 500.0)),
+    # charged on deck
+    LimitedQuantity("A", "", (-100.0, 500.0)),
+    LimitedQuantity("W", "", (0.0, 1e4)),
+    # an overpressure of a warm hull to none inside
+    LimitedQuantity("Pa", "", (-5e4, 101_325.0)),
     # fresh water to brine, warm
     LimitedQuantity("S m-1", "", (-0.1, 10.0)),
     LimitedQuantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),

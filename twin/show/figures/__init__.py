@@ -4,25 +4,26 @@ Nothing here uses pyplot: save a figure with `figure.savefig(path)`, or show it 
 figure is imported when it is first used; `registry` adds one of one's own.
 """
 
-from twin.lazy import attach
+from typing import TYPE_CHECKING
 
-_PLACES = {
-    "FIGURES": "twin.show.figures.base:FIGURES",
-    "FigureKind": "twin.show.figures.base:FigureKind",
-    "actuator_figure": "twin.show.figures.device:actuator_figure",
-    "current_figure": "twin.show.figures.water:current_figure",
-    "figure": "twin.show.figures.base:figure",
-    "figure_names": "twin.show.figures.base:figure_names",
-    "log_figure": "twin.show.figures.logged_dive:log_figure",
-    "overview_figure": "twin.show.figures.overview:overview_figure",
-    "register": "twin.show.figures.base:register",
-    "section_figure": "twin.show.figures.section:section_figure",
-    "sensor_figure": "twin.show.figures.device:sensor_figure",
-    "track_3d_figure": "twin.show.figures.track:track_3d_figure",
-    "track_figure": "twin.show.figures.track:track_figure",
-    "velocity_figure": "twin.show.figures.device:velocity_figure",
-}
-"""Where each public name is."""
+from twin.lazy import attach, places
 
+if TYPE_CHECKING:
+    from twin.show.figures.base import FIGURES as FIGURES
+    from twin.show.figures.base import FigureKind as FigureKind
+    from twin.show.figures.base import figure as figure
+    from twin.show.figures.base import figure_names as figure_names
+    from twin.show.figures.base import register as register
+    from twin.show.figures.device import actuator_figure as actuator_figure
+    from twin.show.figures.device import sensor_figure as sensor_figure
+    from twin.show.figures.device import velocity_figure as velocity_figure
+    from twin.show.figures.logged_dive import log_figure as log_figure
+    from twin.show.figures.overview import overview_figure as overview_figure
+    from twin.show.figures.section import section_figure as section_figure
+    from twin.show.figures.track import track_3d_figure as track_3d_figure
+    from twin.show.figures.track import track_figure as track_figure
+    from twin.show.figures.water import current_figure as current_figure
+
+_PLACES = places(__name__)
 __all__ = [*_PLACES]
 __getattr__, __dir__ = attach(__name__, _PLACES)

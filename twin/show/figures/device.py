@@ -138,10 +138,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
             what = "difference" if logged else "measured − true"
             right.set_title(f"{what}: {spread}", fontweight="normal")
             if logged or left is axes[0, 0]:  # in logs each row may have another reference
-                left.legend(
-                    loc="lower right", bbox_to_anchor=(1.0, 1.2 if logged else 0.98), ncols=2,
-                    borderaxespad=0.1,
-                )  # fmt: skip
+                style.legend_above(left, 2, 1.2 if logged else 0.98)
         axes[0, 0].set_xlim(time[0], time[-1])
         for panel in axes[-1]:
             label_time(panel, trajectory, seconds, unit)
@@ -194,10 +191,7 @@ def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: floa
         panel.set_title(position.long_name.partition(",")[0])
         panel.set_ylabel("[mm]" if slides else unit_text(position.units))
     if len(axes):
-        axes[0].legend(
-            loc="lower right", bbox_to_anchor=(1.0, legend_at), ncols=2, borderaxespad=0.1,
-            columnspacing=1.0,
-        )  # fmt: skip
+        style.legend_above(axes[0], 2, legend_at, columnspacing=1.0)
 
 
 def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:

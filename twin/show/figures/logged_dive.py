@@ -188,7 +188,7 @@ def _draw(
         style.pad_limits(axes, least=panel.least)
     labelled = len(axes.get_lines()) > 1
     if labelled and not any(a.get_legend() for a in axes.figure.axes[1:]):
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, borderaxespad=0.1)
+        style.legend_above(axes, 3)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.unit)
 
@@ -225,7 +225,7 @@ def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | Non
     axes.plot(time / seconds, shown, color=style.TRUTH, label=LOG)
     if beside is not None:
         _draw_beside(axes, trajectory, beside, 100.0 * _depth_rate(beside))
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1)
+        style.legend_above(axes, 2)
     axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
     axes.set_title("vertical speed, down")
     axes.set_ylabel("[cm/s]")
@@ -278,8 +278,7 @@ def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> Non
         _draw_beside(axes, trajectory, beside, beside["measured_depth"])
         deepest = max(deepest, float(np.nanmax(beside["measured_depth"])))
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=6, borderaxespad=0.1,
-                    columnspacing=1.0)  # fmt: skip
+        style.legend_above(axes, 6, 1.0, columnspacing=1.0)
     style.depth_axis(axes, deepest, label=False)
     axes.set_title("depth")
     axes.set_ylabel("[m]")

@@ -230,10 +230,7 @@ def draw_tracks(axes: Axes, content: MapContent) -> None:
     la, lo = (np.concatenate([t[k] for t in content.tracks]) for k in (0, 1))
     known = np.flatnonzero(np.isfinite(la) & np.isfinite(lo))
     for name, index, marker in (("start", known[0], "o"), ("end", known[-1], "s")):
-        axes.plot(
-            lo[index], la[index], marker, ms=5.5, mfc="white", mec=style.COMMAND, mew=1.2,
-            ls="none", label=name, zorder=4,
-        )  # fmt: skip
+        axes.plot(lo[index], la[index], marker, ms=5.5, label=name, zorder=4, **style.END)
 
 
 def arrow_scale(currents: Sequence[Currents]) -> float:

@@ -114,9 +114,8 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
         axes.fill_between(time / seconds, floor, ground, color=style.GROUND, lw=0)
     style.depth_axis(axes, deepest)
     label_time(axes, trajectory, seconds, unit)
-    bar = axes.figure.colorbar(lines, ax=axes, pad=0.02, aspect=22)
-    bar.set_label(f"{chosen.label} [{chosen.unit}]" + (f"\n{word}" if word else ""))
-    bar.outline.set_visible(False)
+    label = f"{chosen.label} [{chosen.unit}]" + (f"\n{word}" if word else "")
+    style.colour_bar(axes, lines, label, pad=0.02, aspect=22)
 
 
 FIGURE = FigureKind(

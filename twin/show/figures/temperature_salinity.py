@@ -87,27 +87,16 @@ def ts_figure(trajectory: Trajectory) -> Figure:
             digits = 2 if step < 0.1 else 1 if step < 1.0 else 0
             axes.clabel(lines, fmt=f"%.{digits}f", fontsize=6.5, inline_spacing=2)
         dots = axes.scatter(
-            s,
-            t,
-            c=d,
-            s=3.0,
-            cmap=ocean_map("depth"),
-            linewidths=0,
-            rasterized=True,
-            zorder=3,
-            vmin=0.0,
-            vmax=max(float(d.max()), 1.0),
-        )
+            s, t, c=d, s=3.0, cmap=ocean_map("depth"), linewidths=0, rasterized=True, zorder=3,
+            vmin=0.0, vmax=max(float(d.max()), 1.0),
+        )  # fmt: skip
         axes.set_xlim(*limits[0])
         axes.set_ylim(*limits[1])
         said = water.words["salinity"]
         axes.set_xlabel(f"{name} ({said}) [g/kg]")
         axes.set_ylabel(f"conservative temperature ({water.words['temperature']}) [°C]")
         axes.set_title("grey: density, σ₀ [kg/m³]", fontweight="normal", fontsize=7.5)
-        bar = figure.colorbar(dots, ax=axes, pad=0.02, aspect=25)
-        bar.set_label("depth [m]")
-        bar.ax.invert_yaxis()
-        bar.outline.set_visible(False)
+        style.colour_bar(axes, dots, "depth [m]", pad=0.02, aspect=25).ax.invert_yaxis()
     return figure
 
 
@@ -181,9 +170,7 @@ def _draw(axes: Axes, along: Array, depth: Array, water: Water, quantity: str, u
     axes.set_xlim(float(np.nanmin(along)), float(np.nanmax(along)))
     style.depth_axis(axes, float(np.nanmax(depth)))
     axes.set_title(f"{quantity} ({water.words[quantity]})")
-    bar = axes.figure.colorbar(dots, ax=axes, pad=0.015, aspect=18)
-    bar.set_label(f"{quantity} {unit}")
-    bar.outline.set_visible(False)
+    style.colour_bar(axes, dots, f"{quantity} {unit}", pad=0.015, aspect=18)
 
 
 def profiles(depth: Array) -> int:

@@ -69,23 +69,13 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         lines.set_capstyle("round")
         axes.add_collection(lines)
         axes.autoscale_view()
-        bar = axes.figure.colorbar(lines, ax=axes, shrink=0.85, pad=0.02, aspect=25)
-        bar.set_label(f"time [{time_name}]")
-        bar.outline.set_visible(False)
+        label = f"time [{time_name}]"
+        style.colour_bar(axes, lines, label, shrink=0.85, pad=0.02, aspect=25)
     known = np.flatnonzero(np.isfinite(north) & np.isfinite(east))
     for name, (end, marker) in MARKS.items():
         index = known[end]
-        axes.plot(
-            east[index] / metres,
-            north[index] / metres,
-            marker,
-            ms=5,
-            mfc="white",
-            mec=style.COMMAND,
-            mew=1.2,
-            ls="none",
-            label=name,
-        )
+        x, y = east[index] / metres, north[index] / metres
+        axes.plot(x, y, marker, ms=5, label=name, **style.END)
     if isinstance(trajectory, LoggedTrajectory):
         _draw_fixes(axes, trajectory, metres)
     axes.set_xlabel(f"east [{unit}]")
@@ -118,13 +108,9 @@ def draw_legend(
         figure.legend(handles, names, loc="outside upper left", ncols=columns, columnspacing=1.0)
         return
     axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=MOST_COLUMNS,
-        borderaxespad=0.2,
-        columnspacing=1.0,
-        handletextpad=0.4,
-    )
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_COLUMNS, borderaxespad=0.2,
+        columnspacing=1.0, handletextpad=0.4,
+    )  # fmt: skip
 
 
 def legend_columns(tracks: Sequence[NamedTrack]) -> int:
@@ -226,10 +212,8 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
             )
         for name, (end, marker) in MARKS.items():
             index = known[end]
-            axes.plot(
-                east[index] / metres, north[index] / metres, depth[index], marker, ms=5,
-                mfc="white", mec=style.COMMAND, mew=1.2, ls="none", label=name, zorder=10,
-            )  # fmt: skip
+            x, y = east[index] / metres, north[index] / metres
+            axes.plot(x, y, depth[index], marker, ms=5, label=name, zorder=10, **style.END)
         figure.legend(**LEGEND, ncols=columns)
     return figure
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -19,7 +18,7 @@ from twin.show.render.graphics import Graphics, shown
 from twin.show.render.hud import Hud
 from twin.show.render.motion import Motion, drift_of
 from twin.show.render.playback import Poses, poses
-from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP
+from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, GLIDER_GROUPS, WATER_GROUP
 from twin.show.render.shot import Shot
 from twin.show.render.stage import Stage, build
 from twin.vehicle.vehicle import Vehicle
@@ -27,8 +26,6 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-GLIDER_GROUPS = (1, 2)
-"""Outside and inside of the glider"""
 INSET_EDGE = (150, 200, 220)
 
 
@@ -117,12 +114,7 @@ class Painter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     # -- what is worked out once ---------------------------------------------------------------

@@ -230,10 +230,8 @@ def shadow(
     if np.ptp(nodes[:, :2], axis=0).max() < width:
         return None
     side, _ = shapes.tube_frame(nodes)
-    count, i = len(nodes), np.arange(len(nodes) - 1)
-    faces = np.concatenate(
-        [np.stack([i, i + count, i + 1], -1), np.stack([i + 1, i + count, i + count + 1], -1)]
-    )
+    count = len(nodes)
+    faces = shapes.strip_faces(count)
     return Shape(
         vertices=np.concatenate([nodes - width / 2 * side, nodes + width / 2 * side]),
         faces=np.concatenate([faces, faces[:, ::-1]]),

@@ -124,13 +124,7 @@ def _sides(sheet: Shape, count: int, first: int, bottom: float) -> Shape:
         count = len(rim)
         top = sheet.vertices[rim]
         low = np.column_stack([top[:, :2], np.full(count, bottom)])
-        i = np.arange(count - 1)
-        faces = np.concatenate(
-            [
-                np.stack([i, i + count, i + 1], -1),
-                np.stack([i + 1, i + count, i + count + 1], -1),
-            ]
-        )
+        faces = shapes.strip_faces(count)
         along = top[-1] - top[0]
         normal = np.array([along[1], -along[0], 0.0])
         normal /= max(float(np.linalg.norm(normal)), 1e-12)

@@ -115,16 +115,21 @@ def relief(x: Array, y: Array, height: Array, transform: Array) -> Shape:
     )
 
 
+def strip_faces(count: int, *, closed: bool = False) -> Integers:
+    """Triangles between a row of `count` vertices and the next row, (m, 3)."""
+    i = np.arange(count if closed else count - 1)
+    j = (i + 1) % count
+    return np.concatenate(
+        [np.stack([i, i + count, j], -1), np.stack([j, i + count, j + count], -1)]
+    )
+
+
 def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
     """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
     angle = 2 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     rims = [np.column_stack([r * circle, np.full(slices, z)]) for r in (inner, outer)]
-    i = np.arange(slices)
-    j = (i + 1) % slices
-    faces = np.concatenate(
-        [np.stack([i, i + slices, j], -1), np.stack([j, i + slices, j + slices], -1)]
-    )
+    faces = strip_faces(slices, closed=True)
     normal = [0.0, 0.0, 1.0 if up else -1.0]
     return Shape(
         vertices=np.concatenate(rims),
@@ -147,11 +152,7 @@ def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
         )
         for elevation in (low, high)
     ]
-    i = np.arange(slices)
-    j = (i + 1) % slices
-    faces = np.concatenate(
-        [np.stack([i, i + slices, j], -1), np.stack([j, i + slices, j + slices], -1)]
-    )
+    faces = strip_faces(slices, closed=True)
     vertices = np.concatenate(rims)
     return Shape(vertices=vertices, faces=faces, normals=-vertices / radius)
 
@@ -207,7 +208,9 @@ def grains(centres: Array, sizes: Array) -> Shape:
 VEHICLE = "vehicle/"
 """Prefix of the attached glider's names"""
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
-"""Geom groups; the glider's own are 1 and 2, its fluid geoms 4 stay hidden."""
+"""Geom groups; fluid geoms 4 stay hidden."""
+GLIDER_GROUPS = (1, 2)
+"""Outside and inside of the glider"""
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
 """Bodies that props hang on"""
 AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58

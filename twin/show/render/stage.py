@@ -131,26 +131,9 @@ def build(
       InputError: the shot's part or colour does not fit the trajectory.
     """
     first, last = shot.part(trajectory.time)
-    shown = (trajectory.time >= first) & (trajectory.time <= last)
-    if shown.sum() < 2:
-        raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
-    points = np.stack([signal(trajectory, n) for n in ("north", "east", "depth")], axis=-1)
-    true = Path(name="truth", time=trajectory.time[shown], points=points[shown], colour=None)
-    paths = [true, *(beside(track, i, true) for i, track in enumerate(tracks))]
-
-    def lay_out(bottom: float | None) -> SceneLayout:
-        return plan(
-            [path.points for path in paths],
-            hull_length=vehicle.hull_length,
-            floor=bottom,
-            exaggeration=shot.exaggeration,
-            camera=shot.camera,
-            frame=frame_of(shot),
-        )
-
-    layout = lay_out(shot.floor)
-    if floor is not None and shot.floor is None:
-        layout = lay_out(seabed.block_depth(floor, layout))
+    shown, paths = shown_paths(trajectory, shot, tracks)
+    true = paths[0]
+    layout = lay_out(paths, vehicle, shot, floor, shot.camera)
     velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
     current = arrows.profile(true.points[:, 2], np.stack(velocity, axis=-1))
     values, scale = track_values(trajectory, shot.colour, shown, tracks)
@@ -207,6 +190,44 @@ def build(
     )
 
 
+def shown_paths(
+    trajectory: Trajectory, shot: Shot, tracks: Sequence[NamedTrack]
+) -> tuple[NDArray[np.bool_], list[Path]]:
+    """Which samples a shot shows, and the tracks in its part, the true one first.
+
+    Raises:
+      InputError: the part does not fit the trajectory or a track.
+    """
+    first, last = shot.part(trajectory.time)
+    shown = (trajectory.time >= first) & (trajectory.time <= last)
+    if shown.sum() < 2:
+        raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
+    points = np.stack([signal(trajectory, n)[shown] for n in ("north", "east", "depth")], axis=-1)
+    true = Path(name="truth", time=trajectory.time[shown], points=points, colour=None)
+    return shown, [true, *(_beside(track, i, true) for i, track in enumerate(tracks))]
+
+
+def lay_out(
+    paths: list[Path], vehicle: Vehicle, shot: Shot, floor: Array | None, camera: str
+) -> SceneLayout:
+    """The block of water round the paths, as deep as the shot or the mission's floor says."""
+
+    def down_to(bottom: float | None) -> SceneLayout:
+        return plan(
+            [path.points for path in paths],
+            hull_length=vehicle.hull_length,
+            floor=bottom,
+            exaggeration=shot.exaggeration,
+            camera=camera,
+            frame=frame_of(shot),
+        )
+
+    layout = down_to(shot.floor)
+    if floor is not None and shot.floor is None:
+        layout = down_to(seabed.block_depth(floor, layout))
+    return layout
+
+
 def turned_bodies(
     model: mujoco.MjModel, vehicle: Vehicle, prefix: str = VEHICLE
 ) -> dict[str, Turned]:
@@ -224,7 +245,7 @@ def turned_bodies(
     return found
 
 
-def beside(track: NamedTrack, index: int, true: Path) -> Path:
+def _beside(track: NamedTrack, index: int, true: Path) -> Path:
     """A dead-reckoned track within the part, at the true depth, in the colour of its `index`.
 
     Raises:

@@ -181,17 +181,22 @@ class Replay:
         )
 
 
+def live_simulation(scenario: Scenario) -> Simulation:
+    """A simulation for a live view; raises InputError for a navigated scenario."""
+    if scenario.navigate is not None:
+        raise InputError(
+            "a live view flies by the truth: fly the navigated scenario first and show its "
+            "trajectory"
+        )
+    with quiet_mujoco():
+        return Simulation(scenario)
+
+
 class Live:
     """A closed-loop simulation that is stepped as it is watched."""
 
     def __init__(self, scenario: Scenario):
-        if scenario.navigate is not None:
-            raise InputError(
-                "a live view flies by the truth: fly the navigated scenario first and show its "
-                "trajectory"
-            )
-        with quiet_mujoco():
-            self._simulation = Simulation(scenario)
+        self._simulation = live_simulation(scenario)
         self._seen = (0.0, np.zeros(len(scenario.vehicle.parts)))
         """Time [s] of the last row, and how far [rad] each spinning part had turned by then"""
 

@@ -31,15 +31,13 @@ from twin.show.render.graphics import shown, write_mesh
 from twin.show.render.motion import Motion, drift_of
 from twin.show.render.playback import Poses
 from twin.show.render.readout import readouts
-from twin.show.render.shapes import BACKDROP_GROUP, WATER_GROUP, Shape
+from twin.show.render.shapes import BACKDROP_GROUP, GLIDER_GROUPS, WATER_GROUP, Shape
 from twin.show.render.shot import Shot
 from twin.show.render.stage import build
 from twin.show.render.subject import RenderedFlight
 
 Array = NDArray[np.float64]
 
-GLIDER_GROUPS = (1, 2)
-"""Outside and inside of the glider"""
 SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61
 """Key codes of GLFW"""
 VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from twin.errors import InputError, SimulationUnstable
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import Simulation
 from twin.records.trajectory import Trajectory
 from twin.show.render.film import Subject
 from twin.show.render.scale import track_values
 from twin.show.render.shot import Shot
+from twin.show.render.subject import live_simulation
 from twin.show.web.channels import read_channels
 from twin.show.web.scene import describe, pack_channels, scale_share
 
@@ -43,15 +43,9 @@ class LiveMission:
         Raises:
           InputError: the scenario is navigated, or the shot shows only a part.
         """
-        if scenario.navigate is not None:
-            raise InputError(
-                "a live view flies by the truth: fly the navigated scenario first and show its "
-                "trajectory"
-            )
+        self._simulation = live_simulation(scenario)
         if shot.start is not None or shot.end is not None:
             raise InputError("--start and --end are for a stored mission; a live one begins at 0 s")
-        with quiet_mujoco():
-            self._simulation = Simulation(scenario)
         self._subject, self._shot, self._speed = subject, shot, speed_up
         whole = np.ones(len(subject.trajectory.time), bool)
         self._scale = track_values(subject.trajectory, shot.colour, whole, ())[1]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
 from twin.geodesy import convergence, meridian_radius, normal_radius
 from twin.records.coordinates import (
     NOMINAL,
@@ -20,15 +19,14 @@ from twin.records.coordinates import (
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, seabed
-from twin.show.render.canvas import frame_of
 from twin.show.render.film import Subject, known_samples
-from twin.show.render.playback import poses, signal, spins, turns
+from twin.show.render.playback import poses, spins, turns
 from twin.show.render.ribbon import STILL, profile
 from twin.show.render.scale import Scale, track_values
-from twin.show.render.scene_geometry import SceneLayout, plan
+from twin.show.render.scene_geometry import SceneLayout
 from twin.show.render.sea import REACH
 from twin.show.render.shot import Shot
-from twin.show.render.stage import Path, beside
+from twin.show.render.stage import Path, lay_out, shown_paths
 from twin.show.web.channels import (
     COLOURS,
     STEPS,
@@ -63,16 +61,11 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
       InputError: the shot or the time does not fit the mission, or it has no positions.
     """
     trajectory, time = subject.trajectory, subject.trajectory.time
-    first, last = shot.part(time)
-    shown = (time >= first) & (time <= last)
-    if shown.sum() < 2:
-        raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
+    shown, paths = shown_paths(trajectory, shot, subject.tracks)
+    camera = "side" if shot.camera == "side" else "orbit"  # the chase needs no block of its own
+    layout = lay_out(paths, subject.vehicle, shot, subject.floor, camera)
     values, scale = track_values(trajectory, shot.colour, shown, subject.tracks)
     channels = read_channels(trajectory, shown, scale_share(values, scale), subject.floor, rows)
-    points = np.stack([signal(trajectory, n)[shown] for n in ("north", "east", "depth")], -1)
-    true = Path(name="truth", time=time[shown], points=points, colour=None)
-    tracks = [beside(track, i, true) for i, track in enumerate(subject.tracks)]
-    layout = _layout(subject, shot, [true, *tracks])
     current = _profile(trajectory, shown)
     few = poses(trajectory, time[channels.kept[:1]])
     return {
@@ -102,7 +95,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
         },
         "floor": _floor(subject.floor, layout),
         "profile": current,
-        "tracks": _tracks(tracks),
+        "tracks": _tracks(paths[1:]),
         "palette": _palette(),
     }
 
@@ -114,26 +107,6 @@ def pack_channels(channels: Channels, *, still: bool) -> dict[str, Packed]:
         for name, row in channels.values.items()
         if not (still and name in CURRENT)
     }
-
-
-def _layout(subject: Subject, shot: Shot, paths: Sequence[Path]) -> SceneLayout:
-    """The block of water, laid out as in a picture; the chase camera needs none of its own."""
-    camera = "side" if shot.camera == "side" else "orbit"
-
-    def lay_out(bottom: float | None) -> SceneLayout:
-        return plan(
-            [path.points for path in paths],
-            hull_length=subject.vehicle.hull_length,
-            floor=bottom,
-            exaggeration=shot.exaggeration,
-            camera=camera,
-            frame=frame_of(shot),
-        )
-
-    layout = lay_out(shot.floor)
-    if subject.floor is not None and shot.floor is None:
-        layout = lay_out(seabed.block_depth(subject.floor, layout))
-    return layout
 
 
 def _opening(shot: Shot, trajectory: Trajectory, at: float | None) -> float:

@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.show.render.shapes import GLIDER_GROUPS
 from twin.show.render.stage import turned_bodies
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-SEEN = (1, 2)
-"""Geom groups: outside and inside of the vehicle"""
 SIDES, RINGS = 28, 10
 """Facets around round shapes, and from the pole to the equator of domes"""
 CREASE = math.cos(math.radians(42.0))
@@ -91,7 +90,7 @@ def _body(model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, An
             )
     pieces, colours = [], []
     for geom in range(model.ngeom):
-        seen = model.geom_group[geom] in SEEN and model.geom_bodyid[geom] == body
+        seen = model.geom_group[geom] in GLIDER_GROUPS and model.geom_bodyid[geom] == body
         if seen and (rgba := _colour(model, geom))[3] > 0.0:
             piece = _placed(_triangles(model, geom), model.geom_pos[geom], model.geom_quat[geom])
             pieces.append(np.stack([piece, smooth_normals(piece)], axis=1))
@@ -224,16 +223,3 @@ def pack(values: Array, step: float) -> Packed:
         "step": step,
         "data": base64.b64encode(whole.astype(whole.dtype.newbyteorder("<")).tobytes()).decode(),
     }
-
-
-def unpack(packed: Packed) -> Array:
-    """The numbers of `pack`, shape (n,); NaN where there was none."""
-    kind = np.dtype(packed["type"])
-    whole = np.frombuffer(base64.b64decode(packed["data"]), kind.newbyteorder("<"))
-    values = packed["offset"] + packed["step"] * whole.astype(float)
-    return np.where(whole == np.iinfo(packed["type"]).min, np.nan, values)
-
-
-def width(packed: Packed) -> int:
-    """Bytes of one number."""
-    return int(np.dtype(packed["type"]).itemsize)

@@ -21,6 +21,7 @@ from twin import seams
 from twin.errors import VehicleError
 from twin.registry import Registry, missing_method, self_named
 from twin.vehicle.changes import Uncertainty
+from twin.version import PHYSICS_VERSION
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -39,6 +40,8 @@ class HullLaw(abc.ABC):
     density_in_coefficients: ClassVar[bool] = True
     """True: the coefficients hold the vehicle's reference density, and both models scale the
     wrench by the water's density over it; False: the kernels use the density that they are given"""
+    physics: ClassVar[int] = PHYSICS_VERSION
+    """Version of the physics since which it flies as it does"""
     native_wrench: ClassVar[Kernel | None] = None
     """(values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N [N, N m] about the CB, body FRD"""
     native_rate_damping: ClassVar[Kernel | None] = None

@@ -9,6 +9,12 @@ The notation is SNAME's: `Xuu`, `Yuv`, `Nur`, ... name the axis of the force (X,
   (Xuu stays u |u|);
 - two velocities is their product: Yuv u v, Mpr p r.
 
+A derivative of u and another velocity, outside of X, is two things. The added mass's own coupling
+(Munk's moment u v, Yudot u r) is bilinear and does no work; it stays as it is. The rest is lift and
+damping of hull and fins, which resist the motion whichever way the water comes: Kup u p as printed
+would drive a rolling hull that goes astern, so that this part takes |u|. Sets were measured ahead
+(u > 0), where both are the same; astern the figures are an extrapolation.
+
 (Prestero 2001, Verification of a six-degree of freedom simulation model for the REMUS autonomous
 underwater vehicle, eqs. 4.48 to 4.53.) They are dimensional and carry the density of the water.
 Sets that list the added mass's own coupling (Xwq = -Zwdot, Munk's Muw, ...) say so in the file by
@@ -37,7 +43,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 AXES, VELOCITIES = "XYZKMN", "uvwpqr"
-PRODUCT, SQUARE, LINEAR = 0.0, 1.0, 2.0
+PRODUCT, SQUARE, LINEAR, LIFT = 0.0, 1.0, 2.0, 3.0
 TERM = 5
 """Numbers of a term in the values: axis, first and second velocity, kind, coefficient."""
 
@@ -52,6 +58,8 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         kind = c[at + 3]
         if kind == PRODUCT:
             value = c[at + 4] * first * _pick(int(c[at + 2]), u, v, w, p, q, r)
+        elif kind == LIFT:
+            value = c[at + 4] * abs(first) * _pick(int(c[at + 2]), u, v, w, p, q, r)
         elif kind == SQUARE:
             value = c[at + 4] * first * abs(first)
         else:
@@ -103,6 +111,8 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
             slope = c[at + 4] if i == axis else 0.0
         elif kind == SQUARE:
             slope = 2.0 * c[at + 4] * abs(_pick(i, u, v, w, p, q, r)) if i == axis else 0.0
+        elif kind == LIFT:
+            slope = c[at + 4] * abs(_pick(i, u, v, w, p, q, r)) if j == axis else 0.0
         else:
             if i == axis:
                 slope += c[at + 4] * _pick(j, u, v, w, p, q, r)
@@ -128,6 +138,8 @@ def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
             damping[axis, i] -= row[4]
         elif row[3] == SQUARE:
             damping[axis, i] -= row[4] * abs(nu_r[i])
+        elif row[3] == LIFT:
+            damping[axis, j] -= row[4] * abs(nu_r[i])
         else:
             damping[axis, j] -= row[4] * nu_r[i]
     tau = np.zeros(6)
@@ -154,6 +166,36 @@ def term(name: str, coefficient: float) -> tuple[float, float, float, float, flo
     return (float(axis), float(places[0]), float(places[-1]), kind, float(coefficient))
 
 
+def lifting(name: str) -> bool:
+    """Whether a derivative is lift or damping in a flow along the hull: u and another velocity."""
+    return name[0] != "X" and len(name) == 3 and name.count("u") == 1
+
+
+def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
+    """Derivatives with u of Kirchhoff's equations, by name, of M_A (6, 6) in SI.
+
+    Force -omega x h_1 and moment -omega x h_2 - v x h_1 with (h_1, h_2) = M_A nu (Lamb 1932,
+    article 124), such as Nuv = -(Y_vdot - X_udot) with its sign: Munk's moment.
+    """
+
+    def wrench(nu: Array) -> Array:
+        impulse = added_mass @ nu
+        force = -np.cross(nu[3:], impulse[:3])
+        moment = -np.cross(nu[3:], impulse[3:]) - np.cross(nu[:3], impulse[:3])
+        return np.concatenate([force, moment])
+
+    unit = np.eye(6)
+    found = []
+    for k in range(1, 6):
+        both = wrench(unit[0] + unit[k]) - wrench(unit[0]) - wrench(unit[k])
+        found += [
+            (f"{axis}u{VELOCITIES[k]}", float(value))
+            for axis, value in zip(AXES, both, strict=True)
+            if axis != "X" and value != 0.0
+        ]
+    return tuple(found)
+
+
 NAMES = tuple(
     axis + "".join(velocities)
     for axis in AXES
@@ -170,16 +212,23 @@ class BodyAxes(HullLaw):
     """Hydrodynamic derivatives in body axes, as AUV papers print them."""
 
     kind: ClassVar[str] = "body-axes"
+    physics: ClassVar[int] = 4
     native_wrench = staticmethod(native_wrench)
     native_rate_damping = staticmethod(native_rate_damping)
     fossen_wrench = staticmethod(fossen_wrench)
 
     derivatives: tuple[tuple[str, float], ...]
     """Name and coefficient [SI: kg/m for Xuu, kg for Yur, kg m2 for Nrr, ...] of each."""
+    coupling: tuple[tuple[str, float], ...] = ()
+    """Name and coefficient of what is the added mass's own coupling in the derivatives with u; the
+    rest of such a derivative takes |u|"""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
-        """From every `<numeric>` element that bears a derivative's name."""
+        """From every `<numeric>` element that bears a derivative's name.
+
+        In a file that says `added_mass_coupling` 0 the derivatives hold that of its `added_mass`.
+        """
         found = tuple(
             (name, reader.numeric(name, 1)[0]) for name in reader.numerics if name in NAMES
         )
@@ -187,7 +236,10 @@ class BodyAxes(HullLaw):
             reader.fail(
                 "the hull law 'body-axes'", "given by derivatives such as <numeric name='Xuu' .../>"
             )
-        return cls(derivatives=found)
+        if reader.number("added_mass_coupling", default=1.0) != 0.0:
+            return cls(derivatives=found)
+        added_mass = np.array(reader.numeric("added_mass", 36)).reshape(6, 6)
+        return cls(derivatives=found, coupling=added_mass_coupling(added_mass))
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -216,7 +268,20 @@ class BodyAxes(HullLaw):
 
     @functools.cached_property
     def _values(self) -> Array:
-        values = np.array([term(*pair) for pair in self.derivatives], dtype=np.float64).ravel()
+        own = dict(self.coupling)
+        rows = []
+        for name, value in self.derivatives:
+            if not lifting(name):
+                rows.append(term(name, value))
+                continue
+            bilinear = own.get(name, own.get(name[0] + name[:0:-1], 0.0))
+            axis, first, second, _, rest = term(name, value - bilinear)
+            if name[1] != "u":
+                first, second = second, first
+            rows.append((axis, first, second, LIFT, rest))
+            if bilinear != 0.0:
+                rows.append(term(name, bilinear))
+        values = np.array(rows, dtype=np.float64).ravel()
         values.flags.writeable = False
         return values
 

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 # places in the values
 K_D0, K_D, K_L0, K_ALPHA, K_BETA, K_MR, K_P, K_M0, K_M, K_Q, K_MY, K_R = range(12)
 K_BETA_LIFT, K_MR_LIFT, K_MY_LIFT, K_PR, K_PR_LIFT, K_RP, K_RP_LIFT = range(12, 19)
-ZERO_LIFT, LINEAR, BLEND, SLOWEST = 19, 20, 21, 22
+ZERO_LIFT, LINEAR, BLEND, SLOWEST, CROSS_FLOW = 19, 20, 21, 22, 23
 
 
 # --- the MuJoCo twin's ------------------------------------------------------------------------
@@ -91,7 +91,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         k = 1.0 - s
         # direction of the flow in body axes; uw, vw, ... are products of its components
         fx, fy, fz = ca * cb, sb, sa * cb
-        drag = k * drag + s * (c[K_D0] + c[K_D] * (fy * fy + fz * fz)) * speed2
+        drag = k * drag + s * (c[K_D0] + c[CROSS_FLOW] * (fy * fy + fz * fz)) * speed2
         side = k * side + s * c[K_BETA] * sb * cb * speed2
         lift = k * lift + s * (c[K_L0] + c[K_ALPHA] * fz) * fx * speed2
         # moments that do no work around any closed turn: flow x gradient of a potential
@@ -184,7 +184,7 @@ def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
     )
     crossing = np.zeros(3)
     if s > 0.0:
-        crossing[0] = -(c[K_D0] + c[K_D] * (1.0 - e[0] ** 2))
+        crossing[0] = -(c[K_D0] + c[CROSS_FLOW] * (1.0 - e[0] ** 2))
         crossing[1] = c[K_BETA] * np.sin(beta) * np.cos(beta)
         crossing[2] = -(c[K_L0] + c[K_ALPHA] * e[2]) * e[0]
         flow[:3] = (1.0 - s) * flow[:3] + s * speed**2 * crossing
@@ -244,6 +244,9 @@ class FlowFrame(HullLaw):
     identified_angle: float = 0.0
     """[rad], angle of attack from zero lift in the glides that the coefficients were identified
     in; 0: not said"""
+    cross_flow_drag: float = 0.0
+    """[kg/m], drag of the hull across the flow beyond the identified angles, less K_D0; 0: K_D. A
+    K_D that was measured at small angles has little of it"""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
@@ -265,13 +268,15 @@ class FlowFrame(HullLaw):
             blend_angle=numeric("blend_angle", 1)[0],
             rate_damping_min_speed=numeric("rate_damping_min_speed", 1)[0],
             identified_angle=reader.number("identified_angle", default=0.0),
+            cross_flow_drag=reader.number("cross_flow_drag", default=0.0),
         )
 
     def problems(self) -> list[tuple[str, str]]:
         """Drag or rate terms that drive, no lift slope, angles out of order, a negative speed."""
         found = []
-        if min(self.drag) < 0.0:
-            found.append(("drag", "at least 0: drag never drives"))
+        for name in ("drag", "cross_flow_drag"):
+            if np.min(getattr(self, name)) < 0.0:
+                found.append((name, "at least 0: drag never drives"))
         split = any(any(getattr(self, name)) for name in _LIFT_FIELDS)
         if self.lift[1] < 0.0 or (split and self.lift[1] == 0.0):
             found.append(("lift", "a pair with a positive slope K_alpha"))
@@ -299,7 +304,7 @@ class FlowFrame(HullLaw):
         return found
 
     def values(self) -> Array:
-        """In the order of K_D0 to SLOWEST."""
+        """In the order of K_D0 to CROSS_FLOW."""
         return np.array(
             [
                 *(*self.drag, *self.lift, *self.side_force),
@@ -308,6 +313,7 @@ class FlowFrame(HullLaw):
                 *(*self.roll_from_yaw, *self.yaw_from_roll),
                 *(self.zero_lift, self.linear_angle, self.blend_angle),
                 self.rate_damping_min_speed,
+                self.cross_flow_drag or self.drag[1],
             ],
             dtype=np.float64,
         )

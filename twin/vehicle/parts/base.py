@@ -23,6 +23,7 @@ from twin import seams
 from twin.errors import VehicleError
 from twin.registry import Registry, self_named
 from twin.vehicle.changes import LAG_SPREAD, Uncertainty
+from twin.version import PHYSICS_VERSION
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -67,7 +68,8 @@ class Carrier(Protocol):
 
 LOSSES = (
     "pump_efficiency", "hull_vacuum", "screw_efficiency", "rail_friction", "bearing_torque",
-    "propeller_efficiency", "hotel_power",
+    "propeller_efficiency", "hotel_power", "surface_power", "payload_power", "pump_loss",
+    "pump_return",
 )  # fmt: skip
 """Names of a file's numbers that say what its drives and electronics take"""
 
@@ -78,6 +80,14 @@ class Losses(Protocol):
     @property
     def pump_efficiency(self) -> float:
         """Hydraulic over electrical power of a pump."""
+
+    @property
+    def pump_loss(self) -> float:
+        """[Pa] energy over the volume that is pumped out, at any depth."""
+
+    @property
+    def pump_return(self) -> float:
+        """[Pa] energy over the volume that is let in."""
 
     @property
     def hull_vacuum(self) -> float:
@@ -124,6 +134,8 @@ class Part:
     unit: ClassVar[str] = ""
     """of its position, as a person writes it"""
     quantity: ClassVar[Quantity]
+    physics: ClassVar[int] = PHYSICS_VERSION
+    """Version of the physics since which it flies as it does"""
     joint: ClassVar[str | None] = None
     """MJCF type of the joint that it drives, None: it acts at a site"""
     one_way: ClassVar[bool] = False
@@ -233,6 +245,21 @@ class Part:
         """The position at which it neither drives nor steers."""
         return min(max(0.0, self.low), self.high)
 
+    @property
+    def working(self) -> float:
+        """The position about which it works while the vehicle goes ahead."""
+        return self.rest
+
+    def effectiveness(self) -> Array:
+        """Wrench per unit of its position at 1 m/s ahead, deep in water of 1000 kg/m3, shape (6,).
+
+        In N and N m, body FRD about the CB, about the position at which it works; 0 without a
+        kernel.
+        """
+        ahead, step = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 0.01 * (self.high - self.low)
+        more, less = (self.wrench(self.working + x, ahead, 1e3, 1e3) for x in (step, -step))
+        return np.asarray((more - less) / (2.0 * step))
+
     def sense(self, axis: str) -> float:
         """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
         return 1.0
@@ -281,7 +308,7 @@ class Part:
         """Electrical energy [J] of short moves between two positions; 0 unless a kind says.
 
         Everything is a number or one per move, shape (n,). depth: [m]. pitch: [rad].
-        duration: [s].
+        duration: [s]. A kind that `spins` is also given `speed`: [m/s] of surge through the water.
         """
         return np.zeros(np.shape(after))
 

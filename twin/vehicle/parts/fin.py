@@ -28,6 +28,9 @@ AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
 INDUCED = 11
 
+ASKEW = 0.2
+"""Part of its larger moment that a fin's smaller one must have for the fin to do both"""
+
 
 @jit
 def _section(values, along, across, density):  # type: ignore[no-untyped-def]
@@ -247,24 +250,15 @@ class Fin(Part):
         slope = coefficient("lift_slope", f"lift slope of the {self.name}", field="lift_slope")
         return (offset, *super().uncertainties(), slope)
 
-    def _turning(self) -> tuple[float, float]:
-        """Pitch and yaw moment per deflection at 1 m/s ahead, of the lift alone."""
-        nu_r = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        values, place = np.array(self.values()), np.array(self.position)
-        step = 0.5 * min(self.stall_angle, 0.1)
-        more, less = (fossen_wrench(values, place, x, nu_r, 1e3, 1e3) for x in (step, -step))
-        change = (more - less) / (2.0 * step)
-        return float(change[4]), float(change[5])
-
     def controls(self) -> tuple[str, ...]:
-        """An elevator pitches, a rudder turns: what its place and axis do more of."""
-        pitch, yaw = self._turning()
-        return ("pitch",) if abs(pitch) > abs(yaw) else ("heading",)
+        """An elevator pitches, a rudder turns; one of an X tail does both."""
+        pitch, yaw = np.abs(self.effectiveness()[4:])
+        able = {"pitch": pitch >= ASKEW * yaw and pitch > 0.0, "heading": yaw >= ASKEW * pitch}
+        return tuple(control for control, does in able.items() if does)
 
     def sense(self, axis: str) -> float:
         """By its place and axis."""
-        pitch, yaw = self._turning()
-        return math.copysign(1.0, pitch if axis == "pitch" else yaw)
+        return math.copysign(1.0, self.effectiveness()[4 if axis == "pitch" else 5])
 
     @property
     def drawn_axis(self) -> tuple[float, float, float]:

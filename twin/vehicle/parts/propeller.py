@@ -1,9 +1,17 @@
-"""Propeller: thrust and torque of a screw from its rate and the speed through the water.
+"""Propeller: thrust and torque of a screw by its open-water diagram, in all four quadrants.
 
-F = rho D^4 (C_T n |n| - C_T / J_0 |n| u_a / D), with n the rate [rad/s], u_a the speed of advance
-at the screw and J_0 the advance ratio u_a / (n D) of zero thrust: the linear part of an open-water
-diagram (Fossen 2011, section 9.1.1, with n in rad/s as the LRAUV simulator has it). Without J_0
-the thrust depends on the rate alone.
+With the rate n [rad/s], the speed of advance u_a at the screw and J = u_a / (n D),
+
+    T = rho D^4 (C_T n |n| - s_T |n| u_a / D - S_T u_a |u_a| / D^2)
+    Q = rho D^5 (C_Q n |n| - s_Q |n| u_a / D - S_Q u_a |u_a| / D^2)
+
+The first two terms are the linear part of a diagram (Fossen 2011, section 9.1.1, with n in rad/s as
+the LRAUV simulator has it), the third is its curvature: ahead K_T = C_T - s_T J - S_T J^2, as
+polynomials of open-water series have it (Oosterveld and van Oossanen 1975). It is also what is left
+of a screw that stands still: the drag S_T rho D^2 u_a |u_a| of its blades. Files say the advance
+ratio J_0 of zero thrust and J_1 of zero torque instead of the slopes, s = C / J_0 - S J_0. A screw
+beyond J_1 windmills: the water drives it. Astern all is mirrored (n and u_a with the other sign).
+Without J_0 the thrust, and without J_1 the torque, does not fall with speed.
 """
 
 from __future__ import annotations
@@ -23,7 +31,12 @@ from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
-DIAMETER, THRUST, TORQUE, ADVANCE = 0, 1, 2, 3  # places in the values
+# places in the values
+DIAMETER, THRUST, TORQUE, ADVANCE, STANDING, TORQUE_ADVANCE, STANDING_TORQUE = range(7)
+ADVANCES = np.concatenate([-np.geomspace(30.0, 1e-3, 200), [0.0], np.geomspace(1e-3, 30.0, 200)])
+"""[1/rad] advance ratios at which a diagram must not give more power than it takes"""
+GIVEN = 0.02
+"""part of the power that rounded numbers of a diagram may give too much"""
 
 
 @jit
@@ -35,23 +48,39 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     loading = values[THRUST] * position * turning
     if values[ADVANCE] > 0.0:
         loading -= values[THRUST] / values[ADVANCE] * turning * advance / diameter
+    twisting = values[TORQUE] * position * turning
+    if values[TORQUE_ADVANCE] > 0.0:
+        twisting -= values[TORQUE] / values[TORQUE_ADVANCE] * turning * advance / diameter
+    if values[STANDING] > 0.0 or values[STANDING_TORQUE] != 0.0:
+        flow = advance / diameter
+        loading -= values[STANDING] * flow * (abs(flow) - values[ADVANCE] * turning)
+        twisting -= values[STANDING_TORQUE] * flow * (abs(flow) - values[TORQUE_ADVANCE] * turning)
     # the part of the disc that is under water carries
     x = min(max(2.0 * depth / diameter, -1.0), 1.0)
     wet = 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
     thrust = wet * density * diameter**4 * loading
-    torque = wet * density * diameter**5 * values[TORQUE] * position * turning
+    torque = wet * density * diameter**5 * twisting
     return thrust, 0.0, 0.0, -torque, place[2] * thrust, -place[1] * thrust
 
 
 @jit
+def diagram(first, zero, standing, n, flow):  # type: ignore[no-untyped-def]
+    """C n|n| - s |n| u_a/D - S u_a|u_a|/D^2 [rad2/s2], numbers or arrays; `flow` is u_a/D [1/s]."""
+    slope = first / zero - standing * zero if zero > 0.0 else 0.0
+    return first * np.abs(n) * n - slope * np.abs(n) * flow - standing * np.abs(flow) * flow
+
+
+@jit
 def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
-    """(6,): T along the screw's axis with T_nn n|n| + T_nu |n| u_a (Fossen 2011, eq. 9.5)."""
+    """(6,): T along the screw's axis and -Q about it (Fossen 2011, section 9.1.1)."""
     d = values[DIAMETER]
-    inflow = nu_r[0] - nu_r[5] * place[1] + nu_r[4] * place[2]
-    t_nn = density * d**4 * values[THRUST]
-    t_nu = -density * d**3 * values[THRUST] / values[ADVANCE] if values[ADVANCE] > 0.0 else 0.0
-    force = t_nn * abs(position) * position + t_nu * abs(position) * inflow
-    moment = density * d**5 * values[TORQUE] * abs(position) * position
+    inflow = (nu_r[0] - nu_r[5] * place[1] + nu_r[4] * place[2]) / d
+    force = diagram(values[THRUST], values[ADVANCE], values[STANDING], position, inflow)
+    moment = diagram(
+        values[TORQUE], values[TORQUE_ADVANCE], values[STANDING_TORQUE], position, inflow
+    )
+    force *= density * d**4
+    moment *= density * d**5
     if depth < 0.5 * d:
         half = np.arccos(min(-2.0 * depth / d, 1.0))
         share = (half - np.sin(half) * np.cos(half)) / np.pi
@@ -70,6 +99,7 @@ class Propeller(Part):
     """A screw on the hull; its position is its rate, positive drives forward."""
 
     kind: ClassVar[str] = "propeller"
+    physics: ClassVar[int] = 4
     unit: ClassVar[str] = "rad/s"
     quantity: ClassVar[Quantity] = Quantity(
         unit="rad s-1", scale=1.0, long_name="rate, ahead positive", limits=(-1000.0, 1000.0)
@@ -86,38 +116,74 @@ class Propeller(Part):
     to starboard: a left-handed screw"""
     zero_thrust_advance: float = 0.0
     """J_0 [rad-1]: u_a / (n D) at which the thrust vanishes; 0: no loss with speed"""
+    standing_drag: float = 0.0
+    """S_T [1]: drag of the screw that stands still = rho D^2 S_T u_a^2"""
+    zero_torque_advance: float = 0.0
+    """J_1 [rad-1]: u_a / (n D) at which the torque vanishes; 0: it does not fall with speed"""
+    standing_torque: float = 0.0
+    """S_Q [1]: torque of the water on the screw that stands still = rho D^3 S_Q u_a^2; it has the
+    sign of the torque coefficient"""
 
     native_wrench = staticmethod(native_wrench)
     fossen_wrench = staticmethod(fossen_wrench)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.diameter`, `.thrust_coefficient`; also `.torque_coefficient`, ...advance."""
+        """`NAME.diameter`, `.thrust_coefficient`; the others are 0 where the file is silent."""
+        others = {
+            field.name: reader.number(f"{name}.{field.name}", default=0.0)
+            for field in dataclasses.fields(cls)
+            if field.default == 0.0
+        }
         return {
             "diameter": reader.number(f"{name}.diameter"),
             "thrust_coefficient": reader.number(f"{name}.thrust_coefficient"),
-            "torque_coefficient": reader.number(f"{name}.torque_coefficient", default=0.0),
-            "zero_thrust_advance": reader.number(f"{name}.zero_thrust_advance", default=0.0),
+            **others,
         }
 
     def problems(self) -> list[tuple[str, str]]:
-        """Also: sizes and coefficients that no screw has."""
+        """Also: sizes and coefficients that no screw has, and a diagram that gives energy."""
         found = super().problems()
-        if not self.diameter > 0.0:
-            found.append(("diameter", "positive"))
-        if not self.thrust_coefficient > 0.0:
-            found.append(("thrust_coefficient", "positive"))
-        if self.zero_thrust_advance < 0.0:
-            found.append(("zero_thrust_advance", "at least 0 (0: none)"))
+        for name in ("diameter", "thrust_coefficient"):
+            if not getattr(self, name) > 0.0:
+                found.append((name, "positive"))
+        for name in ("zero_thrust_advance", "zero_torque_advance", "standing_drag"):
+            if getattr(self, name) < 0.0:
+                found.append((name, "at least 0 (0: none)"))
+        if self.standing_torque * self.torque_coefficient < 0.0:
+            found.append(("standing_torque", "of the sign of torque_coefficient"))
+        if self.zero_torque_advance > 0.0 and not found and self.power_given > GIVEN:
+            rule = (
+                "such that no more power leaves the water than the shaft takes, ahead or "
+                f"windmilling: at most 2 % of it, not {100.0 * self.power_given:.3g} %"
+            )
+            found.append(("zero_torque_advance, standing_torque", rule))
         return found
 
+    @property
+    def power_given(self) -> float:
+        """Largest power of the thrust less that of the shaft, over the size of both; below 0: none.
+
+        At every advance ratio, ahead and astern, of the screw turning ahead. A screw without a
+        torque that falls with speed has no diagram of it, and then the figure says nothing.
+        """
+        size = abs(self.torque_coefficient)
+        thrust = diagram(
+            self.thrust_coefficient, self.zero_thrust_advance, self.standing_drag, 1.0, ADVANCES
+        )
+        torque = diagram(size, self.zero_torque_advance, abs(self.standing_torque), 1.0, ADVANCES)
+        return float(np.max((thrust * ADVANCES - torque) / (size + np.abs(thrust * ADVANCES))))
+
     def values(self) -> tuple[float, ...]:
-        """In the order of DIAMETER, THRUST, TORQUE, ADVANCE."""
+        """In the order of DIAMETER to STANDING_TORQUE."""
         return (
             self.diameter,
             self.thrust_coefficient,
             self.torque_coefficient,
             self.zero_thrust_advance,
+            self.standing_drag,
+            self.zero_torque_advance,
+            self.standing_torque,
         )
 
     def mirrored(self) -> float | None:
@@ -132,6 +198,11 @@ class Propeller(Part):
     def controls(self) -> tuple[str, ...]:
         """It drives."""
         return ("speed",)
+
+    @property
+    def working(self) -> float:
+        """Half of its largest rate."""
+        return 0.5 * self.high
 
     @property
     def drawn_axis(self) -> tuple[float, float, float]:
@@ -155,14 +226,20 @@ class Propeller(Part):
         depth: ArrayLike,
         pitch: ArrayLike,
         duration: ArrayLike,
+        speed: ArrayLike = 0.0,
     ) -> Array:
-        """Shaft power of its torque, over the efficiency of its motor [J]."""
+        """Shaft power of its torque, over the efficiency of its motor [J].
+
+        A screw that the water drives gives nothing back. `speed` [m/s] is that of advance.
+        """
         rate = 0.5 * np.add(before, after, dtype=float)
-        size = abs(self.torque_coefficient)
-        torque = vehicle.reference_density * self.diameter**5 * size * rate**2
-        return np.asarray(
-            torque * np.abs(rate) * np.asarray(duration) / losses.propeller_efficiency
+        flow = np.asarray(speed, dtype=float) / self.diameter
+        twisting = diagram(
+            self.torque_coefficient, self.zero_torque_advance, self.standing_torque, rate, flow
         )
+        power = vehicle.reference_density * self.diameter**5 * twisting * rate
+        power *= math.copysign(1.0, self.torque_coefficient)
+        return np.asarray(np.maximum(power, 0.0) * duration / losses.propeller_efficiency)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Ahead, from a quarter of its largest rate to three quarters."""

@@ -87,8 +87,10 @@ class Pump(Part):
     ) -> Array:
         """Pumping out against the sea [J]; letting in takes a valve and costs nothing."""
         pressure = vehicle.reference_density * vehicle.gravity * np.maximum(depth, 0.0)
-        pumped = np.maximum(np.subtract(after, before), 0.0) * CUBIC_CM
-        return np.asarray(pumped * (pressure + losses.hull_vacuum) / losses.pump_efficiency)
+        moved = np.subtract(after, before) * CUBIC_CM
+        pumped, returned = np.maximum(moved, 0.0), np.maximum(-moved, 0.0)
+        work = pumped * (pressure + losses.hull_vacuum) / losses.pump_efficiency
+        return np.asarray(work + pumped * losses.pump_loss + returned * losses.pump_return)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Heavy or light, as far as it reaches."""

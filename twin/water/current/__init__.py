@@ -7,39 +7,22 @@ subclass of `Current` with a compiled kernel, decorated with `register`. Importi
 package loads neither numba nor xarray.
 """
 
-from twin.water.current.axes import Origin
-from twin.water.current.base import Current, CurrentSum, current_from_dict, still_water
-from twin.water.current.current_text import current_help, parse_current
-from twin.water.current.ekman import Ekman
-from twin.water.current.gauss_markov import GaussMarkov
-from twin.water.current.geostrophic import Geostrophic
-from twin.water.current.grid import Grid
-from twin.water.current.inertial import Inertial
-from twin.water.current.log_layer import LogLayer
-from twin.water.current.profile import Profile
-from twin.water.current.register import register
-from twin.water.current.series import Series
-from twin.water.current.tide import TidalEllipse, Tide
-from twin.water.current.uniform import Uniform
-
-__all__ = [
-    "Current",
-    "CurrentSum",
-    "Ekman",
-    "GaussMarkov",
-    "Geostrophic",
-    "Grid",
-    "Inertial",
-    "LogLayer",
-    "Origin",
-    "Profile",
-    "Series",
-    "TidalEllipse",
-    "Tide",
-    "Uniform",
-    "current_from_dict",
-    "current_help",
-    "parse_current",
-    "register",
-    "still_water",
-]
+from twin.water.current.axes import Origin as Origin
+from twin.water.current.base import Current as Current
+from twin.water.current.base import CurrentSum as CurrentSum
+from twin.water.current.base import current_from_dict as current_from_dict
+from twin.water.current.base import still_water as still_water
+from twin.water.current.current_text import current_help as current_help
+from twin.water.current.current_text import parse_current as parse_current
+from twin.water.current.ekman import Ekman as Ekman
+from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
+from twin.water.current.geostrophic import Geostrophic as Geostrophic
+from twin.water.current.grid import Grid as Grid
+from twin.water.current.inertial import Inertial as Inertial
+from twin.water.current.log_layer import LogLayer as LogLayer
+from twin.water.current.profile import Profile as Profile
+from twin.water.current.register import register as register
+from twin.water.current.series import Series as Series
+from twin.water.current.tide import TidalEllipse as TidalEllipse
+from twin.water.current.tide import Tide as Tide
+from twin.water.current.uniform import Uniform as Uniform

@@ -52,7 +52,6 @@ class Axis:
 
     dimension: str
     """Dimension of the velocity variables."""
-
     coordinate: str
     """Variable that holds the values."""
 
@@ -225,11 +224,9 @@ class Origin:
 
     latitude_deg: float = 36.8
     """[degree] North positive, WGS84. Default: off Monterey Bay, the paper's sea area."""
-
     longitude_deg: float = -122.4
     """[degree] East positive, any turn (-180..180 or 0..360). Default: 50 km off the coast over
     about 2000 m of water, where the mooring M2 of MBARI was."""
-
     time: str | None = None
     """UTC, ISO 8601 ("2000-01-05T12:00"); None where nothing depends on the date: what is flown
     then carries DEFAULT_TIME."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import probe, registry, text
+from twin.water.current import probe, registry
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
@@ -183,10 +183,10 @@ class Current(abc.ABC):
         CurrentError naming what is wrong.
         """
         names = cls.setting_fields()
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = registry.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(
-                f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {text.allowed(names)}"
+                f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {registry.allowed(names)}"
             )
         known = {f.name: f for f in fields(cls)}
         settings: dict[str, Any] = {}
@@ -197,13 +197,13 @@ class Current(abc.ABC):
             if field.type in (str, "str"):
                 settings[field.name] = value
             elif field.type in (int, "int"):
-                settings[field.name] = text.whole_number(cls.kind, name, value)
+                settings[field.name] = registry.whole_number(cls.kind, name, value)
             else:
-                settings[field.name] = text.number(cls.kind, name, value)
+                settings[field.name] = registry.number(cls.kind, name, value)
         for field in known.values():
             if field.default is field.default_factory and field.name not in settings:
                 needed = next(name for name, target in names.items() if target == field.name)
-                raise CurrentError(f"{cls.kind}: {needed}= is missing; {text.allowed(names)}")
+                raise CurrentError(f"{cls.kind}: {needed}= is missing; {registry.allowed(names)}")
         return cls(**settings)
 
     def __add__(self, other: Current) -> CurrentSum:

@@ -47,16 +47,12 @@ class Box:
 
     time: np.ndarray
     """datetime64[ns], ascending, shape (nt,); empty for a field without a time axis."""
-
     depth: Floats
     """[m] Positive down, ascending, shape (nd,)."""
-
     latitude: Floats
     """[degree] Ascending, shape (nn,); one NaN when the file is one water column."""
-
     longitude: Floats
     """[degree] East of the origin, ascending, shape (ne,); one NaN as for latitude."""
-
     velocity: Floats
     """[m/s] North, east (, down), shape (max(nt, 1), nd, nn, ne, 2 or 3), no missing values."""
 

@@ -70,16 +70,12 @@ class Ekman(Current):
 
     stress: float
     """[Pa] Wind stress; about 0.1 for a wind of 8 m/s."""
-
     direction_deg: float
     """[degree] Compass direction TOWARD which the wind blows."""
-
     viscosity: float = 0.02
     """[m2/s] Vertical eddy viscosity."""
-
     density: float = 1025.0
     """[kg/m3] Density of the water."""
-
     latitude_deg: float | None = None
     """[degree] Latitude of the Coriolis parameter; None: the mission's origin."""
 

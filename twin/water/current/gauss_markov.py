@@ -92,28 +92,20 @@ class GaussMarkov(Current):
 
     speed: float
     """[m/s] Mean speed."""
-
     direction_deg: float
     """[degree] Mean compass direction TOWARD which it flows."""
-
     speed_std: float
     """[m/s] Stationary standard deviation of the speed before clipping."""
-
     direction_std_deg: float = 0.0
     """[degree] Stationary standard deviation of the direction."""
-
     correlation_time: float = 10800.0
     """[s] T of both processes; 1-6 h for submesoscale, 10-15 d for mesoscale motion."""
-
     min_speed: float = 0.0
     """[m/s] Lower clip of the speed."""
-
     max_speed: float = 2.0
     """[m/s] Upper clip of the speed."""
-
     interval: float = 60.0
     """[s] Spacing of the drawn values."""
-
     seed: int = 0
     """Seed of the draws (numpy PCG64)."""
 

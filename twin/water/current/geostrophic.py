@@ -60,16 +60,12 @@ class Geostrophic(Current):
 
     baroclinic: float
     """[m/s] Surface speed of the sheared part."""
-
     direction_deg: float
     """[degree] Compass direction TOWARD which the sheared part flows."""
-
     scale_depth: float = 800.0
     """[m] Depth over which the sheared part falls by e."""
-
     barotropic: float = 0.0
     """[m/s] Speed of the part that does not depend on depth."""
-
     barotropic_direction_deg: float | None = None
     """[degree] Compass direction TOWARD which that part flows; None: as the sheared part."""
 

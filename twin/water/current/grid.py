@@ -10,7 +10,6 @@ import numpy as np
 
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin, same_place
 from twin.water.current.base import Current
 from twin.water.current.box import Box, load_box
@@ -61,40 +60,28 @@ class Grid(Current):
 
     path: str
     """CF netCDF file or zarr store."""
-
     latitude_deg: float | None = None
     """[degree] Where the mission starts; None: the mission's origin."""
-
     longitude_deg: float | None = None
     """[degree] Where the mission starts; None: the mission's origin."""
-
     time: str | None = None
     """UTC when the mission starts; None: the origin's time, or else the file's first time."""
-
     east: str | None = None
     """Variable of the eastward velocity; None: by standard_name, then by usual names."""
-
     north: str | None = None
     """Variable of the northward velocity; None: as above."""
-
     up: str | None = None
     """Variable of the upward velocity; None: as above, missing is zero; "none": leave it out."""
-
     units: str | None = None
     """Units of the velocities; None: the file's attribute."""
-
     land: str = "auto"
     """What marks land: "nan" (missing values), "zero", or "auto": zero for raw NEMO names."""
-
     hold_s: float = 3600.0
     """[s] How far the mission may leave the file's time range; the end value is held there."""
-
     reach_m: float | None = None
     """[m] Half-width of the box to load; None: what the mission can cover in its duration."""
-
     span_s: float | None = None
     """[s] Length of time to load; None: the mission's duration."""
-
     sha256: str | None = None
     """Hash of the box that was used; a file with other content is then refused."""
 
@@ -118,7 +105,7 @@ class Grid(Current):
     @classmethod
     def parse(cls, rest: str) -> Grid:
         """From the name of a file and NAME=VALUE."""
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if len(positional) != 1:
             raise CurrentError(
                 "grid: give one file first, as grid:FILE.nc,lat=49,lon=-16,time=2000-01-05,"
@@ -129,7 +116,7 @@ class Grid(Current):
             if name not in cls.settings:
                 raise CurrentError(unknown_name("grid setting", name, cls.settings))
             number = name in ("lat", "lon", "hold", "reach", "span")
-            settings[cls.settings[name]] = text.number("grid", name, value) if number else value
+            settings[cls.settings[name]] = checks.number("grid", name, value) if number else value
         return cls(path=positional[0], **settings)
 
     def load(self, duration_s: float, origin: Origin | None = None) -> tuple[Box, Grid]:

@@ -70,10 +70,8 @@ def along_track(
     for grid in _grids(current):
         reach = COLUMN_REACH + float(np.max(np.abs([north, east]), initial=0.0))
         loaded = _load(grid, origin, float(time[-1]) if len(time) else 0.0, reach)
-        if loaded is None:
-            continue
-        box, place, kinds = loaded
-        return _sampled(box, place, kinds, (time, north, east, depth))
+        if loaded is not None:
+            return _sampled(*loaded, (time, north, east, depth))
     return None
 
 
@@ -81,11 +79,10 @@ def column(current: Current | None, origin: Origin) -> tuple[Floats, Floats, Flo
     """Depth [m], temperature and salinity at a mission's start; None as `along_track`."""
     for grid in _grids(current):
         loaded = _load(grid, origin, 0.0, COLUMN_REACH)
-        if loaded is None:
-            continue
-        box, place, kinds = loaded
-        still = np.zeros_like(box.depth)
-        return box.depth, *_sampled(box, place, kinds, (still, still, still, box.depth))
+        if loaded is not None:
+            depth = loaded[0].depth
+            still = np.zeros_like(depth)
+            return depth, *_sampled(*loaded, (still, still, still, depth))
     return None
 
 

@@ -66,16 +66,12 @@ class Inertial(Current):
 
     speed: float
     """[m/s] Speed in the mixed layer."""
-
     layer_depth: float = 40.0
     """[m] Depth of the mixed layer."""
-
     decay_depth: float = 10.0
     """[m] Depth over which the speed falls by e below the layer."""
-
     direction_deg: float = 0.0
     """[degree] Compass direction TOWARD which it flows at mission start."""
-
     latitude_deg: float | None = None
     """[degree] Latitude of the Coriolis parameter; None: the mission's origin."""
 

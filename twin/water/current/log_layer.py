@@ -62,16 +62,12 @@ class LogLayer(Current):
 
     friction_velocity: float
     """[m/s] u*; about 1/25 of the speed above the layer."""
-
     direction_deg: float
     """[degree] Compass direction TOWARD which the water flows."""
-
     water_depth: float
     """[m] Depth of the bottom."""
-
     roughness: float = 1e-3
     """[m] Roughness length z0; 1e-4 mud to 6e-3 gravel (Soulsby 1997)."""
-
     thickness: float = 20.0
     """[m] Height of the layer's top above the bottom."""
 

@@ -14,7 +14,6 @@ from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.interpolation import table
@@ -59,13 +58,10 @@ class Profile(Current):
 
     depth: tuple[float, ...]
     """[m] Depths, positive down, strictly increasing, shape (n,)."""
-
     north: tuple[float, ...]
     """[m/s] Toward north at those depths."""
-
     east: tuple[float, ...]
     """[m/s] Toward east at those depths."""
-
     down: tuple[float, ...] = ()
     """[m/s] Toward the bottom at those depths; empty means none."""
 
@@ -82,7 +78,7 @@ class Profile(Current):
     @classmethod
     def parse(cls, rest: str) -> Profile:
         """From the name of a CSV file."""
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if len(positional) != 1 or given:
             raise CurrentError(f"profile: give one CSV file, as profile:FILE.csv, not {rest!r}")
         return cls.from_csv(positional[0])

@@ -9,12 +9,14 @@ They are no row of `twin.seams` because a kind here is a class together with the
 stands for it in compiled programs: no two kinds may share one, and a new kind makes samplers
 compile again.
 
-Checks of settings stand here too, worded the same for every kind.
+Checks of settings stand here too, worded the same for every kind, and what takes the text of a
+current apart, `NAME=VALUE` between commas.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -181,3 +183,44 @@ def not_negative(kind: str, name: str, value: float, unit: str) -> float:
     if number < 0.0:
         raise CurrentError(f"{kind}: {name} must be at least 0 {unit}, not {number:g}")
     return number
+
+
+def split_settings(kind: str, rest: str) -> tuple[list[str], dict[str, str]]:
+    """Split comma-separated values into positional ones and NAME=VALUE."""
+    positional: list[str] = []
+    given: dict[str, str] = {}
+    for item in rest.split(","):
+        name, equals, value = item.partition("=")
+        name, value = name.strip(), value.strip()
+        if not equals:
+            positional.append(name)
+            continue
+        name = name.lower()
+        if name in given:
+            raise CurrentError(f"{kind}: {name}= is given twice")
+        given[name] = value
+    return positional, given
+
+
+def number(kind: str, name: str, text: str) -> float:
+    """A finite number; raises CurrentError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise CurrentError(f"{kind}: {name} must be a number, not {text!r}")
+    return value
+
+
+def whole_number(kind: str, name: str, text: str) -> int:
+    """A whole number; raises CurrentError."""
+    value = number(kind, name, text)
+    if value != int(value):
+        raise CurrentError(f"{kind}: {name} must be a whole number, not {value:g}")
+    return int(value)
+
+
+def allowed(names: Iterable[str]) -> str:
+    """The end of a message: which settings there are."""
+    return f"settings: {', '.join(names)}"

@@ -12,7 +12,6 @@ import numpy as np
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import smooth_series
@@ -38,10 +37,8 @@ class Series(Current):
 
     interval: float
     """[s] between two values."""
-
     north: tuple[float, ...]
     """[m/s] Toward north."""
-
     east: tuple[float, ...]
     """[m/s] Toward east."""
 
@@ -64,7 +61,7 @@ class Series(Current):
     @classmethod
     def parse(cls, rest: str) -> Series:
         """From interval=, and north= and east= with / between the values."""
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(f"series: write NAME=VALUE, not {positional[0]!r}")
         allowed = ("interval", "north", "east")
@@ -73,7 +70,7 @@ class Series(Current):
             if name not in allowed:
                 raise CurrentError(unknown_name("series setting", name, allowed))
             words = value.split("/") if name != "interval" else [value]
-            found = [text.number(cls.kind, name, word) for word in words]
+            found = [checks.number(cls.kind, name, word) for word in words]
             settings[name] = found[0] if name == "interval" else tuple(found)
         for name in allowed:
             if name not in settings:

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Self
 from twin.compiled import jit
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.register import register
@@ -37,16 +36,12 @@ class TidalEllipse:
 
     constituent: str
     """Name of the constituent, e.g. "M2"."""
-
     semi_major: float
     """[m/s] Speed along the major axis at maximum."""
-
     semi_minor: float = 0.0
     """[m/s] Speed along the minor axis; positive turns counterclockwise seen from above."""
-
     direction_deg: float = 0.0
     """[degree] Compass direction of the major axis, toward which the flood maximum points."""
-
     phase_deg: float = 0.0
     """[degree] Lag of the maximum after mission start."""
 
@@ -141,7 +136,7 @@ class Tide(Current):
     @classmethod
     def parse(cls, rest: str) -> Tide:
         """From CONSTITUENT=SPEED and settings for all constituents, or for one as m2_phase=."""
-        positional, given = text.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(f"tide: write NAME=VALUE, e.g. m2=0.1, not {positional[0]!r}")
         constituents = [name for name in given if name.upper() in PERIOD_HOURS]
@@ -153,12 +148,12 @@ class Tide(Current):
         ellipses = []
         for name in constituents:
             settings = {
-                field: text.number("tide", key, given[key])
+                field: checks.number("tide", key, given[key])
                 for short, field in ELLIPSE_SETTINGS.items()
                 for key in (short, f"{name}_{short}")
                 if key in given
             }
-            major = text.number("tide", name, given[name])
+            major = checks.number("tide", name, given[name])
             ellipses.append(TidalEllipse(constituent=name, semi_major=major, **settings))
         return cls(ellipses=tuple(ellipses))
 

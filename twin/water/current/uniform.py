@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 from twin.compiled import jit
 from twin.errors import CurrentError
 from twin.water.current import registry as checks
-from twin.water.current import text
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.register import register
@@ -40,10 +39,8 @@ class Uniform(Current):
 
     north: float = 0.0
     """[m/s] Toward north."""
-
     east: float = 0.0
     """[m/s] Toward east."""
-
     down: float = 0.0
     """[m/s] Toward the bottom."""
 
@@ -55,11 +52,11 @@ class Uniform(Current):
     @classmethod
     def parse(cls, rest: str) -> Uniform:
         """From NORTH,EAST[,DOWN], those by name, or speed= and direction=."""
-        positional, given = text.split_settings("uniform", rest)
-        values = [text.number("uniform", f"value {i}", v) for i, v in enumerate(positional, 1)]
+        positional, given = checks.split_settings("uniform", rest)
+        values = [checks.number("uniform", f"value {i}", v) for i, v in enumerate(positional, 1)]
         if values and not given and len(values) in (2, 3):
             return cls(north=values[0], east=values[1], down=values[2] if values[2:] else 0.0)
-        numbers = {name: text.number("uniform", name, value) for name, value in given.items()}
+        numbers = {name: checks.number("uniform", name, value) for name, value in given.items()}
         if not values and set(numbers) == {"speed", "direction"}:
             return cls.toward(numbers["speed"], numbers["direction"])
         if not values and numbers and set(numbers) <= {"north", "east", "down"}:

@@ -78,16 +78,12 @@ class Velocity:
 
     names: Mapping[str, str]
     """Variable per component: east, north and perhaps up or down."""
-
     scale: Mapping[str, float]
     """Factor per component to m/s; negative for an upward component stored as down."""
-
     axes: Mapping[str, Axis]
     """Those of time, depth, latitude, longitude that the variables have."""
-
     dimensions: Mapping[str, Mapping[str, str]]
     """Per component its dimension of each of those axes: depthu and depthv may be equal axes."""
-
     zero_is_land: bool
     """The names are those of raw NEMO output, which marks land by 0."""
 

@@ -6,17 +6,10 @@ dives that are given a `min_altitude_m` turn above it.
 
 from __future__ import annotations
 
-from twin.water.floor.base import FlatFloor, Floor
-from twin.water.floor.bathymetry import Bathymetry, GridFloor
-from twin.water.floor.rough import RoughFloor
-from twin.water.floor.spec import floor_from_dict, parse_floor
-
-__all__ = [
-    "Bathymetry",
-    "FlatFloor",
-    "Floor",
-    "GridFloor",
-    "RoughFloor",
-    "floor_from_dict",
-    "parse_floor",
-]
+from twin.water.floor.base import FlatFloor as FlatFloor
+from twin.water.floor.base import Floor as Floor
+from twin.water.floor.bathymetry import Bathymetry as Bathymetry
+from twin.water.floor.bathymetry import GridFloor as GridFloor
+from twin.water.floor.rough import RoughFloor as RoughFloor
+from twin.water.floor.spec import floor_from_dict as floor_from_dict
+from twin.water.floor.spec import parse_floor as parse_floor

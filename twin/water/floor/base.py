@@ -9,14 +9,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import FloorError
-from twin.numbers import number
+from twin.numbers import Array, number
 from twin.water.current.axes import Origin
 from twin.water.floor.lookup import pack
-
-Array = NDArray[np.float64]
 
 SPEED = 1.5
 """[m/s] over ground; no vehicle here keeps more over a mission. Sizes the part to lay out."""

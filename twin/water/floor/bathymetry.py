@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.errors import FloorError, unknown_name
-from twin.numbers import number, numbers
+from twin.numbers import Array, number, numbers
 from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS, Origin
-from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Array, Floor
+from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Floor
 from twin.water.floor.lookup import pack
 
 if TYPE_CHECKING:

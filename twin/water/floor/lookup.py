@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
+from twin.numbers import Array
 from twin.water.current.interpolation import locate
-
-Array = NDArray[np.float64]
 
 HEADER = 3
 """nodes along north, nodes along east, meridian convergence [1/m]"""

@@ -16,9 +16,9 @@ from typing import ClassVar
 import numpy as np
 
 from twin.errors import FloorError
-from twin.numbers import number
+from twin.numbers import Array, number
 from twin.water.current.axes import Origin
-from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Array, Floor
+from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Floor
 from twin.water.floor.bathymetry import FINEST_M
 from twin.water.floor.lookup import pack
 

@@ -70,7 +70,7 @@ READ = (
     *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
     *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
     *OWN_TRACK, *WAYPOINT, *TRUE_TRACK, *ORIGINAL_TIMES.values(), VARIATION,
-    *DIVES, *CURRENTS.values(), *_IDENTITY, *(name for name, _ in PAYLOAD.values()),
+    *DIVES, *CURRENTS.values(), *_IDENTITY, *PAYLOAD.values(),
 )  # fmt: skip
 MADE_AGAIN = {
     r"(GLIDER_|ANGLE_OF_|VERT_CURR_|DAC_)\w+_MODEL|VERT_CURR_MODEL": "a flight model's: `twin "

@@ -26,7 +26,7 @@ SLOCUM = Importer(
     files=".dbd .ebd .sbd .tbd .mbd .nbd with their .cac (beside the files, or `--cache FOLDER`); "
     "tables (csv, csv.gz, parquet) with the vehicle's own sensor names",
     channels="attitude, ballast or oil volume, battery, rudder, CTD, GPS, on-board track, reported "
-    "current, thruster; `U_dvl_ms` becomes `true_speed`",
+    "current, thruster, batteries; `U_dvl_ms` becomes `true_speed`",
     suffixes=BINARY | CACHES | TABLES,
     marks=frozenset(
         {"m_depth", "m_pressure", "m_pitch", "U_dvl_ms", "og_north_m", "sci_water_pressure",

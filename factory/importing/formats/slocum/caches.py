@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -52,6 +53,32 @@ def vehicle_of(header: Mapping[str, str], path: Path) -> str:
     """Name of the vehicle: what `full_filename` says before the year."""
     full = header.get("full_filename", path.stem)
     return full.rsplit("-", 4)[0] or path.stem
+
+
+def lists_itself(header: Mapping[str, str]) -> bool:
+    """Whether the file has the list of its sensors itself, behind its header."""
+    return header.get("sensor_list_factored") == "0"
+
+
+def sensor_list(path: Path, header: Mapping[str, str]) -> bytes:
+    """The lines of a cache file, from a plain file that lists its sensors itself.
+
+    Raises:
+      InputError: the file is cut within them.
+    """
+    total = int(header["total_num_sensors"])
+    lines = []
+    with path.open("rb") as file:
+        for line in file:
+            if line.startswith(b"s:") and line.endswith(b"\n"):
+                lines.append(line)
+            elif lines:
+                break
+            if len(lines) == total:
+                return b"".join(lines)
+    raise InputError(
+        f"{path.name} is truncated within its list of sensors: {len(lines)} of {total}"
+    )
 
 
 _BLOCK = 32 * 1024
@@ -122,39 +149,68 @@ class CacheShelf:
         self._given = given
         self._named = named
         self._places: dict[Path, dict[str, Path]] = {}
+        self._listing: dict[Path, dict[str, Path]] = {}
         self._told: dict[str, str] = {}
         self._checked: dict[tuple[str, int, int], None] = {}
 
-    def prepare(self, path: Path, header: Mapping[str, str]) -> None:
+    def prepare(self, path: Path, plain: Path, header: Mapping[str, str]) -> None:
         """Put the cache file that `path` names into the folder.
+
+        Where no cache file has that number, a log that lists its sensors itself gives the list.
+
+        Args:
+          path: the log, as the user named it.
+          plain: the same unpacked.
+          header: of it.
 
         Raises:
           InputError: it is not there, or is another file's.
         """
-        if header.get("sensor_list_factored") == "0":
-            return  # the file lists its sensors itself
         name = header["sensor_list_crc"].lower()
         total = (int(header["total_num_sensors"]), int(header["sensors_per_cycle"]))
-        if (name, *total) in self._checked:
+        if (name, *total) in self._checked and not lists_itself(header):
             return
-        found = self._at_hand(path)
-        if name not in found:
-            raise InputError(f"{path.name}: {self._missing(path, name, found)}")
         target = self.folder / f"{name}.cac"
-        if is_compressed(found[name]):
-            plain, _ = unpacked(found[name], self.folder)
-            plain.replace(target)
+        if lists_itself(header):
+            source = path
+            target.write_bytes(sensor_list(plain, header))
         else:
-            shutil.copyfile(found[name], target)
+            source = self._source(path, name)
+            if source.suffix.lower() in CACHES and not is_compressed(source):
+                shutil.copyfile(source, target)
+            else:
+                with tempfile.TemporaryDirectory() as folder:
+                    whole = _plain(source, Path(folder))
+                    if source.suffix.lower() in CACHES:
+                        shutil.copyfile(whole, target)
+                    else:
+                        target.write_bytes(sensor_list(whole, read_header(whole)))
         lines = target.read_text("latin-1").split("\n")
         listed = [line.split() for line in lines if line.startswith("s:")]
         used = sum(1 for words in listed if len(words) > 1 and words[1] == "T")
         if (len(listed), used) != total:
+            whose = f"cache file {source.name}" if source.suffix.lower() in CACHES else source.name
             raise InputError(
-                f"cache file {name}.cac is not the one of {path.name}: it lists {used} of "
+                f"{whose} is not the one of {path.name}: it lists {used} of "
                 f"{len(listed)} sensors, the header has {total[1]} of {total[0]}"
             )
         self._checked[(name, *total)] = None
+
+    def _source(self, path: Path, name: str) -> Path:
+        """The cache file of that number, or a log that lists the same sensors itself.
+
+        Raises:
+          InputError: there is neither.
+        """
+        found = self._at_hand(path)
+        if name in found:
+            return found[name]
+        for folder in dict.fromkeys([path.parent, *self._folders(path)]):
+            if folder not in self._listing:
+                self._listing[folder] = _self_listing(folder)
+            if name in self._listing[folder]:
+                return self._listing[folder][name]
+        raise InputError(f"{path.name}: {self._missing(path, name, found)}")
 
     def _missing(self, path: Path, name: str, found: Mapping[str, Path]) -> str:
         """What is missing, and the folder that has it where one of the neighbours does."""
@@ -164,7 +220,8 @@ class CacheShelf:
             near = _folder_with(name, self._folders(path))
             advice = "give its folder with --cache" if near is None else f"give --cache {near}"
             self._told[name] = (
-                f"cache file {name}.cac is missing; there is {others} in {places}; {advice}"
+                f"cache file {name}.cac is missing, and no log beside it lists its sensors itself; "
+                f"there is {others} in {places}; {advice}"
             )
         return self._told[name]
 
@@ -186,6 +243,27 @@ class CacheShelf:
                 self._places[folder] = here
             found = {**self._places[folder], **found}
         return found
+
+
+def _plain(path: Path, folder: Path) -> Path:
+    """The file itself, or what is in it when it is compressed, unpacked into `folder`."""
+    return unpacked(path, folder)[0] if is_compressed(path) else path
+
+
+def _self_listing(folder: Path) -> dict[str, Path]:
+    """Of the logs in a folder that list their sensors themselves, the first of each number."""
+    found: dict[str, Path] = {}
+    for path in sorted(one for one in folder.iterdir() if one.suffix.lower() in BINARY):
+        try:
+            with tempfile.TemporaryDirectory() as temporary:
+                plain = _plain(path, Path(temporary))
+                header = read_header(plain)
+                if lists_itself(header) and header["sensor_list_crc"].lower() not in found:
+                    sensor_list(plain, header)
+                    found[header["sensor_list_crc"].lower()] = path
+        except (InputError, OSError):
+            continue  # a file that cannot be read gives no list; its own turn says why
+    return found
 
 
 def _folder_with(name: str, folders: Sequence[Path]) -> Path | None:

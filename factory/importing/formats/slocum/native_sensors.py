@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import jointly_degrees, reference_declination, to_degrees
+from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
 from factory.importing.cleaning import (
     clean,
     positions,
@@ -57,7 +58,8 @@ GOOD_FIX = 0
 WANTED = (
     *ANGLES, *PRESSURES, *(name for pair in PUMPS for name in pair),
     "m_depth", "m_heading", "c_heading", "m_battpos", "c_battpos", "sci_water_cond",
-    "sci_water_temp", *ON_BOARD, "m_gps_lat", "m_gps_lon", "m_gps_status", "m_gps_mag_var",
+    "sci_water_temp", "m_gps_lat", "m_gps_lon", "m_gps_status", "m_gps_mag_var",
+    *dict.fromkeys((*ON_BOARD, *SLOCUM_SENSORS)),
 )  # fmt: skip
 """Every native sensor that is read, beside those of the payload."""
 
@@ -135,6 +137,7 @@ def slocum_log(
         channels["measured_depth"] = clean(
             "measured_depth", one.time, one.values, tally, subject="m_depth"
         )
+    channels |= slocum_batteries(native, tally)
     channels |= _ctd(native, channels, fixes, tally)
     channels |= payload_channels(native, payload, tally, units=units)
     if len(truth_speed):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from logs import Flight, write_seaglider
-from pictures import dead_reckoned, short_scenario, short_subject, write_short_store
+from pictures import dead_reckoned, short_scenario, short_subject, unpack, write_short_store
 
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
@@ -31,7 +31,6 @@ from twin.show.render.shot import Shot
 from twin.show.web.live_source import LiveMission
 from twin.show.web.page import assemble, page
 from twin.show.web.server import PageServer
-from twin.show.web.solid import unpack
 from twin.vehicle.vehicle import load_vehicle
 
 CAMERAS = ("orbit", "side", "map", "chase")

@@ -19,6 +19,7 @@ from pictures import (
     month,
     short_scenario,
     short_subject,
+    unpack,
     write_short_store,
     write_tracks,
 )
@@ -36,7 +37,7 @@ from twin.show.render.shot import Shot
 from twin.show.web.channels import read_channels, thin
 from twin.show.web.page import LARGEST, ROWS, page
 from twin.show.web.scene import describe
-from twin.show.web.solid import pack, read_solid, smooth_normals, unpack
+from twin.show.web.solid import pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap.cdr import body, to_body, world
-from factory.exporting.mcap.samples import McapSamples
+from factory.exporting.mcap_cdr import body, to_body, world
+from factory.exporting.mcap_samples import McapSamples
 from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.schema import VARIABLES
 from twin.records.timeseries import FIXES

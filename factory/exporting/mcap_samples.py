@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap.cdr import orientation
+from factory.exporting.mcap_cdr import orientation
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane, offset, position
 from twin.records.coordinates import (

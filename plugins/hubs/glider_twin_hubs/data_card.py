@@ -69,16 +69,17 @@ def split_name(word: str) -> str:
     return word if word in SPLITS else "train"
 
 
-def card(
+def write_card(
+    folder: Path,
     run: MissionStore,
     missions: Sequence[int],
     metadata: Metadata,
-    *,
     configs: Sequence[Mapping[str, Any]],
+    *,
     tags: Sequence[str],
     layout: str,
-) -> str:
-    """The text of README.md.
+) -> Path:
+    """Write README.md into a folder.
 
     Args:
       missions: that the data set holds.
@@ -114,13 +115,8 @@ def card(
         _signals(run),
         _origin(run),
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def write_card(folder: Path, text: str) -> Path:
-    """README.md in a folder."""
     path = folder / "README.md"
-    path.write_text(text, encoding="utf-8")
+    path.write_text("\n\n".join(part for part in parts if part) + "\n", encoding="utf-8")
     return path
 
 

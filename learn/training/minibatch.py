@@ -1,6 +1,7 @@
-"""SOAP: Adam in the eigenbasis of Shampoo's preconditioner.
+"""Minibatch optimisers: torch's Adam (Kingma and Ba 2015), and SOAP.
 
-N. Vyas et al., "SOAP: improving and stabilizing Shampoo using Adam" (2024). Each weight matrix
+N. Vyas et al., "SOAP: improving and stabilizing Shampoo using Adam" (2024): Adam in the eigenbasis
+of Shampoo's preconditioner. Each weight matrix
 keeps running second moments of its gradient's rows and columns; Adam's per-element scale is applied
 in their eigenbases, which follow slowly by one power iteration. On smooth regression, where little
 noise hides the curvature, this takes several times fewer steps than Adam.
@@ -132,3 +133,13 @@ class SoapOptimiser(MinibatchOptimiser):
     def build(self, parameters: Iterable[Tensor], config: TrainingConfig) -> torch.optim.Optimizer:
         """See `MinibatchOptimiser`."""
         return Soap(parameters, lr=config.rate, weight_decay=config.weight_decay)
+
+
+class AdamOptimiser(MinibatchOptimiser):
+    """torch's own."""
+
+    summary = "running means of the gradient and of its squares, with a cosine schedule"
+
+    def build(self, parameters: Iterable[Tensor], config: TrainingConfig) -> torch.optim.Optimizer:
+        """See `MinibatchOptimiser`."""
+        return torch.optim.Adam(parameters, lr=config.rate)

@@ -1,4 +1,4 @@
-"""Episodes: missions in LeRobot's files of format v3.0.
+"""LeRobot: missions as episodes in files of format v3.0.
 
 Many episodes share a file; meta/episodes says where each begins. Source: the definition of the
 format in LeRobot 0.4.4 (lerobot/datasets), which reads these files.
@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from factory.exporting.base import Advance, no_progress
-from factory.exporting.data_card import card, split_name, write_card
-from factory.exporting.lerobot_features import (
+from factory.exporting.base import Advance, ExportOptions
+from factory.exporting.metadata import metadata_for
+from factory.generation.generated_store import GeneratedStore, StoredFlight
+from glider_twin_hubs.data_card import split_name, write_card
+from glider_twin_hubs.lerobot_features import (
     INDICES,
     OTHER,
     Features,
@@ -24,8 +26,6 @@ from factory.exporting.lerobot_features import (
     choose_features,
     episode_statistics,
 )
-from factory.exporting.metadata import Metadata
-from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
 
@@ -54,9 +54,8 @@ def export_lerobot(
     run: MissionStore,
     missions: Sequence[int],
     folder: Path,
-    advance: Advance = no_progress,
-    *,
-    metadata: Metadata | None = None,
+    advance: Advance,
+    options: ExportOptions,
 ) -> list[Path]:
     """Write the missions as episodes, with statistics, tasks and README.md.
 
@@ -74,9 +73,9 @@ def export_lerobot(
     counts = {split: sum(split_name(run.splits[m]) == split for m in ordered) for split in SPLITS}
     written = [*writer.files, *writer.finish(counts)]
     config = [{"config_name": "default", "data_files": "data/*/*.parquet"}]
-    said = metadata or Metadata()
-    text = card(run, ordered, said, configs=config, tags=("LeRobot",), layout=LAYOUT)
-    return [write_card(folder, text), *written]
+    said = metadata_for(run, options.metadata)
+    about = write_card(folder, run, ordered, said, config, tags=("LeRobot",), layout=LAYOUT)
+    return [about, *written]
 
 
 class _Writer:

@@ -1,4 +1,4 @@
-"""Data set folder: Parquet files of each split, and the card that says which is which."""
+"""Hugging Face: Parquet files of each split, and the card that says which is which."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from factory.exporting.base import Advance, no_progress
-from factory.exporting.data_card import card, split_name, write_card
+from factory.exporting.base import Advance, ExportOptions
 from factory.exporting.flat_table import FlatTable
-from factory.exporting.metadata import Metadata
+from factory.exporting.metadata import metadata_for
+from glider_twin_hubs.data_card import split_name, write_card
 from twin.records.attributes import SPLITS
 from twin.records.reader import MissionStore
 
@@ -33,9 +33,8 @@ def export_huggingface(
     run: MissionStore,
     missions: Sequence[int],
     folder: Path,
-    advance: Advance = no_progress,
-    *,
-    metadata: Metadata | None = None,
+    advance: Advance,
+    options: ExportOptions,
 ) -> list[Path]:
     """Write the missions by split, and README.md.
 
@@ -55,9 +54,9 @@ def export_huggingface(
             written += write_files(tables, flat.schema, folder / FOLDER, split)
             configs.append({"split": split, "path": f"{FOLDER}/{split}-*.parquet"})
     files = [{"config_name": "default", "data_files": configs}]
-    said = metadata or Metadata()
-    text = card(run, missions, said, configs=files, tags=("tabular",), layout=LAYOUT)
-    return [write_card(folder, text), *written]
+    said = metadata_for(run, options.metadata)
+    about = write_card(folder, run, missions, said, files, tags=("tabular",), layout=LAYOUT)
+    return [about, *written]
 
 
 def write_files(tables: Iterator[Any], schema: Any, folder: Path, name: str) -> list[Path]:

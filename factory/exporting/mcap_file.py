@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
-from factory.exporting.mcap.cdr import encode
-from factory.exporting.mcap.samples import McapSamples
-from factory.exporting.mcap.topics import Topic, topics
+from factory.exporting.mcap_cdr import encode
+from factory.exporting.mcap_samples import McapSamples
+from factory.exporting.mcap_topics import Topic, topics
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
 from twin.records.coordinates import NOMINAL
 from twin.records.logged import LogStore

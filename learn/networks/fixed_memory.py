@@ -1,33 +1,109 @@
-"""EMA: exponential moving averages of every input, and a perceptron that reads them.
+"""Networks whose memory has no weights: a recall of past inputs before a readout.
 
-    m_t = m_{t-1} + (1 - exp(-T / tau)) (x_t - m_{t-1})
+    z_t, state = recall(x_t, state)     fixed: nothing in it is trained
+    y_t = read(z_t)                     a function of one sample
 
-for each input x and each memory tau [s], with T [s] between samples. The averages start at the
-first sample. This is the exponential trace memory of M. C. Mozer, "Neural net architectures for
-temporal sequence processing" (1993), with decays that are given and not learned: an underwater
-glider settles within half a minute, and averages over 2, 8 and 30 s say how far it is from that.
+What is recalled does not depend on the weights. A training works it out once for whole missions,
+and then sees single samples in any order: no windows, no wash-in, and no gradient through time.
 """
 
 from __future__ import annotations
 
+import abc
 import math
 from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
 
-from learn.networks.base import FixedMemory
-from learn.networks.c_step import CStep, perceptron
+from learn.networks.base import Network
+from learn.networks.c_step import CStep, perceptron, transposed
 from learn.networks.config import NetworkConfig
-from learn.networks.mlp import body_arrays
 from twin.errors import InputError
+
+
+class FixedMemory(Network):
+    """Base of these networks. A kind writes `recall` and `read`."""
+
+    @abc.abstractmethod
+    def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """What the readout sees, (time, batch, recalled), for inputs (time, batch, inputs), and
+        the state after them."""
+
+    @abc.abstractmethod
+    def read(self, recalled: Tensor) -> Tensor:
+        """Outputs (..., 1) of what is recalled, (..., recalled)."""
+
+    def mirrored(self, signs: Tensor) -> Tensor:
+        """Signs (recalled,) that the mirror port to starboard gives to what is recalled, from
+        those of the inputs (inputs,). Recall must be linear but for its start."""
+        recalled, _ = self.recall(signs[None, None], self.initial_state(1))
+        return torch.sign(recalled[0, 0])
+
+    def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """See `Network.forward`."""
+        state = self.initial_state(x.shape[1]) if state is None else state
+        recalled, state = self.recall(x, state)
+        return self.read(recalled), state
+
+
+def _perceptron(inputs: int, config: NetworkConfig, unit: type[nn.Module]) -> nn.Sequential:
+    sizes = [inputs] + [config.hidden] * config.layers
+    layers: list[nn.Module] = []
+    for size in sizes[:-1]:
+        layers += [nn.Linear(size, config.hidden), unit()]
+    return nn.Sequential(*layers, nn.Linear(sizes[-1], 1))
+
+
+def _body_arrays(body: nn.Sequential) -> tuple[dict[str, Tensor], list[int]]:
+    """Weights and biases of a perceptron's layers by their names in C, and the layers' sizes."""
+    layers = [layer for layer in body if isinstance(layer, nn.Linear)]
+    arrays: dict[str, Tensor] = {}
+    for k, layer in enumerate(layers):
+        arrays |= {f"weight_{k}": transposed(layer.weight), f"bias_{k}": layer.bias}
+    return arrays, [layers[0].in_features, *(layer.out_features for layer in layers)]
+
+
+class Memoryless(FixedMemory):
+    """A multilayer perceptron, which sees one sample at a time: memory is measured against it."""
+
+    summary = "a multilayer perceptron without memory"
+    state_size = 0
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__(config)
+        self.body = _perceptron(config.inputs, config, nn.Tanh)
+
+    def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """The sample itself."""
+        return x, state
+
+    def read(self, recalled: Tensor) -> Tensor:
+        """See `FixedMemory.read`."""
+        return self.body(recalled)
+
+    def c_step(self) -> CStep:
+        """See `Network.c_step`."""
+        arrays, sizes = _body_arrays(self.body)
+        return CStep(
+            arrays=arrays, body=f"(void)state;\n{perceptron(sizes, 'gt_tanh')}\nreturn out[0];"
+        )
+
 
 BLOCK = 32
 """Samples whose averages are worked out as one matrix product."""
 
 
 class ExponentialAverages(FixedMemory):
-    """State columns: memory by memory the averages of the inputs, then 1 once there was a sample.
+    """Exponential moving averages of every input, and a perceptron that reads them.
+
+        m_t = m_{t-1} + (1 - exp(-T / tau)) (x_t - m_{t-1})
+
+    for each input x and each memory tau [s], with T [s] between samples. The averages start at the
+    first sample. This is the exponential trace memory of M. C. Mozer, "Neural net architectures for
+    temporal sequence processing" (1993), with decays that are given and not learned: an underwater
+    glider settles within half a minute, and averages over 2, 8 and 30 s say how far it is from
+    that. State columns: memory by memory the averages, then 1 once there was a sample.
 
     The readout is a perceptron of SiLU units beside a linear path. What is nearly linear in the
     inputs, such as the speed along a steady path, is learned at once and holds beyond the missions
@@ -48,12 +124,8 @@ class ExponentialAverages(FixedMemory):
             )
         keep = [math.exp(-config.period / memory) for memory in config.memories]
         self.register_buffer("keep", torch.tensor(keep)[:, None], persistent=False)
-        size = width = config.inputs * (1 + len(config.memories))
-        layers: list[nn.Module] = []
-        for _ in range(config.layers):
-            layers += [nn.Linear(size, config.hidden), self.unit()]
-            size = config.hidden
-        self.body = nn.Sequential(*layers, nn.Linear(size, 1))
+        width = config.inputs * (1 + len(config.memories))
+        self.body = _perceptron(width, config, self.unit)
         self.straight = nn.Linear(width, 1, bias=False)
         self.state_size = config.inputs * len(config.memories) + 1
 
@@ -104,7 +176,7 @@ class ExponentialAverages(FixedMemory):
 
     def c_step(self) -> CStep:
         """See `Network.c_step`."""
-        arrays, sizes = body_arrays(self.body)
+        arrays, sizes = _body_arrays(self.body)
         arrays |= {"keep": self.keep, "straight": self.straight.weight}
         inputs, memories = self.config.inputs, len(self.keep)
         body = f"""

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import os
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +16,14 @@ import yaml
 from hubs import read_with
 from logs import Flight, write_slocum
 
-from factory.exporting import EXPORTERS, ExportOptions, dataset_folder
-from factory.exporting.data_card import licence_identifier
-from factory.exporting.lerobot_features import Total, episode_statistics
+from factory.exporting import ExportOptions
+from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
+from factory.sampling.recipe import make_recipe
+from glider_twin_hubs import HUGGINGFACE, LEROBOT, huggingface
+from glider_twin_hubs.data_card import licence_identifier
+from glider_twin_hubs.lerobot_features import Total, episode_statistics
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -31,16 +39,27 @@ metadata:
 """
 
 
+SHORT = {
+    "mission.duration_h": "uniform(0.1, 0.15)",
+    "mission.max_depth_m": "uniform(12, 25)",
+    "mission.min_depth_m": "uniform(3, 6)",
+    "mission.surface_duration_s": "uniform(60, 90)",
+}
+"""Missions of six to nine minutes that dive and surface"""
+
+
 @pytest.fixture(scope="module")
-def run(field_store: Path) -> GeneratedStore:
-    return GeneratedStore(field_store)
+def run(tmp_path_factory: pytest.TempPathFactory) -> GeneratedStore:
+    out = tmp_path_factory.mktemp("field") / "missions.zarr"
+    generate(make_recipe(preset="field", hours=0.5, changes=SHORT), out, workers=1)
+    return GeneratedStore(out)
 
 
 @pytest.fixture(scope="module")
 def folders(run: GeneratedStore, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     place = tmp_path_factory.mktemp("hubs")
-    for name in ("huggingface", "lerobot"):
-        EXPORTERS[name].export(run, range(len(run)), place / name)
+    for one in (HUGGINGFACE, LEROBOT):
+        one.export(run, range(len(run)), place / one.name)
     return {name: place / name for name in ("huggingface", "lerobot")}
 
 
@@ -90,8 +109,8 @@ print(json.dumps({{name: dict(
 def test_large_splits_go_on_in_further_files(
     run: GeneratedStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dataset_folder, "LARGEST_FILE", 1000)
-    EXPORTERS["huggingface"].export(run, range(len(run)), tmp_path / "hub")
+    monkeypatch.setattr(huggingface, "LARGEST_FILE", 1000)
+    HUGGINGFACE.export(run, range(len(run)), tmp_path / "hub")
     for split in set(run.splits):
         files = sorted((tmp_path / "hub/data").glob(f"{split}-*.parquet"))
         some = missions_of(run, split)
@@ -118,9 +137,7 @@ def test_what_people_say_of_a_log_is_kept(log_store: LogStore, tmp_path: Path) -
     said = tmp_path / "deployment.yml"
     said.write_text(PEOPLE)
     options = ExportOptions(metadata=said)
-    EXPORTERS["huggingface"].export(
-        log_store, range(len(log_store)), tmp_path / "hub", options=options
-    )
+    HUGGINGFACE.export(log_store, range(len(log_store)), tmp_path / "hub", options=options)
     front = front_matter(tmp_path / "hub")
     text = (tmp_path / "hub/README.md").read_text()
     assert (front["license"], front["pretty_name"]) == ("cc-by-4.0", "Dives off Cape Example")
@@ -129,9 +146,7 @@ def test_what_people_say_of_a_log_is_kept(log_store: LogStore, tmp_path: Path) -
     assert "Example Institute" in text
     assert "Simulated" not in text.split("## Signals")[0]
     with pytest.raises(InputError, match="huggingface export takes no --vehicle"):
-        EXPORTERS["huggingface"].export(
-            log_store, [0], tmp_path / "b", options=ExportOptions(vehicle="glider")
-        )
+        HUGGINGFACE.export(log_store, [0], tmp_path / "b", options=ExportOptions(vehicle="glider"))
 
 
 @pytest.mark.parametrize(
@@ -238,9 +253,9 @@ def test_lerobot_files_are_those_of_the_format(
 def test_large_data_sets_go_on_in_further_files(
     run: GeneratedStore, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("factory.exporting.lerobot_episodes.FILE_MB", 0)
-    monkeypatch.setattr("factory.exporting.lerobot_episodes.AT_A_TIME", 2)
-    EXPORTERS["lerobot"].export(run, range(len(run)), tmp_path / "many")
+    monkeypatch.setattr("glider_twin_hubs.lerobot.FILE_MB", 0)
+    monkeypatch.setattr("glider_twin_hubs.lerobot.AT_A_TIME", 2)
+    LEROBOT.export(run, range(len(run)), tmp_path / "many")
     files = sorted((tmp_path / "many/data").glob("*/*.parquet"))
     whole = pq.read_table(folders["lerobot"] / "data/chunk-000/file-000.parquet")
     gaps = ["other"]  # NaN equals nothing
@@ -269,8 +284,28 @@ def test_statistics_of_all_are_those_of_the_samples_together() -> None:
 
 
 def test_a_log_is_episodes_too(log_store: LogStore, tmp_path: Path) -> None:
-    EXPORTERS["lerobot"].export(log_store, range(len(log_store)), tmp_path / "dives")
+    LEROBOT.export(log_store, range(len(log_store)), tmp_path / "dives")
     info = json.loads((tmp_path / "dives/meta/info.json").read_text())
     assert info["total_frames"] == int(log_store.samples.sum())
     assert "observation.environment_state" not in info["features"]
     assert info["fps"] == pytest.approx(1.0 / log_store.period)
+
+
+def test_installed_the_formats_need_no_import_and_without_it_the_way_is_told() -> None:
+    """As pip installs it; no other plug-in is looked at."""
+    root = Path(__file__).resolve().parents[3]
+    hub = tomllib.loads((root / "plugins/hubs/pyproject.toml").read_text())["project"]
+    points = hub["entry-points"]["glider_twin.exporters"]
+    code = (
+        "import importlib.metadata as m; "
+        "m.entry_points = lambda group: [m.EntryPoint(*p, group) for p in {}.items()]; "
+        "from factory.exporting import EXPORTERS; print(EXPORTERS['lerobot'].ending)"
+    )
+    paths = os.pathsep.join([str(root), str(root / "plugins/hubs")])
+    run = functools.partial(
+        subprocess.run, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True
+    )
+    installed = run([sys.executable, "-c", code.replace("{}", repr(points))])
+    assert installed.stdout == "-lerobot\n", installed.stderr
+    missing = run([sys.executable, "-c", code])
+    assert "lerobot is a plug-in of its own: `pip install ./plugins/hubs` in a" in missing.stderr

@@ -1,0 +1,70 @@
+"""Spray: binned files in the published layout, and its profiles and OG1.0 by the other kinds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from logs import Flight, write_ngdac, write_spray
+
+from factory.importing import import_logs, sniff
+from twin.errors import InputError
+
+FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)
+
+
+def test_dives_are_made_again_of_their_middles(tmp_path: Path) -> None:
+    path = write_spray(tmp_path / "CUGN_line_90.nc", FLIGHT)
+    dataset, report = import_logs("spray", [path])
+    assert sniff(path) == "spray"
+    assert report.deployments == ("spray-7",)
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    for dive in range(FLIGHT.dives):
+        row = dataset.isel(mission=dive)
+        start, end = FLIGHT.dive_times(dive)
+        moved = FLIGHT.displacement(start, end)
+        assert float(row["dive_duration"]) == pytest.approx(end - start, abs=1e-3)
+        assert float(row["displacement_north"]) == pytest.approx(moved[0], rel=2e-3)
+        assert float(row["displacement_east"]) == pytest.approx(moved[1], rel=2e-3)
+        assert float(row["vehicle_dac_north"]) == pytest.approx(FLIGHT.north)
+        assert float(row["vehicle_dac_east"]) == pytest.approx(FLIGHT.east)
+        depth, warm = row["measured_depth"].values, row["measured_temperature"].values
+        known = FLIGHT.state(start + 60.0 * np.arange(len(depth)))["depth"]
+        there = np.isfinite(depth)
+        np.testing.assert_allclose(depth[there], known[there], atol=6.0)
+        assert np.nanmax(depth) == pytest.approx(400.0, abs=6.0)
+        climbing = np.isfinite(warm) & (np.arange(len(depth)) > there.sum() / 2 + 2) & (depth > 15)
+        assert climbing.sum() > 10
+        np.testing.assert_allclose(warm[climbing], 15.0 - 0.02 * depth[climbing], atol=0.05)
+    notes = [e.detail for e in report.entries if e.subject == path.name and e.action == "note"]
+    assert any("made again" in note for note in notes)
+
+
+def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path: Path) -> None:
+    path = write_spray(tmp_path / "GoM.nc", FLIGHT, missions=(3, 12))
+    with netCDF4.Dataset(path, "a") as file:
+        file["lat"][0] = np.nan
+        file["time"][1] = file["time_uv"][1]
+    dataset, report = import_logs("spray", [path])
+    assert report.deployments == ("spray-3", "spray-12")
+    assert report.count("left out", path.name) == 2
+    assert report.rows == 2 * FLIGHT.dives - 2
+    assert (
+        float(np.diff(dataset["start_time"].values.astype("datetime64[s]").astype(float)).max())
+        > 3e7
+    )
+
+
+def test_other_files_and_shapes_are_refused(tmp_path: Path) -> None:
+    path = write_spray(tmp_path / "a.nc", FLIGHT)
+    with netCDF4.Dataset(path, "a") as file:
+        file["time_uv"][:] = np.nan
+    with pytest.raises(InputError, match="no profile has a place and a time"):
+        import_logs("spray", [path])
+    with pytest.raises(InputError, match="use `factory import ngdac`"):
+        import_logs("spray", write_ngdac(tmp_path, Flight())[:1])
+    good = write_spray(tmp_path / "b.nc", FLIGHT)
+    with pytest.raises(InputError, match="leave --payload out"):
+        import_logs("spray", [good], payload=("oxygen=doxy",))

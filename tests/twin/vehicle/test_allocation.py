@@ -1,0 +1,213 @@
+"""Several parts of a kind share what guidance asks: two screws, an X tail, six fins."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from torpedo import TORPEDO
+
+import twin
+from twin.checks.published import held_flight
+from twin.errors import VehicleError
+from twin.mission.cruise import cruise_rate, surplus
+from twin.mission.segments import Hold, SawTooth
+from twin.vehicle.additions import with_part
+from twin.vehicle.presets import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+
+AHEAD = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0])
+TRAVEL = {"travel": (-0.3, 0.3), "lag": 0.3, "rate": 0.5}
+BLADE = {"area": 0.015, "lift_slope": 3.1, "stall_angle": 0.4, "zero_lift_drag": 0.02}
+DIAGONAL = math.sqrt(0.5)
+
+
+def x_tail() -> Vehicle:
+    """Four blades at 45 degrees, 0.14 m off the axis."""
+    text = TORPEDO.read_text()
+    for name, axis, port, blade in (
+        ("rudder", "0 0 1", 0.1, f"0 {DIAGONAL} {DIAGONAL}"),
+        ("elevator", "0 1 0", -0.1, f"0 {-DIAGONAL} {DIAGONAL}"),
+    ):
+        text = text.replace(f'"{name}.axis" data="{axis}"', f'"{name}.axis" data="{blade}"')
+        text = text.replace(f'"{name}.area" data="0.03"', f'"{name}.area" data="0.015"')
+        text = text.replace(
+            f'<site name="{name}" pos="-0.7 0 0"', f'<site name="{name}" pos="-0.7 {port} 0.1"'
+        )
+    vehicle = parse_vehicle(text, TORPEDO)
+    for name, side in (("low_port", 1.0), ("low_starboard", -1.0)):
+        vehicle = with_part(
+            vehicle, name, kind="fin", place=(-0.7, -0.1 * side, 0.1),
+            numbers={"axis": (0.0, side * DIAGONAL, -DIAGONAL), **BLADE}, **TRAVEL,
+        )  # fmt: skip
+    return vehicle
+
+
+def two_screws() -> Vehicle:
+    """The torpedo with its screw 0.3 m to port and a second one to starboard."""
+    text = TORPEDO.read_text()
+    text = text.replace(
+        '<site name="propeller" pos="-0.8 0 0"', '<site name="propeller" pos="-0.8 0.3 0"'
+    )
+    screw = parse_vehicle(text, TORPEDO).part("propeller")
+    numbers = {"diameter": 0.14, "thrust_coefficient": 0.0045, "zero_thrust_advance": 0.16}
+    return with_part(
+        parse_vehicle(text, TORPEDO), "starboard_screw", kind="propeller", place=(-0.8, 0.3, 0.0),
+        travel=(screw.low, screw.high), lag=screw.lag, rate=screw.rate,
+        numbers={**numbers, "torque_coefficient": -0.0002},
+    )  # fmt: skip
+
+
+def six_fins() -> Vehicle:
+    """Two rudders and two elevators more, of other sizes and arms."""
+    vehicle = load_vehicle(TORPEDO)
+    for name, axis, x in (
+        ("rudder_2", (0.0, 0.0, 1.0), -0.5),
+        ("rudder_3", (0.0, 0.0, -1.0), 0.4),
+        ("elevator_2", (0.0, 1.0, 0.0), -0.5),
+        ("elevator_3", (0.0, -1.0, 0.0), 0.4),
+    ):
+        vehicle = with_part(
+            vehicle, name, kind="fin", place=(x, 0.0, 0.0), numbers={"axis": axis, **BLADE},
+            **TRAVEL,
+        )  # fmt: skip
+    return vehicle
+
+
+def moments(vehicle: Vehicle, position: np.ndarray) -> np.ndarray:
+    """Wrench of the parts less that at rest, at 1.2 m/s ahead."""
+    total = np.zeros(6)
+    for part, at, rest in zip(vehicle.parts, position, vehicle.rest, strict=True):
+        total += part.wrench(float(at), AHEAD, 1025.0, 50.0)
+        total -= part.wrench(float(rest), AHEAD, 1025.0, 50.0)
+    return total
+
+
+@pytest.mark.parametrize("make", [x_tail, six_fins])
+@pytest.mark.parametrize(("control", "row"), [("pitch", 4), ("heading", 5)])
+def test_fins_together_make_the_moment_that_is_asked_and_no_other(make, control, row):
+    vehicle = make()
+    lead = vehicle.steered_index(control)
+    position = vehicle.rest
+    position[lead] = 0.05
+    found = moments(vehicle, vehicle.allocated(position))
+    alone = moments(vehicle, position)
+    assert vehicle.parts[lead].sense(control) * found[row] > 1.1 * abs(alone[row])
+    others = [k for k in (3, 4, 5) if k != row]
+    assert np.abs(found[others]).max() < 0.01 * abs(found[row])  # drag, which is not linear
+    # each part does what is its own effect's share: the least sum of squares for this moment
+    ways = vehicle.allocated(position)
+    effects = np.array([part.effectiveness() for part in vehicle.parts])
+    travel = np.array([p.high - p.low for p in vehicle.parts])
+    moved = np.array([p.kind == "fin" and control in p.controls() for p in vehicle.parts])
+    matrix = (effects[:, [3, 4, 5]].T * travel)[:, moved]
+    wanted = matrix @ (ways / travel)[moved]
+    least = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    np.testing.assert_allclose((ways / travel)[moved], least, atol=1e-9)
+
+
+def test_both_controls_of_an_x_tail_add_and_stop_at_the_ends_of_travel():
+    vehicle = x_tail()
+    pitch, heading = vehicle.steered_index("pitch"), vehicle.steered_index("heading")
+    assert pitch != heading
+    each = []
+    for moved in ((pitch,), (heading,), (pitch, heading)):
+        position = vehicle.rest
+        position[list(moved)] = 0.04
+        each.append(vehicle.allocated(position))
+    np.testing.assert_allclose(each[0] + each[1], each[2], atol=1e-12)
+    position[[pitch, heading]] = 0.25
+    far = vehicle.allocated(position)
+    assert np.all((vehicle.actuator_min <= far) & (far <= vehicle.actuator_max))
+    assert np.abs(far).max() == pytest.approx(0.3)
+
+
+def test_an_x_tail_keeps_depth_and_heading():
+    mission = twin.Mission.from_dict(
+        {
+            "segments": [{"kind": "transect", "depth_m": 12.0, "heading_deg": 60.0,
+                          "duration_s": 240.0}],
+            "start_depth_m": 10.0, "at_end": "hold",
+        }
+    )  # fmt: skip
+    run = twin.simulate(vehicle=x_tail(), mission=mission)
+    assert run["true_depth"][-1] == pytest.approx(12.0, abs=0.3)
+    assert run["true_heading"][-1] == pytest.approx(60.0, abs=1.0)
+    for name in ("rudder", "elevator", "low_port", "low_starboard"):
+        assert np.ptp(run[f"true_{name}"]) > 0.5, name
+
+
+def test_two_screws_drive_straight_and_share_the_thrust():
+    vehicle = two_screws()
+    assert vehicle.steering["speed"] == "propeller"
+    assert [(f.lead, f.part) for f in vehicle.followers] == [("propeller", "starboard_screw")]
+    one = load_vehicle(TORPEDO)
+    rate = cruise_rate(vehicle, 1.5)
+    assert rate < cruise_rate(one, 1.5)
+    assert surplus(vehicle, rate, 1.5) == pytest.approx(0.0, abs=1e-6)
+    position = vehicle.rest
+    position[vehicle.part_names.index("propeller")] = rate
+    position = vehicle.allocated(position)
+    flight = held_flight(vehicle, dict(zip(vehicle.part_names, position.tolist(), strict=True)))
+    assert flight.trim.speed_m_s == pytest.approx(1.5, abs=0.01)
+    assert abs(flight.held["rudder"]) < 1e-6
+    assert abs(moments(vehicle, position)[5]) < 1e-9
+
+
+def test_a_second_screw_turns_in_a_mission():
+    mission = twin.Mission.from_dict(
+        {
+            "segments": [{"kind": "transect", "depth_m": 10.0, "heading_deg": 0.0,
+                          "duration_s": 60.0, "speed_m_s": 1.5}],
+            "start_depth_m": 10.0, "at_end": "hold",
+        }
+    )  # fmt: skip
+    run = twin.simulate(vehicle=two_screws(), mission=mission)
+    assert run["true_surge"][-1] == pytest.approx(1.5, abs=0.02)
+    np.testing.assert_allclose(run["true_starboard_screw"], run["true_propeller"], rtol=1e-6)
+
+
+def test_a_named_part_steers_alone_and_nobody_is_told():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        vehicle = with_part(
+            load_vehicle(TORPEDO), "aft_rudder", kind="fin", place=(-0.9, 0.0, 0.0),
+            numbers={"axis": (0.0, 0.0, 1.0), **BLADE}, steers=("heading",), **TRAVEL,
+        )  # fmt: skip
+    assert vehicle.steering["heading"] == "aft_rudder"
+    assert (vehicle.followers, vehicle.idle) == ((), {})
+
+
+def test_what_cannot_go_along_is_named():
+    vehicle = with_part(
+        "glider", "ballast", kind="pump", travel=(-100.0, 100.0), lag=2.0, rate=50.0
+    )
+    assert vehicle.followers == ()
+    assert vehicle.idle == {"ballast": "pump"}
+    dive = twin.Mission(segments=[SawTooth(yos=1, max_depth_m=50.0)])
+    with pytest.warns(RuntimeWarning, match=r"leaves ballast \(beside pump\) at rest"):
+        dive.compile(vehicle)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hold = Hold(net_mass_kg=0.3, parts={"ballast": 20.0}, duration_s=60.0)
+        twin.Mission(segments=[hold], at_end="hold").compile(vehicle)
+
+
+def test_one_part_cannot_be_named_for_two_controls():
+    text = x_tail().xml.replace(
+        "</custom>",
+        '<text name="steer.pitch" data="rudder"/><text name="steer.heading" data="rudder"/>'
+        "</custom>",
+    )
+    with pytest.raises(VehicleError, match=r"steer\.heading.*'rudder' again"):
+        parse_vehicle(text, TORPEDO)
+
+
+def test_shipped_vehicles_have_one_part_of_each():
+    for name in vehicle_names():
+        vehicle = load_vehicle(name)
+        assert (vehicle.followers, vehicle.idle) == ((), {})
+        position = vehicle.rest
+        assert vehicle.allocated(position) is position

@@ -1,0 +1,209 @@
+"""Passivity: still water takes energy from a vehicle and never gives any.
+
+A neutral vehicle without gravity, with its parts held and its screws stopped, is let go at motions
+ahead, astern, sideways and tumbling. Its kinetic energy, that of the added mass included,
+
+    E = nu^T (M_RB + M_A) nu / 2,    (M_RB + M_A) dnu/dt = -C(nu) nu + hull law + parts,
+
+must never rise above what it had at the start. Inertia and Kirchhoff's coupling (Lamb 1932,
+article 124) do no work, so that whatever energy appears is given by a law or a part, of either
+model's code. The check takes any law and any part, those of one's own too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fossen import FossenModel
+from twin.fossen.equations import mass_distribution
+from twin.fossen.matrices import rigid_body_mass
+from twin.vehicle.presets import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+MODELS = ("mujoco", "fossen")
+SPEEDS = (0.1, 0.3, 1.0)
+"""[m/s] at the start: below the least speed of rate damping, of gliders, of propelled vehicles"""
+DIRECTIONS = {
+    "ahead": (1.0, 0.0, 0.0),
+    "astern": (-1.0, 0.0, 0.0),
+    "sideways": (0.0, 1.0, 0.0),
+    "downward": (0.0, 0.0, 1.0),
+    "upward": (0.0, 0.0, -1.0),
+    "obliquely": (0.7, 0.5, 0.5),
+    "obliquely astern": (-0.7, 0.5, -0.5),
+}
+SPINS = {
+    "": (0.0, 0.0, 0.0),
+    "rolling": (1.0, 0.0, 0.0),
+    "pitching": (0.0, 1.0, 0.0),
+    "yawing": (0.0, 0.0, -1.0),
+    "tumbling": (0.6, 0.8, -0.5),
+}
+SLOW, FAST = 0.3, 3.0
+"""Hull lengths that the tip moves sideways, in turns, while the hull moves by one"""
+ROLLS = 3.0
+"""A hull rolls as much quicker than it pitches: its diameter is so much smaller than its length"""
+STEP = 0.3
+"""of a step over the fastest decay: Runge-Kutta's energy is then right to 1e-6"""
+ROUNDS, RENEWED = 320, 16
+"""Steps of a decay at most, and steps after which their length is chosen anew"""
+SPENT = 0.5
+"""Part of the energy whose loss ends a decay"""
+LARGEST_GAIN = 1e-5
+"""of the energy at the start: rounding of the integration"""
+DEEP = 1e3
+"""[m] of every part"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Decay:
+    """The start from which a vehicle's energy rises the most, or falls the least."""
+
+    model: str
+    """whose code it is, one of MODELS"""
+    motion: str
+    """in words: way, spin, speed"""
+    gain: float
+    """largest energy over that at the start, less one; 0: it never rose"""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the water gave nothing."""
+        return self.gain <= LARGEST_GAIN
+
+    def text(self, vehicle: Vehicle) -> str:
+        """One line for what is not passive: what happens, and what to look at."""
+        return (
+            f"vehicle {vehicle.name!r} gains {100.0 * self.gain:.3g} % of its energy from still "
+            f"water when it moves {self.motion} ({self.model}): its hull law ({vehicle.law.kind}) "
+            "or a part drives it; look at coefficients that drive in reversed or cross flow"
+        )
+
+
+def check_passivity(vehicle: Vehicle) -> list[Decay]:
+    """The worst decay by each model's code of the law and the parts."""
+    labels, starts = zip(*_starts(vehicle), strict=True)
+    found = []
+    for model in MODELS:
+        gains = energy_gains(vehicle, np.array(starts), model)
+        worst = int(np.argmax(gains))
+        found.append(Decay(model=model, motion=labels[worst], gain=float(gains[worst])))
+    return found
+
+
+def check_still_water(vehicle: Vehicle | None = None) -> list[tuple[Vehicle, Decay]]:
+    """The worst decays of a vehicle, or of every shipped one."""
+    checked = [vehicle] if vehicle else [load_vehicle(name) for name in vehicle_names()]
+    return [(one, decay) for one in checked for decay in check_passivity(one)]
+
+
+def _starts(vehicle: Vehicle) -> Iterator[tuple[str, Array]]:
+    """Every start in words, and its nu_r (6,)."""
+    for speed, (way, direction), (turn, axis), rate in itertools.product(
+        SPEEDS, DIRECTIONS.items(), SPINS.items(), (SLOW, FAST)
+    ):
+        if not turn and rate == FAST:
+            continue
+        spin = rate * speed / vehicle.hull_length * np.array(axis) * (ROLLS, 1.0, 1.0)
+        motion = np.concatenate([speed * np.array(direction) / np.linalg.norm(direction), spin])
+        turning = f" and {'slowly ' * (rate == SLOW)}{turn}" if turn else ""
+        yield f"{way}{turning} at {speed:g} m/s", motion
+
+
+def energy_gains(
+    vehicle: Vehicle, starts: Array, model: str, positions: Array | None = None
+) -> Array:
+    """Largest energy over that at the start, less one, of each decay; shape (n,), 0 or more.
+
+    Args:
+      starts: nu_r, shape (n, 6). model: whose code, one of MODELS.
+      positions: of the parts, held, shape (parts,); None: at rest, screws stopped.
+    """
+    at = _standing(vehicle) if positions is None else positions
+    mass, moment, inertia = mass_distribution(FossenModel(vehicle).parameters, at)
+    rigid = rigid_body_mass(mass, moment / mass, inertia)
+    total = rigid + vehicle.added_mass
+    coupled = total if vehicle.added_mass_coupling else rigid
+    inverse = np.linalg.inv(total)
+    wrench = _WRENCHES[model]
+
+    def rate(nu: Array) -> Array:
+        forces = np.array([wrench(vehicle, at, row) for row in nu])
+        return np.asarray((forces - _coriolis(coupled, nu)) @ inverse.T)
+
+    def energy(nu: Array) -> Array:
+        return np.asarray(0.5 * np.einsum("ni,ij,nj->n", nu, total, nu))
+
+    gains, first = np.zeros(len(starts)), energy(starts)
+    nu, left = np.array(starts, dtype=float), np.arange(len(starts))
+    step = np.zeros((len(starts), 1))
+    for round_ in range(ROUNDS):
+        if round_ % RENEWED == 0:
+            step = STEP / _fastest(rate, nu)[:, None]
+        k1 = rate(nu)
+        k2 = rate(nu + 0.5 * step * k1)
+        k3 = rate(nu + 0.5 * step * k2)
+        nu = nu + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(nu + step * k3))
+        now = energy(nu) / first[left]
+        gains[left] = np.maximum(gains[left], np.nan_to_num(now, nan=np.inf) - 1.0)
+        going = (now > SPENT) & np.isfinite(now)
+        nu, left, step = nu[going], left[going], step[going]
+        if not left.size:
+            break
+    return gains
+
+
+def _standing(vehicle: Vehicle) -> Array:
+    """Positions of the parts at rest, screws stopped whatever their travel."""
+    return np.where([part.spins for part in vehicle.parts], 0.0, vehicle.rest)
+
+
+def _coriolis(inertia: Array, nu: Array) -> Array:
+    """C(nu) nu, shape (n, 6), of Kirchhoff's equations for an inertia (6, 6)."""
+    impulse = nu @ inertia
+    force = np.cross(nu[:, 3:], impulse[:, :3])
+    moment = np.cross(nu[:, 3:], impulse[:, 3:]) + np.cross(nu[:, :3], impulse[:, :3])
+    return np.concatenate([force, moment], axis=1)
+
+
+def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
+    """Size [1/s] of the fastest eigenvalue of the accelerations at each motion, shape (n,)."""
+    size = np.linalg.norm(nu, axis=1)
+    jacobian = np.empty((len(nu), 6, 6))
+    for k in range(6):
+        moved = np.zeros_like(nu)
+        moved[:, k] = 1e-6 * (1.0 + size)
+        jacobian[:, :, k] = (rate(nu + moved) - rate(nu - moved)) / (2.0 * moved[:, k : k + 1])
+    return np.maximum(np.abs(np.linalg.eigvals(jacobian)).max(axis=1), 1e-3)
+
+
+def _native(vehicle: Vehicle, at: Array, nu: Array) -> Array:
+    """Wrench of hull and parts by the MuJoCo twin's code, shape (6,)."""
+    density, motion = vehicle.reference_density, tuple(nu.tolist())
+    kernel = type(vehicle.law).native_wrench
+    assert kernel is not None
+    found = np.array(kernel(vehicle.law.values(), density, *motion))
+    for part, position in zip(vehicle.parts, at, strict=True):
+        if (own := type(part).native_wrench) is not None:
+            values, place = np.array(part.values()), np.array(part.position)
+            found += own(values, place, float(position), *motion, density, DEEP)
+    return found
+
+
+def _fossen(vehicle: Vehicle, at: Array, nu: Array) -> Array:
+    """The same by the Fossen model's code."""
+    density = vehicle.reference_density
+    found = vehicle.law.wrench(nu, density)
+    for part, position in zip(vehicle.parts, at, strict=True):
+        found = found + part.wrench(float(position), nu, density, DEEP)
+    return found
+
+
+_WRENCHES = {"mujoco": _native, "fossen": _fossen}

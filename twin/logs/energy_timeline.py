@@ -1,0 +1,191 @@
+"""Energy timeline: what the vehicle did and what its counter of charge said, along a deployment.
+
+Noise of a part's encoder is taken out: a part that stands moves nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.records.logged import LogStore
+from twin.vehicle.consumption import Consumption
+from twin.vehicle.parts.propeller import Propeller
+from twin.vehicle.parts.pump import CUBIC_CM, Pump
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+CHARGE, VOLTAGE, VACUUM = "measured_charge", "measured_voltage", "measured_vacuum"
+COULOMBS = 3600.0
+"""[C] in 1 A h"""
+INTERVAL = 300.0
+"""[s] of the counter that one equation spans, at least"""
+LONGEST_STAY = 3600.0
+"""[s] A longer hole between two dives is unknown; a shorter one is a stay at the surface"""
+STILL = 0.005
+"""of its travel: moves of a part below it are noise of its encoder"""
+
+
+class NotCounted(InputError):
+    """A store has no counter of charge, no voltage, or too few readings of them."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveCharge:
+    """What one dive took, from its counter's first sample to its last."""
+
+    mission: int
+    hours: float
+    """[h]"""
+    measured: float
+    """[A h]"""
+    modelled: float
+    """[A h]"""
+
+
+class EnergyTimeline:
+    """Dives and the stays between them as one line: what has been done, and taken, until when."""
+
+    def __init__(self, logs: LogStore, rows: Sequence[int], vehicle: Vehicle):
+        missing = [name for name in (CHARGE, VOLTAGE) if name not in logs]
+        if missing:
+            raise NotCounted(
+                f"store {logs.path} lacks {' and '.join(missing)}: the energy needs the vehicle's "
+                "counter of charge and its voltage (a Slocum's m_coulomb_amphr_total and "
+                "m_battery); import logs that have them"
+            )
+        ordered = sorted(rows, key=lambda k: (logs.deployments[k], logs.starts[k]))
+        owner = np.concatenate(
+            [np.full(int(logs.samples[k]), logs.deployments[k], object) for k in ordered]
+        )
+        self.time = np.concatenate([logs.time(k) for k in ordered])
+        self.mission = np.concatenate([np.full(int(logs.samples[k]), k) for k in ordered])
+        step = np.diff(self.time, prepend=self.time[0])
+        parted = (step < 0.0) | (step > LONGEST_STAY)
+        parted[1:] &= self.mission[1:] != self.mission[:-1]
+        parted[1:] |= owner[1:] != owner[:-1]
+        self.chain = np.cumsum(parted)
+        known = np.concatenate([[False], np.diff(self.chain) == 0])
+        self.step = np.where(known, step, 0.0)
+
+        def signal(name: str) -> Array:
+            return np.concatenate([logs.signal(name, k) for k in ordered])
+
+        self.charge = signal(CHARGE)
+        self.voltage = _joined(signal(VOLTAGE))
+        vacuum = signal(VACUUM)
+        vacuum = vacuum[np.isfinite(vacuum)]
+        self.vacuum = float(np.median(vacuum)) if vacuum.size else np.nan
+        names = {name for name in logs.signals() if name.startswith("measured_")}
+        self.done = self._done(signal, names, vehicle)
+
+    def _done(
+        self, signal: Callable[[str], Array], names: set[str], vehicle: Vehicle
+    ) -> dict[str, Array]:
+        """Cumulative quantity of each factor, (time,)."""
+        losses = Consumption.of(vehicle)
+        depth = np.maximum(_joined(signal("measured_depth")), 0.0)
+        pitch = np.deg2rad(_joined(signal("measured_pitch")))
+        middle = [0.5 * (v + np.concatenate([v[:1], v[:-1]])) for v in (depth, pitch)]
+        afloat = (signal("measured_phase") == 0.0) | np.concatenate(
+            [[False], np.diff(self.mission) != 0]
+        )
+        parts = {
+            "hotel": self.step,
+            "surface": self.step * afloat,
+            "payload": self.step * np.isfinite(signal("measured_temperature")),
+            "thruster": self.step * np.nan_to_num(signal("measured_thruster_power")),
+        }
+        lossless = dataclasses.replace(losses, screw_efficiency=1.0, propeller_efficiency=1.0)
+        for part in vehicle.parts:
+            name = f"measured_{part.name}"
+            if name not in names:
+                continue
+            place = _joined(signal(name)) / part.quantity.scale
+            place = place if isinstance(part, Propeller) else settled(place)
+            before = np.concatenate([place[:1], place[:-1]])
+            if isinstance(part, Pump):
+                vacuum = losses.hull_vacuum if np.isnan(self.vacuum) else self.vacuum
+                pressure = vehicle.reference_density * vehicle.gravity * middle[0] + vacuum
+                moved = (place - before) * CUBIC_CM * (self.step > 0.0)
+                parts["pump"] = np.maximum(moved, 0.0) * pressure
+                parts["pump loss"] = np.maximum(moved, 0.0)
+                parts["pump return"] = np.maximum(-moved, 0.0)
+                continue
+            of = part.energy(
+                vehicle, before, place, lossless,
+                depth=middle[0], pitch=middle[1], duration=self.step,
+            )  # fmt: skip
+            which = "propeller" if isinstance(part, Propeller) else "drives"
+            parts[which] = parts.get(which, 0.0) + np.asarray(of)
+        return {name: np.cumsum(values) for name, values in parts.items()}
+
+    def intervals(self, least: float = INTERVAL) -> NDArray[np.intp]:
+        """First and last sample of each interval between readings of the counter, (interval, 2)."""
+        found, start = [], -1
+        for k in np.flatnonzero(np.isfinite(self.charge)).tolist():
+            if start >= 0 and self.chain[k] == self.chain[start]:
+                if self.time[k] - self.time[start] < least:
+                    continue
+                found.append((start, k))
+            start = k
+        return np.array(found, np.intp).reshape(-1, 2)
+
+    def energy(self, span: NDArray[np.intp]) -> Array:
+        """[J] taken in each interval."""
+        first, last = span.T
+        volts = 0.5 * (self.voltage[first] + self.voltage[last])
+        return np.asarray((self.charge[last] - self.charge[first]) * COULOMBS * volts)
+
+    def table(self, span: NDArray[np.intp], names: Sequence[str]) -> Array:
+        """What was done in each interval, (interval, factor)."""
+        first, last = span.T
+        columns = [self.done[name][last] - self.done[name][first] for name in names]
+        return np.stack(columns, axis=1)
+
+    def dives(self, factors: Mapping[str, float]) -> tuple[DiveCharge, ...]:
+        """Measured and modelled charge of each dive with two readings."""
+        found = []
+        for mission in dict.fromkeys(self.mission[np.isfinite(self.charge)].tolist()):
+            at = np.flatnonzero((self.mission == mission) & np.isfinite(self.charge))
+            span = np.array([[at[0], at[-1]]])
+            taken = self.charge[at[-1]] - self.charge[at[0]]
+            if len(at) < 2 or taken <= 0.0:
+                continue
+            energy = float(self.table(span, list(factors))[0] @ list(factors.values()))
+            volts = 0.5 * (self.voltage[at[0]] + self.voltage[at[-1]])
+            found.append(
+                DiveCharge(
+                    mission=mission,
+                    hours=float(self.time[at[-1]] - self.time[at[0]]) / 3600.0,
+                    measured=float(taken),
+                    modelled=energy / volts / COULOMBS,
+                )
+            )
+        return tuple(found)
+
+
+def settled(values: Array) -> Array:
+    """A part's position with the noise of its encoder taken out: it follows moves alone, (time,).
+
+    As a gear with play: the value stays while the reading is within `STILL` of its travel.
+    """
+    play = STILL * float(np.ptp(np.percentile(values, [1.0, 99.0])))
+    place, found = float(values[0]), np.empty(len(values))
+    for k, value in enumerate(values.tolist()):
+        place = min(max(place, value - play), value + play)
+        found[k] = place
+    return found
+
+
+def _joined(values: Array) -> Array:
+    """Straight lines across NaN; zeros where nothing is known."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return np.zeros(len(values))
+    return np.interp(np.arange(len(values)), known, values[known])

@@ -1,0 +1,334 @@
+"""Energy use: what electronics, pump, drives, payload and thruster of a deployment take.
+
+use = energy_use("real.zarr")
+use.terms, use.consumption, use.power
+
+The counter of charge, times the voltage, is a line of known times and moves:
+
+    energy = hotel t + surface t_afloat + payload t_sampling + pump (p + vacuum) V_out
+             + pump loss V_out + pump return V_in + drives W + propeller W + thruster E
+
+with the pressure p outside, the volumes V that the pump moves out and in, the work W of moving
+masses and propellers without losses and the energy E that a glider's thruster draws by its own
+current. Least squares over intervals of five minutes, each factor within what is possible; its
+deviation is that of whole dives, since neighbouring intervals err together. A factor that the log
+does not determine keeps the vehicle's figure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify.start_values import start_vehicle
+from twin.logs.energy_timeline import (
+    CHARGE,
+    COULOMBS,
+    INTERVAL,
+    DiveCharge,
+    EnergyTimeline,
+    NotCounted,
+)
+from twin.records.logged import LogStore
+from twin.records.reader import MissionStore
+from twin.records.storage.store_path import StorePath
+from twin.vehicle.consumption import Consumption
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+ALWAYS = 0.97
+"""of the time: what is on for longer cannot be told from the electronics"""
+DOUBTFUL = 0.5
+"""deviation over value from which a factor is not determined"""
+LEAST_EQUATIONS = 3
+"""for each factor"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EnergyTerm:
+    """One consumer."""
+
+    name: str
+    value: float
+    """Factor, in `unit`"""
+    deviation: float
+    """Standard deviation; NaN where the value is the vehicle's"""
+    unit: str
+    energy: float
+    """[J] of the deployment"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EnergyUse:
+    """The consumers of a deployment."""
+
+    vehicle: Vehicle
+    terms: tuple[EnergyTerm, ...]
+    dives: tuple[DiveCharge, ...]
+    consumption: Consumption
+    """The vehicle's with what the log determines"""
+    hours: float
+    """[h] that the counter covers, stays at the surface included"""
+    charge: float
+    """[A h] in them"""
+    voltage: float
+    """[V] mean"""
+    equations: int
+    resets: int
+    """Intervals left out in which the counter ran backwards"""
+
+    @property
+    def power(self) -> float:
+        """[W] mean."""
+        return self.charge * self.voltage / self.hours
+
+    def describe(self) -> dict[str, object]:
+        """Plain values, as `--json` prints them."""
+        return {
+            "hours": self.hours,
+            "charge_a_h": self.charge,
+            "voltage_v": self.voltage,
+            "power_w": self.power,
+            "equations": self.equations,
+            "counter_resets": self.resets,
+            "terms": {
+                one.name: {
+                    "value": one.value,
+                    "deviation": None if np.isnan(one.deviation) else one.deviation,
+                    "unit": one.unit,
+                    "energy_kj": one.energy / 1e3,
+                }
+                for one in self.terms
+            },
+        }
+
+
+def counted_energy(
+    store: str | StorePath, vehicle: str | Path | Vehicle, *, newest: bool = False
+) -> EnergyUse | None:
+    """`energy_use`; None where the store has not counted its energy, or holds no logs.
+
+    With `newest` of the deployment that began last alone.
+    """
+    with MissionStore(store) as found:
+        if not found.logged:
+            return None
+    missions = None
+    if newest:
+        with LogStore(store) as logs:
+            missions = logs.missions_of(logs.deployments[int(np.argmax(logs.starts))])
+    try:
+        return energy_use(store, vehicle, missions=missions)
+    except NotCounted:
+        return None
+
+
+def energy_use(
+    store: str | StorePath,
+    vehicle: str | Path | Vehicle | None = None,
+    *,
+    missions: Sequence[int] | None = None,
+) -> EnergyUse:
+    """The consumers of the dives of a store.
+
+    Args:
+      store: of logs.
+      vehicle: whose pump and masses moved, and whose figures stay where the log says nothing;
+        default the one of the log's kind.
+      missions: rows to use; default all.
+
+    Raises:
+      StoreError: no store of logs.
+      NotCounted: no counter of charge or no voltage in it, or too few samples of them.
+    """
+    if vehicle is None:
+        vehicle = start_vehicle(store)
+    elif not isinstance(vehicle, Vehicle):
+        vehicle = load_vehicle(vehicle)
+    with LogStore(store) as logs:
+        rows = range(len(logs)) if missions is None else missions
+        timeline = EnergyTimeline(logs, rows, vehicle)
+    return _fitted(timeline, vehicle)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ChargeForecast:
+    """The charge of later dives by what earlier ones taught."""
+
+    dives: tuple[DiveCharge, ...]
+    taught: int
+    """Dives that taught"""
+    per_hour: float
+    """[A h/h] of the dives that taught: the simple rival"""
+
+    def errors(self) -> dict[str, float]:
+        """Mean absolute error of a dive and error of the sum, as parts of what was measured."""
+        measured, modelled, hours = (
+            np.array([getattr(one, name) for one in self.dives])
+            for name in ("measured", "modelled", "hours")
+        )
+        found = {}
+        for name, said in (("model", modelled), ("per_hour", self.per_hour * hours)):
+            found[f"{name}_per_dive"] = float(np.mean(np.abs(said / measured - 1.0)))
+            found[f"{name}_sum"] = float(said.sum() / measured.sum() - 1.0)
+        return found
+
+
+def second_half(
+    store: str | StorePath, vehicle: Vehicle, *, missions: Sequence[int] | None = None
+) -> ChargeForecast | None:
+    """The second half of the dives by the first; None where the first has too few.
+
+    The later dives' times, depths and volumes are given: what is tested is what these cost.
+    """
+    with LogStore(store) as logs:
+        rows = range(len(logs)) if missions is None else missions
+        order = sorted(rows, key=lambda k: logs.starts[k])
+        known = [k for k in order if np.isfinite(logs.signal(CHARGE, k)).sum() > 1]
+        taught, tested = known[: len(known) // 2], known[len(known) // 2 :]
+        if len(taught) < 2:
+            return None
+        timelines = [EnergyTimeline(logs, rows, vehicle) for rows in (taught, tested)]
+    try:
+        fit = _fitted(timelines[0], vehicle)
+    except NotCounted:
+        return None
+    factors = {one.name: one.value for one in fit.terms}
+    dives = timelines[1].dives(factors)
+    before = timelines[0].dives(factors)
+    hours = sum(one.hours for one in before)
+    rate = sum(one.measured for one in before) / hours
+    return ChargeForecast(dives=dives, taught=len(before), per_hour=rate)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Factor:
+    name: str
+    unit: str
+    least: float
+    field: str
+    """Of `Consumption`; empty: it has none"""
+    inverse: bool = False
+    """Whether the field is one over the factor"""
+    most: float = np.inf
+
+
+FACTORS = (
+    _Factor(name="hotel", unit="W", least=0.0, field="hotel_power"),
+    _Factor(name="surface", unit="W", least=0.0, field="surface_power"),
+    _Factor(name="payload", unit="W", least=0.0, field="payload_power"),
+    _Factor(name="pump", unit="1", least=1.0, field="pump_efficiency", inverse=True),
+    _Factor(name="pump loss", unit="Pa", least=0.0, field="pump_loss"),
+    _Factor(name="pump return", unit="Pa", least=0.0, field="pump_return"),
+    # a drive that wins less than a hundredth: it moves with the pump, whose energy it takes
+    _Factor(name="drives", unit="1", least=1.0, most=100.0, field="screw_efficiency", inverse=True),
+    _Factor(name="propeller", unit="1", least=1.0, field="propeller_efficiency", inverse=True),
+    _Factor(name="thruster", unit="1", least=0.0, field=""),
+)
+"""The line's factors; the first is in every log"""
+
+
+def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
+    span = line.intervals()
+    taken = line.energy(span)
+    forward = taken > 0.0
+    resets = int((~forward).sum())
+    span, taken = span[forward], taken[forward]
+    usual = Consumption.of(vehicle)
+    kept: dict[str, float] = {}
+    for factor in FACTORS:
+        value = getattr(usual, factor.field) if factor.field else 1.0
+        kept[factor.name] = 1.0 / value if factor.inverse else value
+    free = [f.name for f in FACTORS if f.name in line.done]
+    if len(span) < LEAST_EQUATIONS:
+        raise NotCounted(
+            f"{len(span)} intervals of {INTERVAL / 60:.0f} min with a reading of the counter of "
+            f"charge at both ends; the energy needs {LEAST_EQUATIONS} at least: import more dives"
+        )
+    table = line.table(span, free)
+    part_on = table[:, free.index("payload")].sum() / table[:, free.index("hotel")].sum()
+    if not 1.0 - ALWAYS < part_on < ALWAYS:
+        kept["payload"] = 0.0  # always on: in the hotel load
+        free.remove("payload")
+    free = [name for name in free if line.table(span, [name]).any()]
+    dive = line.mission[span[:, 0]]
+    while True:
+        known = [name for name in kept if name not in free and name in line.done]
+        rest = taken - line.table(span, known) @ [kept[name] for name in known] if known else taken
+        values, deviations = _least_squares(line.table(span, free), rest, dive, free)
+        doubt = {
+            name: deviation / value if value > 0.0 else np.inf
+            for name, value, deviation in zip(free, values, deviations, strict=True)
+        }
+        del doubt[free[0]]  # the hotel load is in every log
+        worst = max(doubt, key=lambda name: doubt[name], default="")
+        many = len(span) >= LEAST_EQUATIONS * len(free)
+        if not worst or (doubt[worst] <= DOUBTFUL and many):
+            break
+        free.remove(worst)
+    found = {**kept, **dict(zip(free, values.tolist(), strict=True))}
+    spread = dict(zip(free, deviations.tolist(), strict=True))
+    whole = line.table(span, [n for n in found if n in line.done])
+    names = [n for n in found if n in line.done]
+    by_field = {
+        f.field: 1.0 / found[f.name] if f.inverse else found[f.name]
+        for f in FACTORS
+        if f.field and f.name in found
+    }
+    if np.isfinite(line.vacuum):
+        by_field["hull_vacuum"] = line.vacuum
+    hours = float(line.done["hotel"][span[:, 1]].sum() - line.done["hotel"][span[:, 0]].sum())
+    volts = 0.5 * (line.voltage[span[:, 0]] + line.voltage[span[:, 1]])
+    charge = float((taken / volts).sum() / COULOMBS)
+    return EnergyUse(
+        vehicle=vehicle,
+        terms=tuple(
+            EnergyTerm(
+                name=f.name,
+                value=found[f.name],
+                deviation=spread.get(f.name, np.nan),
+                unit=f.unit,
+                energy=float(found[f.name] * whole[:, names.index(f.name)].sum()),
+            )
+            for f in FACTORS
+            if f.name in names
+        ),
+        dives=line.dives({name: found[name] for name in names}),
+        consumption=dataclasses.replace(usual, **by_field),
+        hours=hours / 3600.0,
+        charge=charge,
+        voltage=float(taken.sum() / COULOMBS / charge),
+        equations=len(span),
+        resets=resets,
+    )
+
+
+def _least_squares(
+    table: Array, taken: Array, dive: Array, names: Sequence[str]
+) -> tuple[Array, Array]:
+    """Factors within their bounds, and deviations by the sums of dives: infinite at a bound."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
+    bounds = [(f.least, f.most) for name in names for f in FACTORS if f.name == name]
+    least, most = np.array(bounds).T * scale
+    found = lsq_linear(table / scale, taken, bounds=(least, most))
+    error = taken - table / scale @ found.x
+    inner = found.active_mask == 0
+    deviations = np.full(len(names), np.inf)
+    if inner.any():
+        design = table[:, inner] / scale[inner]
+        inverse = np.linalg.pinv(design.T @ design)
+        groups = np.unique(dive, return_inverse=True)[1]
+        sums = np.stack(
+            [np.bincount(groups, column * error) for column in design.T], axis=1
+        )  # (dive, factor)
+        count = len(sums)
+        cover = inverse @ (sums.T @ sums) @ inverse * (count / max(count - 1, 1))
+        deviations[inner] = np.sqrt(np.diag(cover))
+    return found.x / scale, deviations / scale
