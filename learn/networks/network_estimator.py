@@ -19,7 +19,13 @@ from twin.identify.calibration import Calibration
 from twin.identify.logged import Log
 from twin.identify.translation import Translation
 from twin.logs.flight_estimator import FlightEstimator
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
+from twin.navigation.estimators.glide_deviation import usual_speed
 from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED, sources
@@ -31,15 +37,19 @@ from twin.vehicle.vehicle import Vehicle
 class NetworkVelocity(VelocityEstimator):
     """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
 
-    The spread over the members of an ensemble is the claimed deviation. Heave is left to the depth
-    rate.
+    It states the error that validation missions showed; how far the members of an ensemble differ
+    says nothing of what they have in common, vehicle and sensors. Heave is left to the depth rate.
     """
 
     kind = "network"
     summary = "networks of a run of `learn fit`: network:RUN"
 
     def __init__(
-        self, networks: Mapping[str, Ensemble], period: float, vehicle: Vehicle | None = None
+        self,
+        networks: Mapping[str, Ensemble],
+        period: float,
+        vehicle: Vehicle | None = None,
+        deviation: VelocityDeviation | None = None,
     ):
         """Begin before the first sample.
 
@@ -47,11 +57,13 @@ class NetworkVelocity(VelocityEstimator):
           networks: `surge` and `sway`.
           period: [s] between the samples that they were trained on.
           vehicle: as its file says; only networks that read estimated channels need it.
+          deviation: of their velocity, such as `network_deviation`; None: nothing is stated.
 
         Raises:
           InputError: they do, and there is no vehicle or none that the flight filter suits.
         """
         self.period = period
+        self._deviation = VelocityDeviation() if deviation is None else deviation
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
             feature
@@ -89,7 +101,12 @@ class NetworkVelocity(VelocityEstimator):
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
         run = open_run(argument)
-        return cls(run.networks(), run.period, vehicle)
+        return cls(run.networks(), run.period, vehicle, network_deviation(run, vehicle))
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`."""
+        return self._deviation
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""
@@ -110,7 +127,7 @@ class NetworkVelocity(VelocityEstimator):
         if self._flight is not None:
             sample = {**sample, **dict(zip(ESTIMATED, self._flight.step(sample), strict=True))}
         seen = self._features.step(sample).astype(np.float32)
-        mean, variance = {}, {}
+        mean = {}
         with torch.inference_mode():
             for name, members in self._members.items():
                 said = []
@@ -122,12 +139,7 @@ class NetworkVelocity(VelocityEstimator):
                     scales = one.normalisation
                     said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
                 mean[name] = float(np.mean(said))
-                variance[name] = float(np.var(said, ddof=1)) if len(said) > 1 else None
-        spread = [variance[name] for name in TARGETS]
-        covariance = None
-        if all(one is not None for one in spread):
-            covariance = np.diag(np.array([*spread, spread[0]], np.float64))
-        return BodyVelocity(surge=mean["surge"], sway=mean["sway"], covariance=covariance)
+        return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 
     def state(self) -> dict[str, NDArray[Any]]:
         """See `VelocityEstimator`."""
@@ -157,6 +169,12 @@ class NetworkVelocity(VelocityEstimator):
         self._features.restore(_below("features:", state))
         if self._flight is not None:
             self._flight.restore(_below("flight:", state))
+
+
+def network_deviation(run: Run, vehicle: Vehicle) -> VelocityDeviation:
+    """What validation missions said of a run's error, at a vehicle's usual speed."""
+    deviation = run.error_model().velocity_sd
+    return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)
 
 
 def _below(prefix: str, state: State) -> dict[str, NDArray[Any]]:

@@ -25,8 +25,8 @@ from twin.physics.settle import trim as settle
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.physics.steady_motion import Trim
+from twin.physics.stiffness import file_timestep
 from twin.records.trajectory import Trajectory
-from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
@@ -46,8 +46,6 @@ START_DEPTH = 1000.0
 """[m] far from the surface"""
 LEG = (60.0, 150.0)
 """[s] time between actuator steps"""
-MUJOCO_STEP = 0.002
-"""[s] of a file that says none"""
 SHEAR = 0.2
 """[m/s] per 100 m, RMS of each drawn component"""
 TIDE = 0.5
@@ -178,12 +176,6 @@ def fly_both(
     # a vehicle whose file asks for a shorter step is too stiff for the usual one here too
     dt = min(DEFAULT_DT, file_timestep(vehicle))
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration, dt=dt)
-
-
-def file_timestep(vehicle: Vehicle) -> float:
-    """Physics step [s] that a vehicle's file asks for."""
-    option = MjcfReader(vehicle.xml, vehicle.path).one("option")
-    return float(option.get("timestep", MUJOCO_STEP))
 
 
 def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference:

@@ -28,7 +28,7 @@ from twin.checks.log_turns import fly_turns
 from twin.checks.replayed_dive import ReplayedDive, read_dive
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.lazy import resolve
-from twin.records.logged import LogStore
+from twin.records.logged import LogStore, log_rows
 from twin.records.trajectory import Trajectory
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -65,6 +65,9 @@ def check_logs(
         rows = list(range(len(logs))) if missions is None else list(missions)
         for row in rows:
             logs.check_mission(row)
+        said = log_rows(logs)
+        powered = [row for row in rows if said[row].powered]
+        rows = [row for row in rows if row not in powered]
         check_signals(logs, rows)
         found = [read_dive(logs, row, hull, turning) for row in rows]
         dives = [dive for dive in found if dive is not None]
@@ -72,8 +75,13 @@ def check_logs(
             raise StoreError(
                 f"store {store} has no whole dive: no mission descends or climbs by "
                 f"{LEAST_RANGE:g} m with pitch and pumped volume"
+                + f" and without its thruster ({len(powered)} ran it)"
+                * bool(powered)
             )
         notes = notes_of(logs, dives, turning, hull.vehicle)
+        if powered:
+            listed = ", ".join(map(str, powered))
+            notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
     flights = fly_dives(flown, dives)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]

@@ -77,6 +77,8 @@ class PhaseFigures:
     """[deg], nose up"""
     turn_per_actuator: float | None
     """[deg/s] of turn rate, to starboard, per deg of the turning part"""
+    turning: float | None
+    """[deg] mean position of the turning part, in the log's sign"""
     heading_sd: float | None
     """[deg] about the target, what it is off on the mean included"""
     heading_bias: float | None
@@ -93,6 +95,7 @@ class PhaseFigures:
             "speed_m_s": self.speed,
             "pitch_deg": self.pitch,
             "turn_per_actuator": self.turn_per_actuator,
+            "turning_deg": self.turning,
             "heading_sd_deg": self.heading_sd,
             "heading_bias_deg": self.heading_bias,
         }
@@ -110,6 +113,9 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
     speeds = [leg.speed[leg.steady] for leg in legs if leg.speed is not None]
     known = np.concatenate([*speeds, np.zeros(0)])
     known = known[np.isfinite(known)]
+    held = [leg.turning[leg.steady] for leg in legs if leg.turning is not None]
+    turned = np.concatenate([*held, np.zeros(0)])
+    turned = turned[np.isfinite(turned)]
     errors = [e for leg in legs if (e := settled_error(leg)) is not None]
     error = np.concatenate([*errors, np.zeros(0)])
     names = dict.fromkeys(name for leg in legs for name in leg.positions)
@@ -119,6 +125,7 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
         speed=float(known.mean()) if known.size >= LEAST_SAMPLES else None,
         pitch=mean([leg.pitch[leg.steady] for leg in legs]),
         turn_per_actuator=turn_per_actuator(legs),
+        turning=float(turned.mean()) if turned.size >= LEAST_SAMPLES else None,
         heading_sd=float(np.sqrt(np.mean(error**2))) if error.size >= LEAST_SAMPLES else None,
         heading_bias=float(np.mean(error)) if error.size >= LEAST_SAMPLES else None,
         parts={

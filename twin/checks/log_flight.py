@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.agreement import file_timestep
 from twin.checks.replayed_dive import DivePiece, ReplayedDive, Target
 from twin.errors import InputError, SimulationUnstable
 from twin.mission import Mission
@@ -20,6 +19,7 @@ from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
+from twin.physics.stiffness import file_timestep
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile

@@ -19,6 +19,9 @@ DEPTH_RATE_LIMIT = 0.05
 """Relative, of the depth rate in each phase"""
 TURN_LIMIT = 0.25
 """Relative, of the turn rate per position of what turns the vehicle"""
+TURNING_LIMIT = 3.0
+"""[deg] of the mean position of what turns the vehicle, twin less log: an asymmetry that the log
+flew and the vehicle file lacks"""
 HEADING_LIMIT = 2.0
 """[deg] of the twin's heading about its target"""
 
@@ -56,7 +59,8 @@ class PhaseComparison:
             "ratio": ratio,
             "deviation": {
                 name: _difference(twin[name], log[name])
-                for name in ("pitch_deg", "heading_sd_deg", "heading_bias_deg")
+                for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg")
+                if name != "turning_deg" or self.same_part
             },
             "limit_cycle": {
                 name: None if one is None else dataclasses.asdict(one)
@@ -108,6 +112,7 @@ class LogCheck:
             "limits": {
                 "depth_rate_relative": DEPTH_RATE_LIMIT,
                 "turn_per_actuator_relative": TURN_LIMIT,
+                "turning_deg": TURNING_LIMIT,
                 "heading_sd_deg": HEADING_LIMIT,
             },
             "notes": list(self.notes),
@@ -130,6 +135,13 @@ def _beyond(phase: PhaseComparison) -> list[str]:
     turn = _ratio(twin.turn_per_actuator, log.turn_per_actuator) if phase.same_part else None
     if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
         found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
+    held = _difference(twin.turning, log.turning) if phase.same_part else None
+    if held is not None and abs(held) > TURNING_LIMIT:
+        found.append(
+            f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
+            f"{log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such asymmetry; "
+            "identify it (`twin identify`)"
+        )
     if twin.heading_sd is not None and twin.heading_sd > HEADING_LIMIT:
         found.append(f"heading wanders by {twin.heading_sd:.1f} deg (at most {HEADING_LIMIT:g})")
     if twin.oscillation is not None:

@@ -103,7 +103,7 @@ def _column_widths(
     bodies = [max((len(texts[i]) for texts in cells), default=0) for i in range(len(columns))]
     widths = [max(len(title), body) for title, body in zip(columns, bodies, strict=True)]
     words = [
-        max(len(word) for text in (title, *(texts[i] for texts in cells)) for word in text.split())
+        max(map(len, " ".join((title, *(texts[i] for texts in cells))).split()), default=0)
         for i, title in enumerate(columns)
     ]
     room = WIDEST - len(GAP) * (len(columns) - 1)

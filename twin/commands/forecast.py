@@ -170,8 +170,8 @@ class ForecastSurfacings(JsonOption):
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
-            from twin.forecast.draws import identified
             from twin.identify.start_values import other_kind
+            from twin.identify.vehicle_draws import identified
             from twin.identify.vehicle_file import with_consumption
             from twin.logs.energy_use import counted_energy
 

@@ -140,8 +140,14 @@ class Identify(JsonOption):
                     logs, found, proof=self.out is not None, progress=report.of("handle")
                 )
                 found = handling.identification
-        self._say(console, found, len(logs), refined)
+        self._say(console, found, len(logs) - len(found.powered), refined)
         _remark(console, found)
+        if found.powered:
+            rows = ", ".join(map(str, found.powered))
+            console.warn(
+                f"left out: {len(found.powered)} of {len(logs)} missions ran their thruster, so "
+                f"that their speed is no glide's ({rows})"
+            )
         for text in confused(found):
             console.warn(text)
         if handling is not None:
@@ -246,6 +252,7 @@ class Identify(JsonOption):
             plot=self.plot,
             model=found.model,
             missions=missions,
+            powered_rows_left_out=len(found.powered),
             samples=found.samples,
             hours=found.hours,
             depth_rate_rmse_m_s=found.depth_rate_rmse,
@@ -307,9 +314,13 @@ def _say_handling(console: Console, handling: Handling) -> None:
             f"{math.degrees(handling.turn_deviation):.3f} deg/s"
         )
     if handling.yaw_bias is not None and handling.roll_offset is not None:
-        rows["asymmetry, not flown"] = (
+        rows["asymmetry"] = (
             f"turns as at {math.degrees(handling.yaw_bias):.1f} deg of sideslip, roll sensor "
             f"{math.degrees(handling.roll_offset):.1f} deg"
+        )
+    if handling.neutral is not None:
+        rows[f"{vehicle.steering['heading']} that goes straight"] = (
+            f"{math.degrees(handling.neutral):.1f} deg"
         )
     pitch, net_mass = vehicle.usual_glide
     rows["usual glide"] = f"{math.degrees(pitch):.1f} deg, net mass {net_mass:.2f} kg"
@@ -323,6 +334,7 @@ def _say_handling(console: Console, handling: Handling) -> None:
         turn_deviation_deg_s=_degrees(handling.turn_deviation),
         yaw_bias_deg=_degrees(handling.yaw_bias),
         roll_offset_deg=_degrees(handling.roll_offset),
+        neutral_deg=_degrees(handling.neutral),
         usual_glide_pitch_deg=math.degrees(pitch),
         usual_glide_net_mass_kg=net_mass,
         pitch_pid=list(vehicle.pitch_pid),

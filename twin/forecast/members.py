@@ -18,18 +18,16 @@ from twin.errors import SimulationUnstable
 from twin.facade import in_water
 from twin.forecast.draws import (
     INTERVAL,
-    SPEED,
     WaterDraws,
     calibration_deviation,
     draw_field_error,
     draw_models,
-    draw_vehicles,
     draw_water,
-    known_compass,
     scaled_speed,
 )
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
+from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
 from twin.mission import Mission
 from twin.mission.segments.base import SURFACED_MARGIN_M
 from twin.navigation.current import CurrentParameters

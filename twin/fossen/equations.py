@@ -103,8 +103,8 @@ def mass_distribution(p: ForceParameters, positions: Array):  # type: ignore[no-
     for k in range(p.masses.shape[0]):
         row = p.masses[k]
         place = mass_position(row, positions)
-        rotation = positions[int(row[4])] if row[4] >= 0.0 else 0.0
-        own = row[5:].copy().reshape((3, 3))
+        rotation = positions[int(row[4])] - row[5] if row[4] >= 0.0 else 0.0
+        own = row[6:].copy().reshape((3, 3))
         total += row[0]
         moment = moment + row[0] * place
         inertia = inertia + rolled_inertia(own, rotation) + point_mass_inertia(row[0], place)

@@ -15,16 +15,16 @@ from twin.compiled import generate, jit
 from twin.compiled.dispatch import Written
 from twin.numbers import Array
 from twin.vehicle.laws import LAWS
-from twin.vehicle.parts import PARTS
+from twin.vehicle.parts import PARTS, BatteryHinge
 from twin.vehicle.parts.base import VALUES
 from twin.vehicle.vehicle import Vehicle
 
 _NONE = np.zeros(0)
 STRIPS = 9
 """equal-volume strips along the hull that carry the buoyancy at the surface"""
-MASS_COLUMNS = 14
+MASS_COLUMNS = 15
 """of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1: none),
-inertia 9"""
+neutral position of the hinge, inertia 9"""
 PART_COLUMNS = 5
 """of a part: code of its kind, place 3, number of values; then its values"""
 
@@ -86,8 +86,10 @@ def parameters_of(
             -1.0 if name is None else float(vehicle.part_names.index(name))
             for name in (mass.slide, mass.hinge)
         ]
-        row[:5] = mass.mass, mass.neutral_x, mass.eccentricity, *drives
-        row[5:] = np.ravel(mass.inertia)
+        hinge = None if mass.hinge is None else vehicle.part(mass.hinge)
+        hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
+        row[:6] = mass.mass, mass.neutral_x, mass.eccentricity, *drives, hung
+        row[6:] = np.ravel(mass.inertia)
     # as wide for every kind: a kernel that reads too far reads zeros
     parts = np.zeros((len(vehicle.parts), PART_COLUMNS + VALUES))
     for row, part in zip(parts, vehicle.parts, strict=True):
@@ -222,7 +224,7 @@ def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def
 def mass_position(row: Array, positions: Array) -> Array:
     """CG of a moving mass [m], shape (3,), body FRD; a positive hinge moves it to port."""
     shift = positions[int(row[3])] if row[3] >= 0.0 else 0.0
-    rotation = positions[int(row[4])] if row[4] >= 0.0 else 0.0
+    rotation = positions[int(row[4])] - row[5] if row[4] >= 0.0 else 0.0
     r = np.empty(3)
     r[0] = row[1] + shift
     r[1] = -row[2] * np.sin(rotation)

@@ -90,6 +90,8 @@ class Identification:
     """[m/s] median change of the depth-averaged current between missions; None without fixes."""
     nominal_current_change: float | None
     """[m/s] before."""
+    powered: tuple[int, ...] = ()
+    """Missions that a thruster drove: left out."""
 
     @property
     def determined(self) -> tuple[str, ...]:

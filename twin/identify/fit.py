@@ -6,6 +6,7 @@ so that what a log cannot tell stays where it was.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -17,7 +18,7 @@ from twin.errors import InputError
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.choice import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, gain_of
-from twin.identify.logged import Log
+from twin.identify.logged import Log, gliding
 from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
@@ -44,6 +45,15 @@ HULLS_DIFFER = 1.5e-10
 DRIFT = 20.0
 """[cm3] that the displaced volume is uncertain by and that changes with depth as a hull's does: air
 in the oil, pumped volume, salinity, temperature of the hull"""
+USUAL_RMSE = {"slocum": 0.8, "seaglider": 1.2}
+"""[cm/s] of depth rate that a fit leaves, by the kind's shipped names: medians of four and seven
+public logs, off inflections (docs/results/real_logs.md)"""
+OTHERS_RMSE = 1.0
+"""[cm/s] likewise, of every other kind"""
+BAD = 5.0
+"""Times what is usual from which on a fit is refused"""
+WORST = 4
+"""Missions that its message names"""
 MOVING = 0.05
 """[m/s] of depth rate from which a glider sinks or rises."""
 START_FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -78,6 +88,7 @@ def identify(
     Raises:
       InputError: an unknown parameter, too little data, or no fit that flies.
     """
+    logs, powered = gliding(logs)
     wanted = choose(list(parameters)) if parameters is not None else PARAMETERS
     report = progress or (lambda part: None)
     if "neutral_density" not in known:
@@ -131,7 +142,39 @@ def identify(
     final = Problem(logs, nominal, kept, model, fixes)
     x = np.array([offsets[p] for p in kept])
     x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
-    return _result(final, x, covariance, wanted, notes, before, scale, time)
+    found = _result(final, x, covariance, wanted, notes, before, scale, time)
+    _check_residual(final, found, powered)
+    return dataclasses.replace(found, powered=powered)
+
+
+def _check_residual(problem: Problem, found: Identification, powered: tuple[int, ...]) -> None:
+    """Refuse a fit that says that something else than the vehicle made the depth rate."""
+    name = found.nominal.vehicle.name
+    usual = next((cm for kind, cm in USUAL_RMSE.items() if name.startswith(kind)), OTHERS_RMSE)
+    if 100.0 * found.depth_rate_rmse <= BAD * usual:
+        return
+    residuals = problem.depth_rates(found.calibration, problem.motions(found.calibration))
+    way = {"dives": 1.0, "climbs": -1.0}
+    sides = []
+    for side, sign in way.items():
+        parts = [
+            r[sign * log.depth_rate[mask] > MOVING]
+            for r, log, mask in zip(residuals, problem.logs, problem.masks, strict=True)
+        ]
+        if (rest := np.concatenate(parts)).size:
+            sides.append(f"{100.0 * float(rest.mean()):+.1f} cm/s in {side}")
+    sizes = [float(np.sqrt(np.mean(r**2))) if r.size else 0.0 for r in residuals]
+    worst = sorted(np.argsort(sizes)[::-1][:WORST].tolist())
+    listed = ", ".join(f"{problem.logs[k].index} ({100.0 * sizes[k]:.1f})" for k in worst)
+    raise InputError(
+        f"the fit leaves {100.0 * found.depth_rate_rmse:.1f} cm/s of depth rate, "
+        f"{100.0 * found.depth_rate_rmse / usual:.0f} times what is usual ({usual:g} cm/s): model "
+        f"less log is {' and '.join(sides) or 'undecided'}, worst in mission {listed}. Look at "
+        "these: a propeller that the log does not tell of (opposite signs in dives and climbs), a "
+        "vehicle that was re-ballasted or fouled in between (a part of --missions then fits), the "
+        "unit and sign of the pump (cm3, + = lighter), the pitch sensor, and whether "
+        f"{name!r} is its kind (--vehicle)"
+    )
 
 
 def _centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:

@@ -22,7 +22,7 @@ from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.fit import UNDETERMINED
 from twin.identify.gains import Phase, with_gains
-from twin.identify.logged import Log
+from twin.identify.logged import Log, gliding
 from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
 from twin.identify.problem import bootstrap
 from twin.identify.proof import failures
@@ -41,6 +41,8 @@ SLACK = 0.1
 """Of a part's travel that is left beyond the positions that the log shows"""
 ROOM = 0.03
 """Of the battery's travel that guidance keeps beside the positions of the usual glide"""
+UNEVEN = math.radians(3.0)
+"""[rad] between the neutral positions of dives and climbs from which on one does not do for both"""
 FLATTER = math.radians(0.5)
 """[rad] by which the usual glide is made flatter until the battery holds it"""
 
@@ -58,9 +60,11 @@ class Handling:
     turn_deviation: float | None
     """[rad/s] of the yaw rates, means of a minute; None: not fitted"""
     yaw_bias: float | None
-    """[rad] sideslip of the asymmetry that turns it at no roll and no rudder; not flown"""
+    """[rad] sideslip of the asymmetry that turns it at no roll and no rudder"""
     roll_offset: float | None
-    """[rad] zero of the roll sensor, or of the vehicle's weight; not flown"""
+    """[rad] zero of the roll sensor, or of the vehicle's weight"""
+    neutral: float | None
+    """[rad] position of the turning part at which it goes straight, as it is flown"""
     failures: tuple[str, ...]
     """What the vehicle cannot do; empty when it trims, is stable and steers in both phases."""
     notes: tuple[str, ...]
@@ -81,6 +85,7 @@ def handle(
       progress: called with the part done, 0 to 1.
     """
     notes: list[str] = []
+    logs, _ = gliding(logs)
     calibration = with_travel(logs, found.calibration)
     identification = dataclasses.replace(found, calibration=calibration)
     flown = {p.name for p in PITCHING} & {e.name for e in found.estimates}
@@ -100,6 +105,12 @@ def handle(
     else:
         calibration = turns.calibration
         identification = _with(identification, turns)
+        if turns.apart > UNEVEN:
+            notes.append(
+                f"asymmetry: to go straight, dives and climbs of these logs want the "
+                f"{channel_of(calibration)} {math.degrees(turns.apart):.0f} deg apart; the mean of "
+                "the two is flown"
+            )
         if channel_of(calibration) is not None and turns.roll_deviation is None:
             channel = channel_of(calibration)
             if any(group.position is None for group in turns.groups):
@@ -128,6 +139,7 @@ def handle(
         turn_deviation=None if turns is None else turns.rate_deviation,
         yaw_bias=None if turns is None else turns.biases[0],
         roll_offset=None if turns is None else turns.biases[1],
+        neutral=None if turns is None else turns.neutral,
         failures=lacking,
         notes=tuple(notes),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, savgol_filter
 
-from twin.errors import StoreError
+from twin.errors import InputError, StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE
 from twin.records.logged import log_rows
 from twin.records.reader import MissionStore
@@ -82,6 +82,8 @@ class Log:
     """North, east [m] over ground between the fixes."""
     follows: bool
     """The mission before it in the list ended shortly before: their currents are alike."""
+    powered: bool = False
+    """A thruster drove it."""
     true_speed: Array | None = None
     """[m/s] through the water; never used to fit."""
 
@@ -157,7 +159,7 @@ def load_logs(
         follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
         log = _log(row, signals, period, dives[row].displacement, follows)
         if log is not None:
-            logs.append(log)
+            logs.append(dataclasses.replace(log, powered=dives[row].powered))
             before = row
     if not logs:
         raise StoreError(
@@ -165,6 +167,26 @@ def load_logs(
             "pumped volume"
         )
     return logs
+
+
+def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
+    """The missions that no thruster drove, and the rows of the others.
+
+    Raises:
+      InputError: a thruster drove all of them.
+    """
+    kept: list[Log] = []
+    for log in logs:
+        if not log.powered:
+            follows = log.follows and bool(kept) and kept[-1].index == log.index - 1
+            kept.append(dataclasses.replace(log, follows=follows))
+    powered = tuple(log.index for log in logs if log.powered)
+    if not kept:
+        raise InputError(
+            f"all {len(logs)} missions ran their thruster: their speeds say nothing of a glide; "
+            "give logs of the vehicle without it (--missions)"
+        )
+    return kept, powered
 
 
 def _filled(values: Array) -> Array | None:

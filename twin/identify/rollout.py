@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
-from twin.identify.logged import Log
+from twin.identify.logged import Log, gliding
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.problem import correlation_samples, robust_scale
 from twin.identify.speed import density_of, motion_of
@@ -111,6 +111,7 @@ def refine(
     Raises:
       InputError: no window with battery positions, or the twin does not fly them.
     """
+    logs, _ = gliding(logs)
     windows = _windows(logs, flight.calibration)
     names = [name for name in flight.determined if name in REFINED]
     parameters = (*choose(names), *PITCHING)

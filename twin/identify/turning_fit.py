@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.identify.calibration import Calibration
+from twin.identify.lateral import turning_part
 from twin.identify.logged import Log
 from twin.identify.turning_residuals import BIAS_SPREADS, BIASES, TURNING, TurnProblem, channel_of
 from twin.identify.turning_windows import Group, groups_of, windows_of
@@ -30,6 +31,10 @@ LEAST_WINDOWS = 3
 FARTHEST = 4.0
 """Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a
 ratio of two, damping would grow until no time step holds it."""
+ROUNDS = 2
+"""Fits of a battery's turns, the later ones from where it was found to hang straight"""
+STEERABLE = 0.8
+"""Of its travel within which the neutral position stays, so that the part steers both ways"""
 PASSES = 3
 """Fits between which weights are taken again."""
 
@@ -52,6 +57,10 @@ class Turns:
     roll_deviation: float | None
     """[rad] of the roll; None without the battery's rotation"""
     groups: tuple[Group, ...]
+    neutral: float | None
+    """[rad] position of the turning part that flies the asymmetry; None: not known"""
+    apart: float
+    """[rad] by which dives and climbs want it elsewhere; the mean is flown"""
 
     @property
     def biases(self) -> tuple[float, float]:
@@ -62,6 +71,7 @@ class Turns:
 
 def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
     """Fit what turns the vehicle; None where no phase has turns enough."""
+    part = turning_part(calibration.vehicle)
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
         return None
@@ -71,6 +81,45 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
     parameters = tuple(p for p in TURNING if p.channel is None or (p.channel == channel and there))
     if channel != "rotation" or not there:
         parameters = tuple(p for p in parameters if not p.name.startswith("roll_moment"))
+    neutral, apart = None, 0.0
+    if part is not None and there:
+        neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+    # a battery turns by the sine of its rotation from where it hangs straight: once more from there
+    for _ in range(ROUNDS if channel == "rotation" and there else 1):
+        problem, x, scales = _fitted(groups, calibration, parameters)
+        fitted = problem.calibration(x)
+        more = problem.neutral(x)
+        if neutral is None or part is None or more is None:
+            break
+        room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
+        mean, phases = more
+        apart = max(phases.values()) - min(phases.values())
+        before, neutral = neutral, min(max(neutral + mean, middle - room), middle + room)
+        groups = [_counted(group, neutral - before) for group in groups]
+        calibration = _resting(calibration, part.name, neutral)
+        fitted = _resting(fitted, part.name, neutral)
+    parts = problem.parts(x)
+    blocks = np.concatenate([b for _, b in parts] + [np.full(len(x), -1)])
+    return Turns(
+        calibration=fitted,
+        parameters=parameters,
+        centres=problem.centres,
+        offsets=x,
+        jacobian=problem.jacobian(x),
+        residual=problem.residual(x),
+        blocks=blocks,
+        rate_deviation=scales[0],
+        roll_deviation=scales[1],
+        groups=tuple(groups),
+        neutral=neutral,
+        apart=apart,
+    )
+
+
+def _fitted(
+    groups: Sequence[Group], calibration: Calibration, parameters: tuple[UnknownParameter, ...]
+) -> tuple[TurnProblem, Array, tuple[float, float | None]]:
+    """The problem, its offsets, and the deviations of yaw rate and roll."""
     problem = TurnProblem(groups, calibration, parameters)
     factors = [p.logarithmic for p in parameters] + [False] * len(BIASES)
     farthest = np.where(factors, FARTHEST, np.inf)
@@ -88,17 +137,16 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turns | None:
         )
         x = found.x
         scales = problem.reweight(x)
-    parts = problem.parts(x)
-    blocks = np.concatenate([b for _, b in parts] + [np.full(len(x), -1)])
-    return Turns(
-        calibration=problem.calibration(x),
-        parameters=parameters,
-        centres=problem.centres,
-        offsets=x,
-        jacobian=problem.jacobian(x),
-        residual=problem.residual(x),
-        blocks=blocks,
-        rate_deviation=scales[0],
-        roll_deviation=scales[1],
-        groups=tuple(groups),
-    )
+    return problem, x, scales
+
+
+def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
+    """With the neutral position [rad] of its turning part."""
+    vehicle = calibration.vehicle.replace(**{part: {"neutral": neutral}})
+    return calibration.replace(vehicle=vehicle)
+
+
+def _counted(group: Group, neutral: float) -> Group:
+    """With positions counted from `neutral` [rad]."""
+    assert group.position is not None
+    return dataclasses.replace(group, position=group.position - neutral)

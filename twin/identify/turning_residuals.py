@@ -137,8 +137,9 @@ TURNING = (
 """What a twin needs to turn as the log does."""
 
 BIASES = ("yaw_bias", "roll_offset")
-"""Fitted beside them and not flown: the asymmetry that turns a vehicle at no roll and no rudder
-(as the sideslip [rad] of the same yaw moment on the bare hull), and the roll sensor's zero."""
+"""Fitted beside them: the asymmetry that turns a vehicle at no roll and no rudder (as the sideslip
+[rad] of the same yaw moment on the bare hull), and the roll sensor's zero. What flies is the
+neutral position of the turning part that balances them."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
@@ -244,6 +245,39 @@ class TurnProblem:
         """Yaw bias as a sideslip, roll offset [rad]."""
         yaw, roll = x[len(self.parameters) :] * np.array(BIAS_SPREADS)
         return float(yaw), float(roll)
+
+    def neutral(self, x: Array) -> tuple[float, dict[bool, float]] | None:
+        """Position [rad] of the turning part at which the log's vehicle went straight, counted as
+        the groups count: mean over them, each as long as it is, and of dives (False) and climbs
+        (True) apart; None without positions."""
+        calibration = self.calibration(x)
+        bias, offset = self.biases(x)
+        found, weights, climbing = [], [], []
+        for group in self.groups:
+            if group.position is None or not group.used.any():
+                continue
+            lateral = linearised(calibration.vehicle, group.glide)
+            square = group.glide.surge**2 + group.glide.heave**2
+            yaw = munk_moment(calibration) * bias * square
+            step, response = lateral.turned_by_roll(group.period)
+            by_roll, _, by_part, by_yaw = np.linalg.solve(np.eye(2) - step, response)[1]
+            compared = np.repeat(group.used, group.count, axis=0)
+            rolled = group.roll[: len(compared)][compared]
+            roll, rolled_by_part = float(np.mean(rolled)), 0.0
+            if self.channel == "rotation":
+                given = rolls(group, lateral, felt(calibration, group.position))
+                roll = float(np.median(rolled - given[: len(compared)][compared]))
+                rolled_by_part = lateral.gains()[1]
+            # the yaw rate, linear in the position, is 0 there
+            turned = by_roll * math.sin(roll - offset) + by_yaw * yaw
+            found.append(-turned / (by_part + by_roll * rolled_by_part))
+            weights.append(float(group.used.sum()))
+            climbing.append(group.climbing)
+        if not found:
+            return None
+        at, share, up = np.array(found), np.array(weights), np.array(climbing)
+        phases = {c: float(np.average(at[up == c], weights=share[up == c])) for c in set(climbing)}
+        return float(np.average(at, weights=share)), phases
 
     def raw(self, x: Array) -> list[tuple[Array, Array | None]]:
         """Yaw rate [rad/s] and roll [rad], model less log, (averages, windows) of each group."""

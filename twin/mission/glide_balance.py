@@ -20,7 +20,7 @@ from twin.errors import MissionError, VehicleError
 from twin.frames import cross
 from twin.numbers import Array
 from twin.vehicle.laws import FlowFrame
-from twin.vehicle.parts import BatterySlide
+from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 WIDEST = math.radians(20.0)
@@ -167,21 +167,20 @@ def imbalance(
     down = np.array(
         [-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)]
     )
-    omega = turn_rate * down
-    nu = np.concatenate([velocity, omega])
+    return left_over(vehicle, position, np.concatenate([velocity, turn_rate * down]), down)
 
+
+def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Array:
+    """As `imbalance`, at any motion.
+
+    Args:
+      position: of the parts, shape (parts,), in their units.
+      nu: velocity through the water [m/s] and rates [rad/s], shape (6,), body FRD.
+      down: unit vector of the vertical in body axes, shape (3,).
+    """
+    velocity, omega = nu[:3], nu[3:]
     density, gravity = vehicle.reference_density, vehicle.gravity
-    mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
-    inertia = vehicle.static_inertia @ omega
-    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
-    at = dict(zip(vehicle.part_names, position, strict=True))
-    for moving in vehicle.masses:
-        place = moving.position(at.get(moving.slide or "", 0.0), at.get(moving.hinge or "", 0.0))
-        mass += moving.mass
-        first = first + moving.mass * place
-        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
-    impulse = mass * velocity + cross(omega, first)
-    spin = inertia + cross(first, velocity)
+    mass, first, impulse, spin = _momentum(vehicle, position, nu)
     water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
 
     wrench = vehicle.law.wrench(nu, density)
@@ -195,6 +194,30 @@ def imbalance(
     wrench[3:] += gravity * cross(first, down) - cross(omega, spin + water[3:])
     wrench[3:] -= cross(velocity, impulse + water[:3])
     return wrench
+
+
+def mass_matrix(vehicle: Vehicle, position: Array) -> Array:
+    """Rigid body and added mass about the CB, shape (6, 6), body FRD, at positions of the parts."""
+    rows = [np.concatenate(_momentum(vehicle, position, unit)[2:]) for unit in np.eye(6)]
+    return np.array(rows).T + vehicle.added_mass
+
+
+def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Array, Array, Array]:
+    """Mass [kg] and its first moment [kg m]; momentum and angular momentum about the CB."""
+    velocity, omega = nu[:3], nu[3:]
+    mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
+    inertia = vehicle.static_inertia @ omega
+    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
+    at = dict(zip(vehicle.part_names, position, strict=True))
+    for moving in vehicle.masses:
+        hinge = None if moving.hinge is None else vehicle.part(moving.hinge)
+        hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
+        turned = at.get(moving.hinge or "", 0.0) - hung
+        place = moving.position(at.get(moving.slide or "", 0.0), turned)
+        mass += moving.mass
+        first = first + moving.mass * place
+        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
+    return mass, first, mass * velocity + cross(omega, first), inertia + cross(first, velocity)
 
 
 def _point(mass: float, place: Array, omega: Array) -> Array:

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.compass_deviation import IRON, CompassDeviation
-from twin.navigation.current import CurrentFilter, CurrentParameters
+from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation, Leg
 from twin.navigation.dead_reckoning import LEAST_COSINE
 from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimators.base import State, VelocityEstimator
+from twin.navigation.estimators.baseline import SHALLOW_DEPTH
 
 Array = NDArray[np.float64]
 
@@ -35,12 +36,6 @@ LOG = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
 LOCK = "measured_dvl_mode"
 UPDATE_S = 60.0
 """[s] between steps of the current filter under water: short against every current's time"""
-AFLOAT_S = 30.0
-"""[s] since the last fix within which a vehicle counts as still at the surface, where it drifts
-with wind and waves that nothing measures"""
-VELOCITY_DEVIATION = 0.02
-"""[m/s] north and east each, of estimators that claim nothing: what the dead reckoning of a glider
-by attitude and depth errs by in a minute"""
 LOG_DEVIATION = 0.005
 """[m/s] north and east each, of the mean of a Doppler log in bottom lock: its scale and its mount
 are off by a hundredth of a glider's speed"""
@@ -91,6 +86,7 @@ class Navigator:
         period: float | None = None,
         start: tuple[float, float] | None = None,
         current: CurrentFilter | CurrentParameters | None = None,
+        compass: float | None = None,
     ):
         """Begin before the first sample.
 
@@ -99,12 +95,16 @@ class Navigator:
           latitude: [degree] for the inertial period.
           period: [s] between samples; None: the estimator's. The estimator's must be a whole
             multiple of it, and holds in between.
-          start: north, east [m] where it begins, known to `START_DEVIATION`: the first fix then
-            teaches the current. None: not known, the origin until the first fix says where it is.
-          current: the filter, its parameters, or None: the usual ones.
+          start: north, east [m] where it begins, known to `START_DEVIATION`: the first fix after a
+            dive then teaches the current. None: not known, the origin until the first fix says
+            where it is.
+          current: the filter, or its parameters as they are, such as `tune` finds them in earlier
+            missions; None: a usual sea's, with the errors of speed and compass as they are stated.
+          compass: [degree] stated standard deviation of the compass; None: nothing is stated.
 
         Raises:
-          InputError: periods that do not fit.
+          InputError: periods that do not fit, or a compass' deviation beside a filter or its
+            parameters, which have their own.
         """
         self.estimator = estimator
         self.period = estimator.period if period is None else period
@@ -116,9 +116,25 @@ class Navigator:
                 f"every {self.period:g} s: give samples every {estimator.period:g} s, or a whole "
                 "part of it"
             )
+        stated = estimator.deviation
+        if current is None:
+            current = CurrentParameters(
+                speed_scale=stated.scale,
+                compass=CurrentParameters.compass if compass is None else compass,
+            )
+        elif compass is not None:
+            raise InputError(
+                f"a compass' deviation of {compass:g} degree beside the parameters of a current: "
+                "give it as their `compass`"
+            )
         if not isinstance(current, CurrentFilter):
-            current = CurrentFilter(current, latitude=latitude)
+            current = CurrentFilter(current, latitude=latitude, memory=stated.memory)
         self.filter = current
+        self.legs: list[Leg] = []
+        """The dives so far, from fix to fix."""
+        self.innovations: list[Innovation] = []
+        """What the fix after each of them said, and how surely it was expected."""
+        self._noise = stated.noise**2 * np.eye(2)
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
         """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
         taken where they are."""
@@ -134,14 +150,19 @@ class Navigator:
         self.deviation.reset()
         self.filter.restore(self._first)
         self.filter.locate(self._start or (0.0, 0.0), START_DEVIATION)
+        self.legs.clear()
+        self.innovations.clear()
+        self._left = np.array([*(self._start or (0.0, 0.0)), 0.0])  # last fix, and its time [s]
+        self._swum = np.zeros(2)  # through the water since
         self._count = 0
         self._body = np.zeros(3)  # surge, sway and heave, NaN where the depth rate says it
-        self._spread = VELOCITY_DEVIATION**2 * np.eye(2)
+        self._spread = self._noise.copy()
         self._depth = 0.0
         self._velocity = np.zeros(2)
         self._moved = np.zeros(2)  # through the water since the filter's last step
         self._waited = 0.0
-        self._since_fix = math.inf if self._start is None else 0.0
+        self._placed = self._start is not None
+        self._dived = False  # since the last fix: else it drifts with what nothing measures
         self._bent = np.zeros((2, IRON))  # change of the velocity by the compass' deviation
         self._astray = np.zeros((2, IRON))  # [m] the same of the way since the last fix
         self._iron = np.zeros(IRON)
@@ -149,7 +170,8 @@ class Navigator:
 
     def _hold(self) -> None:
         """Keep what the filter says until its next step."""
-        self._place, self._covariance = self.filter.position
+        self._place, covariance = self.filter.position
+        self._covariance = self.filter.inflation * covariance
         self._current, _ = self.filter.current
         scale, offset = self.filter.calibration
         self._turn = np.array([[1.0 + scale, -offset], [offset, 1.0 + scale]])
@@ -192,13 +214,13 @@ class Navigator:
             self._moved += 0.5 * self.period * (velocity + self._velocity)
             self._astray += 0.5 * self.period * (bent + self._bent)
             self._waited += self.period
-            self._since_fix += self.period
         self._bent = bent
         if sample.get(LOCK, math.nan) == BOTTOM:
             log = np.array([sample[name] for name in LOG])
             if np.isfinite(log).all():
                 self._drifts.append(_level(log, roll, pitch, heading) - velocity)
         self._velocity = velocity
+        self._dived = self._dived or sample[DEPTH] > SHALLOW_DEPTH
         self._count += 1
         fix = [sample.get(name, math.nan) for name in FIX]
         if math.isfinite(fix[0] + fix[1]):
@@ -207,7 +229,7 @@ class Navigator:
             self._update(known=True)
         north, east = self._place + self._turn @ self._moved + self._current * self._waited
         return NavigationState(
-            time=(self._count - 1) * self.period,
+            time=self._time,
             north=float(north),
             east=float(east),
             covariance=self._covariance,
@@ -227,6 +249,7 @@ class Navigator:
         if not np.array_equal(iron, self._iron):
             moved = self._astray @ (iron - self._iron)
             self.filter.displace(moved)
+            self._swum += moved
             self._place = self._place + moved
             self._iron = iron
 
@@ -249,6 +272,7 @@ class Navigator:
     def _update(self, *, known: bool) -> None:
         """Bring the filter to this sample; `known`: the motion since its last step is."""
         if self._waited > 0.0:
+            self._swum += self._moved
             through = self._moved / self._waited if known else None
             self.filter.step(self._waited, through, self._spread)
             locked = len(self._drifts) * self.period >= LEAST_LOCK * self._waited
@@ -259,14 +283,34 @@ class Navigator:
         self._hold()
 
     def _take(self, fix: list[float]) -> None:
-        self._update(known=self._since_fix > AFLOAT_S)
-        if math.isinf(self._since_fix):
-            self.filter.locate(fix)  # where it began was not known
-        else:
-            self.filter.fix(fix)
-        self._since_fix = 0.0
+        self._update(known=self._dived)
+        if self._placed and self._dived:
+            innovation = self.filter.fix(fix)
+            assert innovation is not None  # its way is known since the last fix
+            self.innovations.append(innovation)
+            self.legs.append(self._leg(fix))
+        else:  # a fix afloat says where the vehicle is, and nothing of what carries it under water
+            self.filter.locate(fix)
+        self._placed, self._dived = True, False
+        self._left = np.array([*fix, self._time])
+        self._swum = np.zeros(2)
         self._astray[:] = 0.0
         self._hold()
+
+    @property
+    def _time(self) -> float:
+        """[s] of the last sample"""
+        return (self._count - 1) * self.period
+
+    def _leg(self, fix: list[float]) -> Leg:
+        """From the last fix to this one."""
+        north, east, start = self._left.tolist()
+        return Leg(
+            start=start,
+            duration=self._time - start,
+            over_ground=(fix[0] - north, fix[1] - east),
+            through_water=(float(self._swum[0]), float(self._swum[1])),
+        )
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that the next step depends on, as arrays by name."""
@@ -276,8 +320,8 @@ class Navigator:
             **{f"deviation:{name}": value for name, value in self.deviation.state().items()},
             "own": np.concatenate(
                 [
-                    [self._count, self._depth, self._waited, self._since_fix],
-                    *(self._body, self._velocity, self._moved),
+                    [self._count, self._depth, self._waited, self._placed, self._dived],
+                    *(self._body, self._velocity, self._moved, self._left, self._swum),
                 ]
             ),
             "spread": self._spread.copy(),
@@ -286,7 +330,10 @@ class Navigator:
         }
 
     def restore(self, state: State) -> None:
-        """Go on from where `state` was called, with a navigator that was made in the same way."""
+        """Go on from where `state` was called, with a navigator that was made in the same way.
+
+        The dives before are not in it: `legs` and `innovations` begin again.
+        """
         for part, prefix in (
             (self.estimator, "estimator:"),
             (self.filter, "filter:"),
@@ -294,10 +341,13 @@ class Navigator:
         ):
             part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
         own = np.array(state["own"], np.float64)
+        self.legs.clear()
+        self.innovations.clear()
         self._hold()
         self._count, self._depth = int(own[0]), float(own[1])
-        self._waited, self._since_fix = float(own[2]), float(own[3])
-        self._body, self._velocity, self._moved = own[4:7], own[7:9], own[9:11]
+        self._waited, self._placed, self._dived = float(own[2]), bool(own[3]), bool(own[4])
+        self._body, self._velocity, self._moved = own[5:8], own[8:10], own[10:12]
+        self._left, self._swum = own[12:15], own[15:17]
         self._spread = np.array(state["spread"], np.float64)
         compass = np.array(state["compass"], np.float64)
         self._bent, self._astray, self._iron = compass[:2], compass[2:4], compass[4]

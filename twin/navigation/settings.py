@@ -45,7 +45,8 @@ class Navigation:
     bottom_depth: float | None = None
     """[m] for a Doppler log where there is no sea floor; None: out of its reach."""
     current: CurrentParameters | None = None
-    """Of the current filter; None: the usual ones."""
+    """Of the current filter, as they are; None: a usual sea's, with the errors of speed and compass
+    that the estimator and the compass of the sensors state."""
 
     def __post_init__(self) -> None:
         from twin.navigation.current import CurrentParameters
@@ -90,6 +91,11 @@ class Navigation:
         """The sensors."""
         assert not isinstance(self.sensors, str)  # __post_init__ made a suite of a name
         return self.sensors
+
+    @property
+    def compass_deviation(self) -> float:
+        """[degree] that the compass of the sensors states."""
+        return float(self.suite.compass.deviation_deg)
 
     def open(self, vehicle: Vehicle, period: float) -> VelocityEstimator:
         """The estimator for a vehicle, with samples every `period` [s].

@@ -20,7 +20,9 @@ from twin.physics.model_block import fill_block, header, joint_places, label, wr
 from twin.physics.native import block as b
 from twin.physics.native.install import install
 from twin.physics.obstacles import may_collide, prepare_contacts
+from twin.physics.stiffness import Stiffness, stiffness_of
 from twin.vehicle.laws import LAWS, Ellipsoids
+from twin.vehicle.parts import BatteryHinge
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 COEFFICIENTS = "coefficients"
@@ -68,6 +70,7 @@ def compile_model(
     reserve: int = 0,
     log: bool = False,
     centred: bool = False,
+    stiff: Stiffness | None = None,
 ) -> mujoco.MjModel:
     """Compile a vehicle with the parameter block appended, and install the native callbacks.
 
@@ -82,6 +85,8 @@ def compile_model(
       reserve: numbers that it must have room for in its tables, at least.
       log: give its `userdata` room for the log of a `Simulation`.
       centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
+      stiff: how stiff it is at its fastest, which says whether a centred step solves for the
+        rotary damping; None: as on the ways of the mission in `tables`, else on the usual way.
 
     Raises:
       VehicleError: the file does not compile, its inertia cannot be solved for, it has another
@@ -131,8 +136,14 @@ def compile_model(
         raise VehicleError(f"{label(vehicle)}: {_first_line(error)}") from error
     _check_structure(model, vehicle)
     fill_block(model, vehicle, words, ring=b.RING if log else 0)
-    staged = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    header(model)["centred"] = float(centred and not staged)
+    centred = centred and model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    header(model)["centred"] = float(centred)
+    if centred:
+        if stiff is None:
+            flies = tables.control == b.CONTROL_MISSION
+            stiff = stiffness_of(vehicle, tables.plan if flies else None)
+        solved = stiff is not None and stiff.solved(model.opt.timestep)
+        header(model)["implicit"] = float(solved)
     write_tables(model, tables)
     install()
     return model
@@ -197,6 +208,9 @@ def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
     for part in vehicle.parts:
         actuator = spec.actuator(part.name)
         actuator.actrange = actuator.ctrlrange = [part.low, part.high]
+        if isinstance(part, BatteryHinge):
+            # at the neutral position its mass hangs as the file draws it
+            spec.joint(actuator.target).ref = part.neutral
         if part.joint is None:
             spec.site(actuator.target).pos = flip_vector(np.array(part.position))
     for name, place in (("imu", vehicle.imu_position), ("gps", vehicle.gps_position)):

@@ -79,6 +79,7 @@ class OnBoard:
             period=self.period,
             start=(begin.north, begin.east),
             current=settings.current,
+            compass=settings.compass_deviation if settings.current is None else None,
         )
         self._scales = {part.name: part.quantity.scale for part in self.vehicle.parts}
         wanted = [

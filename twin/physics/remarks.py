@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from twin.mission import Mission, Waypoint
 from twin.numbers import Array
 from twin.physics.lookup_tables import tables_of
+from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.scenario import Scenario
+from twin.physics.stiffness import file_timestep, stiffness
 from twin.records.mission_dataset import summarise
 from twin.records.trajectory import Trajectory
 from twin.water.current.grid_kernels import beyond_grid
@@ -33,6 +35,7 @@ def remarks(scenario: Scenario, run: Trajectory) -> list[str]:
         stronger if run.provenance.get("ended") != "time limit" else "",
         _short_of_target(scenario, run),
         _touched(run),
+        _step_too_long(scenario, run),
         _left_file(run, tables.floor, beyond_floor, "bathymetry", "depth"),
         _left_file(run, tables.current, beyond_grid, "current file", "velocity"),
     ]
@@ -102,6 +105,20 @@ def _touched(run: Trajectory) -> str:
         f"the vehicle touched the sea floor or an obstacle at {figures['first_contact_s']:.0f} s; "
         "min_altitude_m in the mission makes dives turn above the sea floor"
     )
+
+
+def _step_too_long(scenario: Scenario, run: Trajectory) -> str:
+    """When it first went so fast that its step was too long; empty where it did not."""
+    if not scenario.centred:
+        return ""
+    vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
+    step = file_timestep(vehicle) if scenario.timestep is None else scenario.timestep
+    speed = np.linalg.norm(run.v_rel, axis=1)
+    fastest = stiffness(vehicle, float(speed.max()))
+    if not fastest.too_long(step):
+        return ""
+    slower = speed.max() * fastest.longest / step  # what is extrapolated grows with the speed
+    return f"from {run.time[np.argmax(speed > slower)]:.0f} s on the {fastest.too_long(step)}"
 
 
 def _left_file(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,17 +14,19 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import flip_quaternion, flip_vector
+from twin.mission import Mission
 from twin.mission.controller import Command, Controller, Observation
 from twin.mission.mission_file import DONE
 from twin.numbers import Array
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables, tables_of
 from twin.physics.model_block import check_integration, header, state
-from twin.physics.mujoco_model import compile_model, quiet_mujoco
+from twin.physics.mujoco_model import compile_model, quiet_mujoco, with_hydrodynamics
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
+from twin.physics.stiffness import STABLE, Stiffness, stiffness_of
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
@@ -65,6 +68,7 @@ class Simulation:
         self.scenario = scenario
         self.duration = scenario.run_time()
         self.tables = tables_of(scenario, self.duration) if tables is None else tables
+        stiff = _stiffness(scenario, self.tables)
         self.model = compile_model(
             scenario.vehicle,
             hydrodynamics=scenario.hydrodynamics,
@@ -75,7 +79,9 @@ class Simulation:
             reserve=reserve,
             log=True,
             centred=scenario.centred,
+            stiff=stiff,
         )
+        _check_step(stiff, self.model)
         check_integration(self.model, scenario.sample_period, self._samples(), self.duration)
         model = self.model
         self._row = b.log_row(model.nq, model.nv, model.nu)
@@ -309,6 +315,28 @@ class Simulation:
         if self.on_board is not None:
             found.signals.update(self.on_board.signals())
         return found
+
+
+def _stiffness(scenario: Scenario, tables: Tables) -> Stiffness | None:
+    """Of the fastest that the scenario is known to go; None where nothing says how it flies."""
+    plan = tables.plan if tables.control == b.CONTROL_MISSION else None
+    if scenario.navigate is not None and isinstance(scenario.mission, Mission):
+        plan, _ = scenario.mission_in_metres().compile(scenario.believed_vehicle)
+    return stiffness_of(
+        with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics),
+        plan,
+        start=math.hypot(*scenario.begin.v_rel),
+    )
+
+
+def _check_step(stiff: Stiffness | None, model: mujoco.MjModel) -> None:
+    """Refuse a step that would be unstable, warn of one that is not accurate."""
+    timestep = float(model.opt.timestep)
+    if stiff is None or not header(model)["centred"] or not stiff.too_long(timestep):
+        return
+    if timestep * stiff.rest > STABLE:
+        raise InputError(stiff.too_long(timestep))
+    warnings.warn(stiff.too_long(timestep), stacklevel=3)
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:

@@ -42,6 +42,10 @@ from twin.water.current.axes import HIGHEST_LATITUDE
 NANOSECONDS = 1e9
 FOLLOWS_WITHIN = 3600.0
 """[s] between the end of a dive and the start of the next for their currents to be alike."""
+THRUSTER_FRACTION = "thruster_fraction"
+"""Name of the array with the part of each dive's time that a thruster ran, where a log says so"""
+DRIVEN = 0.01
+"""With the thruster on for more of the time, the depth rate says nothing about a glide."""
 OVERLAP = 1.0
 """[s] by which a dive may seem to start before the other's end: rounding of times."""
 
@@ -57,6 +61,13 @@ class LogRow:
     """[s] between its ends; NaN where the store does not say"""
     displacement: tuple[float, float] | None
     """North, east [m] over ground between its fixes; None without both."""
+    driven: float = 0.0
+    """Part of its time with a thruster on"""
+
+    @property
+    def powered(self) -> bool:
+        """Whether a thruster drove it: its depth rate then says nothing of a glide."""
+        return self.driven > DRIVEN
 
     def follows(self, before: LogRow) -> bool:
         """Whether it belongs to the same deployment and starts shortly after the other ends."""
@@ -69,6 +80,7 @@ def log_rows(store: MissionStore) -> list[LogRow]:
     count = len(store)
     deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
     starts, durations = start_times(store), numbers(store, DIVE_DURATION)
+    driven = np.nan_to_num(numbers(store, THRUSTER_FRACTION))
     moved = np.stack([numbers(store, f"displacement_{n}") for n in ("north", "east")], axis=1)
     return [
         LogRow(
@@ -78,6 +90,7 @@ def log_rows(store: MissionStore) -> list[LogRow]:
             displacement=(
                 (float(moved[k, 0]), float(moved[k, 1])) if np.isfinite(moved[k]).all() else None
             ),
+            driven=float(driven[k]),
         )
         for k in range(count)
     ]

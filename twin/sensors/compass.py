@@ -103,6 +103,11 @@ class Compass(Sensor):
                 f"{MAX_SHIFT:g} m, which a battery may travel"
             )
 
+    @property
+    def deviation_deg(self) -> float:
+        """[deg] standard deviation of what a mission's compass is off by at one heading, level"""
+        return math.hypot(self.offset_deg, self.hard_iron_deg, self.soft_iron_deg, self.battery_deg)
+
     @classmethod
     def ideal(cls) -> Compass:
         """No deviation and no noise."""

@@ -23,6 +23,7 @@ UNITS = {
     "speed_m_s": "speed through the water [m/s]",
     "pitch_deg": "pitch [deg]",
     "turn_per_actuator": "turn rate per actuator [deg/s per deg]",
+    "turning_deg": "what turns it, mean [deg]",
     "heading_sd_deg": "heading about its target [deg]",
     "heading_bias_deg": "heading less its target, mean [deg]",
 }

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from factory.importing.dives.segments import SURFACE, LogSegment
 from twin.geodesy import position, wrap_longitude
 from twin.records.coordinates import rounded_degrees
+from twin.records.logged import DRIVEN
 from twin.water.current.axes import HIGHEST_LATITUDE
 
 ATTACK = 3.0
@@ -40,8 +41,6 @@ _AFLOAT = 1.0
 """[m] Above, it lies at the surface."""
 _KNOWN = 0.9
 """So much of the time under water must have original samples."""
-_DRIVEN = 0.01
-"""With the thruster on for more of the time, the depth rate says nothing about the speed."""
 _FEWEST = 10
 """Samples of a glide without which there is no speed."""
 
@@ -86,7 +85,7 @@ def through_water(
       signals, period, driven: as `averaged_current`.
     """
     names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
-    if any(name not in signals for name in names) or driven > _DRIVEN:
+    if any(name not in signals for name in names) or driven > DRIVEN:
         return None
     depth, pitch, heading, phase = (signals[name] for name in names)
     known = signals["measured_gap"] < 0.5

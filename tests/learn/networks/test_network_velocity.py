@@ -22,7 +22,9 @@ from learn.run import open_run
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators import VELOCITY_ESTIMATORS
+from twin.navigation.estimators.base import VelocityDeviation
 from twin.navigation.features import select_features
+from twin.navigation.navigator import Navigator
 from twin.navigation.settings import ESTIMATED, estimate
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -96,18 +98,21 @@ def test_networks_that_read_the_flight_filter_navigate_with_it():
         NetworkVelocity(networks, PERIOD)
 
 
-def test_members_say_how_far_they_differ():
+def test_it_states_what_validation_showed_and_not_how_far_members_differ():
     signals = synthetic_mission(60, 4)
     mission = MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
     matrix = mission.features(FEATURES)
     networks = {name: ensemble("mlp", name, matrix, members=3) for name in ("surge", "sway")}
-    estimator = NetworkVelocity(networks, PERIOD)
+    stated = VelocityDeviation(scale=0.004, noise=0.002)
+    estimator = NetworkVelocity(networks, PERIOD, deviation=stated)
     for k in range(60):
         last = estimator.step({name: signals[name][k] for name in estimator.channels})
     for k, name in enumerate(("surge", "sway")):
-        mean, deviation = networks[name].predict([mission])[0]
+        mean, _ = networks[name].predict([mission])[0]
         assert (last.surge, last.sway)[k] == pytest.approx(mean[-1], abs=1e-6)
-        assert np.sqrt(last.covariance[k, k]) == pytest.approx(deviation[-1], rel=1e-3)
+    assert last.covariance is None
+    filter_ = Navigator(estimator, latitude=30.0, compass=0.7).filter
+    assert (filter_.parameters.speed_scale, filter_.parameters.compass) == (0.004, 0.7)
 
 
 def test_a_run_folder_opens_as_one_and_navigates():

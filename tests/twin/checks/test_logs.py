@@ -69,6 +69,26 @@ def test_a_vehicle_flies_as_its_own_log(log: Path, vehicle: Vehicle) -> None:
         assert phase.twin.oscillation is None
 
 
+def test_an_asymmetry_that_the_file_lacks_is_beyond_its_limit(log: Path, vehicle: Vehicle) -> None:
+    """The log's rudder goes straight at 0: a file whose rudder does so elsewhere is another's."""
+    rudder = vehicle.steering["heading"]
+    found = check_logs(log, vehicle.replace(**{rudder: {"neutral": 0.1}}))
+    said = [text for text in found.beyond if "what turns it is at" in text]
+    assert len(said) == 2  # dive and climb
+    assert "the file flies no such asymmetry" in said[0]
+
+
+def test_dives_under_the_thruster_are_left_out_of_the_check(
+    tmp_path: Path, log: Path, vehicle: Vehicle
+) -> None:
+    with xr.open_zarr(log) as opened:
+        dataset = opened.load()
+    dataset["thruster_fraction"] = ("mission", np.ones(dataset.sizes["mission"]))
+    powered = write_store(dataset, tmp_path / "powered.zarr")
+    with pytest.raises(StoreError, match=r"without its thruster \(\d+ ran it\)"):
+        check_logs(powered, vehicle)
+
+
 def test_the_twin_turns_as_its_own_log_by_its_part(log: Path, vehicle: Vehicle) -> None:
     dive = check_logs(log, vehicle).phases["dive"]
     assert dive.same_part

@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from twin.errors import VehicleError
-from twin.forecast.draws import (
-    INTERVAL,
-    draw_field_error,
-    draw_vehicles,
-    draw_water,
-    identified,
-    scaled_speed,
-)
+from twin.forecast.draws import INTERVAL, draw_field_error, draw_water, scaled_speed
 from twin.identify.calibration import load_calibration
+from twin.identify.vehicle_draws import draw_vehicles, identified
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import steady_glide
 from twin.navigation.current import CurrentFilter

@@ -10,6 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import xarray as xr
 
 from twin.__main__ import PROGRAM
 from twin.cli.progress import Progress
@@ -23,6 +24,7 @@ from twin.identify import (
     load_logs,
     motion_of,
 )
+from twin.identify.logged import gliding
 from twin.identify.pitch import PITCHING
 from twin.identify.start_values import balance
 from twin.identify.unknowns import PARAMETERS, choose, with_known
@@ -269,6 +271,36 @@ def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):
     write_store(short, tmp_path / "short.zarr")
     with pytest.raises(InputError, match="at least 100"):
         identify(load_logs(tmp_path / "short.zarr"), load_calibration("glider"))
+
+
+def test_missions_under_the_thruster_are_left_out_and_counted(tmp_path, run, capsys):
+    path = simulated.stored(tmp_path / "log.zarr", [run, run])
+    dataset = xr.open_zarr(path).load()
+    dataset["thruster_fraction"] = ("mission", [0.0, 0.99])
+    write_store(dataset, path, overwrite=True)
+    command = ["identify", str(path), "--vehicle", "glider", "--no-handling", "--json"]
+    assert PROGRAM.main([*command, "--parameters", "drag"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["powered_rows_left_out"] == 1
+    assert json.loads(said.out)["missions"] == 1
+    assert "1 of 2 missions ran their thruster" in said.err
+    with pytest.raises(InputError, match="all 1 missions ran their thruster"):
+        identify(load_logs(path, [1]), load_calibration("glider"))
+    kept, powered = gliding(load_logs(path))
+    assert [log.index for log in kept] == [0]
+    assert powered == (1,)
+    three = [dataclasses.replace(kept[0], index=k, follows=k > 0, powered=k == 1) for k in range(3)]
+    # the current after a mission that is left out is not that before it
+    assert [log.follows for log in gliding(three)[0]] == [False, False]
+
+
+def test_a_fit_far_worse_than_usual_says_what_to_look_at(tmp_path, run):
+    """A propeller that no signal tells of: slower down and faster up than any glide."""
+    driven = dataclasses.replace(run, signals=dict(run.signals))
+    driven.signals["measured_pump"] = -driven.signals["measured_pump"]
+    logs = load_logs(simulated.stored(tmp_path / "log.zarr", [driven]))
+    with pytest.raises(InputError, match=r"times what is usual \(1 cm/s\).*in dives and .* worst"):
+        identify(logs, load_calibration("glider"), parameters=["drag"])
 
 
 def test_figure_draws(store):

@@ -24,13 +24,14 @@ from twin.identify.problem import PRIOR, bootstrap, cut
 from twin.identify.proof import failures
 from twin.identify.start_values import start_vehicle
 from twin.identify.turning_residuals import TURNING, munk_moment
-from twin.identify.vehicle_file import file_step, largest_step, vehicle_xml
+from twin.identify.vehicle_file import largest_step, vehicle_xml
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
 from twin.mission.segments import SawTooth
 from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
+from twin.physics.stiffness import file_timestep
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
@@ -41,6 +42,8 @@ simulated = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(simulated)
 
 NET_MASS = 0.25
+NEUTRAL = math.radians(12.0)
+"""Rotation at which the true vehicle goes straight"""
 HEADINGS = (0.0, 40.0, 340.0, 60.0, 20.0, 300.0, 350.0, 30.0)
 
 
@@ -54,6 +57,7 @@ def real_vehicle():
         yaw_moment=(0.1 * munk, -500.0),
         yaw_moment_lift=(2.0 * munk,),
         pump={"position": (-0.2, 0.0, 0.0)},
+        rotation={"neutral": NEUTRAL},
         heading_pid=(1.0, 0.002, 0.0),
     )
     return with_righting_arm(nominal.replace(vehicle=vehicle), 5e-3).vehicle
@@ -128,6 +132,14 @@ def test_turns_and_banks_of_both_phases_come_back(handling, truth):
         assert roll == pytest.approx(wanted_roll, rel=0.1)
     dive, climb = (linearised(truth, glide).gains()[0] for glide in glides(truth))
     assert dive > 0.0 > climb  # it does turn the other way
+
+
+def test_the_rotation_that_goes_straight_is_found_written_and_flown(handling):
+    """The asymmetry of a log is the vehicle file's: its battery rests where the log's does."""
+    assert handling.neutral == pytest.approx(NEUTRAL, abs=math.radians(3.0))
+    calibration = handling.identification.calibration
+    again = parse_vehicle(vehicle_xml(calibration, {}), Path("mine.xml"))
+    assert again.part("rotation").rest == pytest.approx(handling.neutral)
 
 
 def test_pitch_by_battery_and_pump_comes_back(handling, truth):
@@ -361,14 +373,15 @@ def test_a_simulated_store_starts_from_a_file_of_its_own(store):
     assert start_vehicle(store).flow_frame.yaw_moment_lift == (0.0,)
 
 
-def test_strong_yaw_damping_shortens_the_step_that_is_written():
+def test_the_step_that_is_written_is_a_tenth_of_a_second_for_a_real_glider():
+    """However its rates are damped: that is solved for. A fast hull gets a shorter one."""
     calibration = load_calibration("seaglider")
-    assert largest_step(calibration.vehicle) == file_step(calibration.vehicle) == 0.05
     constant, _ = calibration.vehicle.flow_frame.yaw_moment
-    stiff = calibration.vehicle.replace(yaw_moment=(constant, -3000.0))
-    assert largest_step(stiff) == 0.01
-    xml = vehicle_xml(calibration.replace(vehicle=stiff), {})
-    assert file_step(parse_vehicle(xml, stiff.path)) == 0.01
+    damped = calibration.vehicle.replace(yaw_moment=(constant, -3000.0))
+    assert largest_step(calibration.vehicle) == largest_step(damped) == 0.1
+    xml = vehicle_xml(calibration.replace(vehicle=damped), {})
+    assert file_timestep(parse_vehicle(xml, damped.path)) == 0.1
+    assert largest_step(load_vehicle("rogue").replace(usual_glide=(0.7, 0.6))) == 0.05
 
 
 def test_the_written_hull_swells_as_the_identified_one():

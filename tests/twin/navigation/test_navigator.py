@@ -7,13 +7,14 @@ import pytest
 from navigation import PERIOD, steady_mission
 
 from twin.errors import InputError
+from twin.navigation.current import CurrentParameters
 from twin.navigation.dead_reckoning import (
     AttitudeSeries,
     horizontal_error,
     rotate_to_ned,
     water_track,
 )
-from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
+from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation, VelocityEstimator
 from twin.navigation.navigator import Navigator
 
 
@@ -97,6 +98,71 @@ def test_from_a_known_start_the_first_fix_teaches_the_current(start, learned):
     assert np.allclose(current, (0.1, -0.05), atol=0.03) == learned
     if not learned:
         assert np.array_equal(current, (0.0, 0.0))
+
+
+def afloat_then_under(current):
+    """Afloat for 200 s with a first fix after 110, a dive, and a fix at its end; all noisy."""
+    signals = steady_mission(4000, velocity=(0.4, 0.0, 0.02), current=current)
+    start = 400
+    depth = signals["measured_depth"]
+    signals["measured_depth"] = np.maximum(depth - depth[start], 0.3)
+    rng = np.random.default_rng(2)
+    for name in ("north", "east"):
+        truth = signals[f"true_{name}"] - signals[f"true_{name}"][0]
+        fixes = np.full(4000, np.nan)
+        for k in (220, 260, 300, 340, 380, 3999):
+            fixes[k] = truth[k] + 12.0 * rng.standard_normal()
+        signals[f"measured_gps_{name}"] = fixes
+    return {n: v for n, v in signals.items() if n.startswith("measured_")}
+
+
+def test_fixes_without_a_dive_between_say_where_it_is_and_nothing_of_the_current():
+    measured = afloat_then_under((0.0, 0.0))
+    navigator = Navigator(Given(0.0, 0.0), latitude=30.0, start=(0.0, 0.0))
+    found = walk(navigator, measured, last=420)
+    current, covariance = navigator.filter.current
+    assert np.array_equal(current, (0.0, 0.0))  # the noise of the first fix was 0.1 m/s
+    assert covariance[0, 0] > 0.14**2
+    fix = [measured[f"measured_gps_{n}"][380] for n in ("north", "east")]
+    assert found[380] == pytest.approx(fix)
+    assert navigator.legs == navigator.innovations == []
+
+
+def test_a_dive_is_a_leg_with_what_its_fix_said():
+    measured = afloat_then_under((0.1, -0.05))
+    navigator = Navigator(Given(0.4, 0.0), latitude=30.0, start=(0.0, 0.0))
+    walk(navigator, measured, last=2000)
+    other = Navigator(Given(0.4, 0.0), latitude=30.0, start=(0.0, 0.0))
+    other.restore(navigator.state())
+    for one in (navigator, other):
+        walk(one, measured, first=2000)
+    (leg,), (said,) = navigator.legs, navigator.innovations
+    assert (leg.start, leg.duration) == (380 * PERIOD, (3999 - 380) * PERIOD)
+    assert leg.current == pytest.approx((0.1, -0.05), abs=0.02)
+    assert said.residual == pytest.approx(leg.duration * leg.current, abs=1e-6)
+    assert other.legs == [leg]
+    np.testing.assert_array_equal(other.innovations[0].residual, said.residual)
+
+
+def test_the_filter_begins_with_what_estimator_and_compass_state():
+    class Sure(Given):
+        deviation = VelocityDeviation(scale=0.004, noise=0.003, memory=90.0)
+
+    filter_ = Navigator(Sure(0.4, 0.0), latitude=30.0, compass=0.7).filter
+    assert (filter_.parameters.speed_scale, filter_.parameters.compass) == (0.004, 0.7)
+    assert filter_.memory == 90.0
+    measured = afloat_then_under((0.0, 0.0))
+    spreads = []
+    for estimator, compass in ((Sure(0.4, 0.0), 0.7), (Given(0.4, 0.0), None)):
+        navigator = Navigator(estimator, latitude=30.0, compass=compass)
+        for k in range(3900):
+            state = navigator.step({name: float(values[k]) for name, values in measured.items()})
+        spreads.append(np.trace(state.covariance))
+    assert spreads[0] < 0.99 * spreads[1]
+    with pytest.raises(InputError, match="give it as their `compass`"):
+        Navigator(Given(0.4, 0.0), latitude=30.0, current=CurrentParameters(), compass=0.7)
+    with pytest.raises(InputError, match="noise is -1"):
+        VelocityDeviation(noise=-1.0)
 
 
 def test_it_goes_on_from_a_saved_state_and_begins_again():

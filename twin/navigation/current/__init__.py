@@ -4,6 +4,7 @@ tuned = tune(legs, latitude=31.5)
 found = CurrentFilter(tuned.parameters, latitude=31.5)
 """
 
+from twin.navigation.current.consistency import Consistency, consistency_of
 from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
 from twin.navigation.current.modes import Innovation
@@ -14,6 +15,7 @@ from twin.navigation.current.tuning import Tuned, tune
 
 __all__ = [
     "CONSTITUENTS",
+    "Consistency",
     "CurrentFilter",
     "CurrentForecast",
     "CurrentParameters",
@@ -23,6 +25,7 @@ __all__ = [
     "Tuned",
     "begin_leg",
     "chosen_constituents",
+    "consistency_of",
     "pass_leg",
     "replay",
     "tune",

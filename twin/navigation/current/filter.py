@@ -11,9 +11,11 @@ v the velocity through the water, R a small turn. The equations are linear and s
 Oceanic Eng. 26(4); tide and other parts of a glider's current from its own dives: Chang, Zhang and
 Edwards 2015, J. Atmos. Oceanic Technol. 32(3)).
 
-Two guards for real fixes: a surprise beyond `OUTLIER` is taken for an eddy of its size instead of
-being spread over all modes; and the ellipses of forecasts follow how many fixes they held (adaptive
-conformal inference, Gibbs and Candes 2021, NeurIPS 34).
+A surprise beyond `OUTLIER` is taken for an eddy of its size instead of being spread over all modes.
+How strong the currents of this deployment are beside the parameters' is learned from the fixes: all
+variances have a common factor of unknown size with a conjugate prior, so that what is forecast has
+Student's t distribution, whose degrees grow with the fixes (West and Harrison 1997, Bayesian
+Forecasting and Dynamic Models, section 4.5, with the forgetting of section 10.8).
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ from twin.navigation.current.modes import (
 )
 from twin.navigation.current.parameters import (
     CALIBRATION,
+    DEGREES,
     DIVE,
     MODES,
     POSITION,
@@ -48,7 +51,6 @@ from twin.navigation.current.parameters import (
 )
 from twin.navigation.current.record import CurrentForecast, Record
 from twin.navigation.current.smoother import SmoothedTrack, smoothed
-from twin.navigation.dead_reckoning import chi_squared
 
 Array = NDArray[np.float64]
 
@@ -56,12 +58,10 @@ FIX_DEVIATION = 5.0
 """[m] north and east each, of a GPS fix"""
 OUTLIER = 9.0
 """[1] squared distance, of two degrees of freedom (mean 2; 1.1 % are beyond), of a surprise"""
-HELD = 0.90
-"""Part of the fixes that an ellipse shall hold"""
-INFLATION, LEARNING = 1.5, 0.4
-"""Of the variances of forecasts before any fix, and the gain by which its logarithm follows"""
+KEPT = 0.9
+"""[1] part of the degrees beyond the prior's that stays until the next fix: 25 at most"""
 LEAST_LEG = 600.0
-"""[s] between two fixes that count for these guards: shorter, the fixes' noise decides"""
+"""[s] between two fixes that count for both: shorter, the fixes' noise decides"""
 _CACHED = 256
 """Passages that are kept: equal steps repeat"""
 
@@ -103,7 +103,10 @@ class CurrentFilter:
         self.modes: Modes = modes_of(self.parameters, latitude)
         self.outlier = float(outlier)
         self.time = float(time)
-        self.inflation = INFLATION
+        self.degrees = DEGREES
+        """[1] of freedom of Student's t, as which forecasts and fixes are distributed"""
+        self.inflation = DEGREES / (DEGREES - 2.0)
+        """[1] variances of forecasts by those that the parameters alone say"""
         self.size = MODES + 2 * len(self.modes)
         self._mean = np.zeros(self.size)
         variance = np.zeros(self.size)
@@ -224,18 +227,32 @@ class CurrentFilter:
         residual = place - self._mean[POSITION]
         spread = self._covariance[POSITION, POSITION] + sigma**2 * np.eye(2)
         distance = float(residual @ np.linalg.solve(spread, residual))
-        if self._since >= LEAST_LEG:
-            held = distance / self.inflation <= chi_squared(HELD)
-            self.inflation *= math.exp(LEARNING * (HELD - float(held)))
         found = Innovation(
-            residual=residual, covariance=spread, distance=distance, duration=self._since
+            residual=residual,
+            covariance=spread,
+            distance=distance,
+            duration=self._since,
+            inflation=self.inflation,
+            degrees=self.degrees,
         )
+        if self._since >= LEAST_LEG:
+            self._scale(distance)
         if self._since >= LEAST_LEG and distance > self.outlier:
             self._blame_eddy((distance / self.outlier - 1.0) * spread)
         observed = np.zeros((2, self.size))
         observed[:, POSITION] = np.eye(2)
         self._update(observed, residual, sigma**2 * np.eye(2))
         return found
+
+    def _scale(self, distance: float) -> None:
+        """Learn the common factor of all variances from a fix's squared distance [1].
+
+        Its inverse has a gamma distribution of shape degrees / 2 and mean 1 / centre.
+        """
+        centre = self.inflation * (self.degrees - 2.0) / self.degrees
+        kept = DEGREES + KEPT * (self.degrees - DEGREES)
+        self.degrees = kept + 2.0
+        self.inflation = (kept * centre + distance) / (self.degrees - 2.0)
 
     def _blame_eddy(self, surprise: Array) -> None:
         """Make room for a surprise [m2] at the fix: an eddy has come up during the dive."""
@@ -366,8 +383,7 @@ class CurrentFilter:
     ) -> CurrentForecast:
         """The current at later times and the displacement that it makes until then.
 
-        Covariances are those of the filter times `inflation`, which follows how many fixes the
-        ellipses have held.
+        Covariances are those of the filter times `inflation`, which the fixes have taught.
 
         Args:
           times: [s] on the filter's clock, none before its time, (time,).
@@ -393,6 +409,7 @@ class CurrentFilter:
             current_covariance=np.empty((count, 2, 2)),
             displacement=np.empty((count, 2)),
             displacement_covariance=np.empty((count, 2, 2)),
+            degrees=self.degrees,
         )
         probe, passed = self._probe(), 0.0
         for index in np.argsort(ahead, kind="stable"):
@@ -429,6 +446,7 @@ class CurrentFilter:
             "mean": self._mean.copy(),
             "covariance": self._covariance.copy(),
             "inflation": np.array(self.inflation),
+            "degrees": np.array(self.degrees),
             "lost": np.array(float(self._lost)),
             "since_fix": np.array(self._since),
             "velocity": velocity.copy(),
@@ -450,7 +468,8 @@ class CurrentFilter:
                 f"{self.size}: make it with the same parameters"
             )
         self._mean, self._covariance = mean.copy(), np.array(state["covariance"], float)
-        self.time, self.inflation = float(state["time"]), float(state["inflation"])
+        self.time = float(state["time"])
+        self.inflation, self.degrees = float(state["inflation"]), float(state["degrees"])
         self._lost, self._since = bool(state["lost"]), float(state["since_fix"])
         velocity = np.array(state["velocity"], float)
         self._velocity = velocity if np.isfinite(velocity).all() else None

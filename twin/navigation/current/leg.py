@@ -59,18 +59,31 @@ def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) ->
     filter_.locate((0.0, 0.0), sigma)
 
 
-def pass_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> Innovation | None:
-    """Let a filter make a leg, which it has begun, and take the fix after it."""
-    filter_.step(leg.duration, leg.velocity, field=leg.foretold(filter_.parameters))
+def pass_leg(
+    filter_: CurrentFilter,
+    leg: Leg,
+    sigma: float = FIX_DEVIATION,
+    covariance: Array | None = None,
+) -> Innovation | None:
+    """Let a filter make a leg, which it has begun, and take the fix after it.
+
+    Args:
+      sigma: [m] of the fix.
+      covariance: [m2/s2], (2, 2), of the velocity through the water, mean over the leg.
+    """
+    field = leg.foretold(filter_.parameters)
+    filter_.step(leg.duration, leg.velocity, covariance, field=field)
     return filter_.fix(leg.over_ground, sigma)
 
 
-def replay(filter_: CurrentFilter, legs: Iterable[Leg]) -> Sequence[Innovation]:
-    """What the fixes of legs, in order of time, said to a filter."""
+def replay(
+    filter_: CurrentFilter, legs: Iterable[Leg], covariance: Array | None = None
+) -> Sequence[Innovation]:
+    """What the fixes of legs, in order of time, said to a filter; `covariance` as `pass_leg`."""
     found = []
     for leg in legs:
         begin_leg(filter_, leg)
-        innovation = pass_leg(filter_, leg)
+        innovation = pass_leg(filter_, leg, covariance=covariance)
         if innovation is not None:
             found.append(innovation)
     return found

@@ -158,6 +158,11 @@ class CurrentParameters:
         return self.eddy == 0.0 and self.inertial == 0.0 and not self.constituents
 
 
+DEGREES = 5.0
+"""[1] of freedom of Student's t, as which the fixes of a deployment are distributed about what a
+filter with given parameters expects: as heavy as the tails of currents' changes are, and as far as
+seas of the same parameters differ. All deviations of `CurrentParameters` are those of its centre,
+whose covariance is DEGREES / (DEGREES - 2) times theirs."""
 PERSISTENCE_DIVE = 0.004
 """[m/s] of a single dive in that case: small, so that the last dive counts"""
 
@@ -177,7 +182,7 @@ class Unknown:
 SCALE = "scale"
 UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short records the first two
     Unknown(SCALE, 0.15, 1.0),
-    Unknown("dive", 0.012, 0.4),
+    Unknown("dive", 0.08, 0.4, of_scale=True),
     Unknown("wander", 0.25, 0.6, of_scale=True),
     Unknown("eddy", 0.35, 0.6, of_scale=True),
     Unknown("eddy_time", 8.0, 0.5),

@@ -23,6 +23,7 @@ from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg, replay
 from twin.navigation.current.modes import Innovation
 from twin.navigation.current.parameters import (
+    DEGREES,
     FIELD,
     FIELD_SPREAD,
     MOST_FIELD,
@@ -35,8 +36,6 @@ from twin.navigation.current.parameters import (
 
 Array = NDArray[np.float64]
 
-DEGREES = 5.0
-"""[1] of freedom of Student's t: as heavy as the tails of currents' changes are"""
 MOST_STEPS = 30
 """of the search; the likelihood is flat beyond what a few dozen dives can tell"""
 FEWEST = 8

@@ -37,6 +37,34 @@ class BodyVelocity:
     """[m2/s2] of the errors, (3, 3); None: the estimator claims nothing"""
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class VelocityDeviation:
+    """Standard deviations of an estimator's error, as it states them before it flies.
+
+    The defaults are those of an estimator that states none: what the dead reckoning of a glider by
+    attitude and depth errs by.
+
+    Raises:
+      InputError: a value that is negative or not finite.
+    """
+
+    scale: float = 0.06
+    """[1] relative error of the speed that stays: a wrong vehicle or a wrong scale"""
+    noise: float = 0.02
+    """[m/s] north and east each, of what comes and goes"""
+    memory: float = 60.0
+    """[s] for which that lasts"""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(
+                    f"a velocity's deviation: {field.name} is {value!r}; it must be finite, and 0 "
+                    "or more"
+                )
+
+
 class VelocityEstimator(abc.ABC):
     """Velocity through the water from what is measured and commanded, sample by sample.
 
@@ -52,6 +80,11 @@ class VelocityEstimator(abc.ABC):
     """[s] between samples"""
     channels: tuple[str, ...]
     """Schema variables that a sample must hold: measured or commanded, never true."""
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """What it states of its error; a current filter begins with it."""
+        return VelocityDeviation()
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, Signals, depth_rate
-from twin.navigation.estimators.base import VelocityEstimator
+from twin.navigation.estimators.base import VelocityDeviation, VelocityEstimator
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.plugins import place_of
 from twin.records.schema import VARIABLES
@@ -92,6 +92,11 @@ class Baseline(abc.ABC):
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
         """`channels`, and what else it reads on such a vehicle."""
         return cls.channels
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """What the method states of its velocity's error."""
+        return VelocityDeviation()
 
     @abc.abstractmethod
     def estimate(self, signals: Signals, period: float) -> Estimate:

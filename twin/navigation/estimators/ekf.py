@@ -28,7 +28,7 @@ from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.matrices import skew
 from twin.identify.start_values import net_mass
 from twin.navigation.dead_reckoning import Array, AttitudeSeries, Signals, finite_channel
-from twin.navigation.estimators.base import BodyVelocity, State
+from twin.navigation.estimators.base import BodyVelocity, State, VelocityDeviation
 from twin.navigation.estimators.baseline import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -40,6 +40,7 @@ from twin.navigation.estimators.baseline import (
     no_glider,
 )
 from twin.navigation.estimators.ekf_kernels import DEPTH, STATES, SURGE, SWAY, filtered
+from twin.navigation.estimators.glide_deviation import glide_deviation
 from twin.navigation.estimators.steps import BaselineSteps, Recent
 from twin.vehicle.vehicle import Vehicle
 
@@ -178,6 +179,11 @@ class Ekf(Baseline):
         if not why and len(vehicle.masses) != 1:
             why = f"vehicle {vehicle.name!r} has {len(vehicle.masses)} moving masses, not one"
         return why
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `twin.navigation.estimators.baseline.Baseline`."""
+        return glide_deviation(self.vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `twin.navigation.estimators.baseline.Baseline`."""

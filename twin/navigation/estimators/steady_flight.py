@@ -20,7 +20,7 @@ from twin.navigation.dead_reckoning import (
     depth_rate,
     finite_channel,
 )
-from twin.navigation.estimators.base import BodyVelocity
+from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation
 from twin.navigation.estimators.baseline import (
     Baseline,
     Estimate,
@@ -30,6 +30,7 @@ from twin.navigation.estimators.baseline import (
     no_glider,
     smooth,
 )
+from twin.navigation.estimators.glide_deviation import glide_deviation
 from twin.navigation.estimators.steps import BaselineSteps
 from twin.vehicle.vehicle import Vehicle
 
@@ -87,6 +88,11 @@ class SteadyFlight(Baseline):
     def unsuited(cls, vehicle: Vehicle) -> str:
         """It needs a glider."""
         return no_glider(vehicle)
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `twin.navigation.estimators.baseline.Baseline`."""
+        return glide_deviation(self.vehicle)
 
     def estimate(self, signals: Signals, period: float) -> Estimate:
         """See `twin.navigation.estimators.baseline.Baseline`."""

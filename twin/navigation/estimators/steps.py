@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import Signals
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityEstimator
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
 from twin.numbers import Array
 from twin.seams import BASELINES
 from twin.vehicle.vehicle import Vehicle
@@ -86,6 +91,12 @@ class BaselineSteps(VelocityEstimator):
         self.baseline, self.period = baseline, period
         self.channels = baseline.needs(baseline.vehicle)
         self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`."""
+        found: VelocityDeviation = self.baseline.deviation
+        return found
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:

@@ -18,7 +18,7 @@ from twin.vehicle.parts.base import VALUES
 
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
-VERSION = 3.0
+VERSION = 4.0
 
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
 
@@ -92,6 +92,7 @@ HEADER = np.dtype(
         ("log_samples", "f8"),  # of the whole run
         ("log_ring", "f8"),  # rows that userdata holds
         ("centred", "f8"),  # 1: water at the time-centred velocity
+        ("implicit", "f8"),  # 1: then the law's rotary damping is solved for, not extrapolated
         ("version", "f8"),
         ("magic", "f8"),
     ]

@@ -35,7 +35,11 @@ _MOTION = ("u", "v", "w", "p", "q", "r")
 
 
 def _laws(kernel: str) -> Callable[[], Mapping[int, Any]]:
-    return lambda: {LAWS.code(kind): getattr(LAWS[kind], kernel) for kind in LAWS}
+    return lambda: {
+        LAWS.code(kind): getattr(LAWS[kind], kernel)
+        for kind in LAWS
+        if getattr(LAWS[kind], kernel) is not None
+    }
 
 
 def _parts(kernel: str) -> Callable[[], Mapping[int, Any]]:
@@ -65,6 +69,17 @@ law_rate_damping = dispatch(
     inline="always",
 )
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
+
+law_rotary_damping = dispatch(
+    "law_rotary_damping",
+    ("values", "density", *_MOTION),
+    _laws("native_rotary_damping"),
+    _UNKNOWN,
+    module=__name__,
+    inline="always",
+)
+"""(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN of a law that gives
+none."""
 
 part_wrench = dispatch(
     "part_wrench",

@@ -236,6 +236,29 @@ def add_point_mass(extra, place, mass, rotation):
     mass[20] += extra * (x * x + y * y)
 
 
+@jit
+def add_rotary_damping(damping, period, mass):
+    """Add `period` [s] times a symmetric rotary damping to the free joint's rotary block.
+
+    damping: pp, pq, qq, pr, qr, rr [N m s] in body axes FRD.
+    """
+    pp, pq, qq, pr, qr, rr = damping
+    mass[9] += period * pp
+    mass[13] -= period * pq
+    mass[14] += period * qq
+    mass[18] -= period * pr
+    mass[19] += period * qr
+    mass[20] += period * rr
+
+
+@inline
+def times(symmetric, vector):
+    """A symmetric matrix, ordered as pp, pq, qq, pr, qr, rr, times a vector of three."""
+    pp, pq, qq, pr, qr, rr = symmetric
+    p, q, r = vector
+    return pp * p + pq * q + pr * r, pq * p + qq * q + qr * r, pr * p + qr * q + rr * r
+
+
 @inline
 def _times(a, b0, c, r00, r01, r02, r10, r11, r12, r20, r21, r22):
     """The row (a, b0, c) times R^T."""

@@ -34,6 +34,7 @@ from twin.physics.native.access import (
 from twin.physics.native.effects import (
     follow_floor,
     law_rate_damping,
+    law_rotary_damping,
     law_wrench,
     note_contact,
     part_mass,
@@ -45,12 +46,14 @@ from twin.physics.native.effects import (
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
     add_point_mass,
+    add_rotary_damping,
     added_mass_wrench,
     displaced_volume,
     hull_warming,
     immersion,
     part_rate,
     point_mass_wrench,
+    times,
 )
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
@@ -60,6 +63,10 @@ CONTROL_NONE = b.CONTROL_NONE
 ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics, whatever it looks like later"""
+UNSTABLE = 2.0
+"""Of step times rotary damping over inertia: an explicit step does not settle beyond"""
+RATE = 1e-4
+"""[rad/s] of the differences by which a law's rotary damping is found"""
 
 _VOID = types.void(types.int64, types.int64)
 
@@ -87,6 +94,34 @@ def remember_velocity(state, velocity, time, timestep):
 def kept(damping, inertia):
     """Part of the last rate's change that the next step repeats under rotary damping."""
     return max(0.0, 1.0 + damping / inertia)
+
+
+@jit
+def rotary_damping(law, values, density, u, v, w, p, q, r, l, m, n):
+    """Symmetric part of -d(K, M, N)/d(p, q, r) of the hull law, body axes FRD [N m s].
+
+    Returns pp, pq, qq, pr, qr, rr of a matrix without negative eigenvalues. A law that says nothing
+    is differenced about its moments (l, m, n); where it drives a rate nothing of it counts.
+    """
+    pp, pq, qq, pr, qr, rr = law_rotary_damping(law, values, density, u, v, w, p, q, r)
+    if math.isnan(pp):
+        _, _, _, lp, mp, np = law_wrench(law, values, density, u, v, w, p + RATE, q, r)
+        _, _, _, lq, mq, nq = law_wrench(law, values, density, u, v, w, p, q + RATE, r)
+        _, _, _, lr, mr, nr = law_wrench(law, values, density, u, v, w, p, q, r + RATE)
+        pp, qq, rr = (l - lp) / RATE, (m - mq) / RATE, (n - nr) / RATE
+        pq = 0.5 * ((l - lq) + (m - mp)) / RATE
+        pr = 0.5 * ((l - lr) + (n - np)) / RATE
+        qr = 0.5 * ((m - mr) + (n - nq)) / RATE
+    pp, qq, rr = max(pp, 0.0), max(qq, 0.0), max(rr, 0.0)
+    # by its principal minors, but for rounding: a law that does not damp the roll has rank 2
+    whole, slack = pp + qq + rr, 1e-9 * (pp + qq + rr)
+    if (
+        min(pp * qq - pq * pq, pp * rr - pr * pr, qq * rr - qr * qr) < -slack * whole
+        or pp * (qq * rr - qr * qr) - pq * (pq * rr - qr * pr) + pr * (pq * qr - qq * pr)
+        < -slack * whole * whole
+    ):
+        pq, pr, qr = 0.0, 0.0, 0.0
+    return pp, pq, qq, pr, qr, rr
 
 
 @inline
@@ -162,7 +197,6 @@ def water(model, data):
             extra = part_mass(int(part.kind), part.values, act[k] + part.zero)
             carried += extra
             add_point_mass(extra, part.place, mass, rotation)
-    mj_factor_mass(model, data)
 
     v0, v1, v2 = velocity[0], velocity[1], velocity[2]
     centred = head.centred == 1.0
@@ -217,15 +251,38 @@ def water(model, data):
         fail(state, time)
 
     law, values = int(head.law), table_of(start, head, head.law_values)
+    p_change, q_change, r_change = 0.0, 0.0, 0.0
+    implicit = centred and head.implicit == 1.0
     if centred:
-        dp, dq, dr = law_rate_damping(law, values, law_scale * timestep, density, u, v, w, p, q, r)
-        p += 0.5 * kept(dp, head.rotary_inertia[0]) * (p - state.earlier[3])
-        q += 0.5 * kept(dq, head.rotary_inertia[1]) * (q + state.earlier[4])
-        r += 0.5 * kept(dr, head.rotary_inertia[2]) * (r + state.earlier[5])
+        p_change, q_change, r_change = (
+            0.5 * (p - state.earlier[3]),
+            0.5 * (q + state.earlier[4]),
+            0.5 * (r + state.earlier[5]),
+        )
+        if not implicit:
+            dp, dq, dr = law_rate_damping(
+                law, values, law_scale * timestep, density, u, v, w, p, q, r
+            )
+            roll, pitch, yaw = head.rotary_inertia
+            implicit = min(dp / roll, dq / pitch, dr / yaw) < -UNSTABLE
+            if not implicit:
+                p += kept(dp, roll) * p_change
+                q += kept(dq, pitch) * q_change
+                r += kept(dr, yaw) * r_change
+        if implicit:
+            p, q, r = p + p_change, q + q_change, r + r_change
     # the water's own turning under the hull: how its velocity changes along and across it
     pw, qw, rw = p - gradient[7], q + gradient[6], r - gradient[3]
 
     x, y, z, l, m, n = law_wrench(law, values, density, u, v, w, pw, qw, rw)
+    if implicit:
+        # by the new rates in place of the extrapolated ones: off here, into the mass matrix
+        damping = rotary_damping(law, values, density, u, v, w, pw, qw, rw, l, m, n)
+        add_rotary_damping(damping, 0.5 * timestep * law_scale, mass)
+        a, b, c = times(damping, (p_change, q_change, r_change))
+        l, m, n = l + a, m + b, n + c
+    mj_factor_mass(model, data)
+
     xa, ya, za, la, ma, na = added_mass_wrench(
         head.added_mass, head.coupling, (u, v, w, pw, qw, rw), p, q, r, rate, gradient
     )

@@ -47,6 +47,10 @@ class HullLaw(abc.ABC):
     native_rate_damping: ClassVar[Kernel | None] = None
     """(values, timestep, density, u, v, w, p, q, r) -> timestep * d(K, M, N)/d(p, q, r), each its
     own [kg m2]: what a time-centred step must not extrapolate"""
+    native_rotary_damping: ClassVar[Kernel | None] = None
+    """(values, density, u, v, w, p, q, r) -> symmetric part of -d(K, M, N)/d(p, q, r) [N m s] as
+    pp, pq, qq, pr, qr, rr, body FRD: what a step solves for that is long beside it. It takes no
+    more than it costs: without it the difference quotient of `native_wrench` does"""
     fossen_wrench: ClassVar[Kernel | None] = None
     """(values, density, nu_r (6,)) -> (6,)"""
 

@@ -113,6 +113,38 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
     return c[K_P] * stiff, c[K_Q] * stiff, c[K_R] * stiff
 
 
+@inline
+def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """Of the rates' moments in flow axes turned to the body, as `native_wrench` has them."""
+    speed2 = u * u + v * v + w * w
+    speed, in_plane = math.sqrt(speed2), math.sqrt(u * u + w * w)
+    ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
+    if speed > 1e-9:
+        sb, cb = v / speed, in_plane / speed
+        if in_plane > 1e-12:
+            ca, sa = u / in_plane, w / in_plane
+    damping2 = -max(speed2, c[SLOWEST] * c[SLOWEST])
+    roll, pitch, yaw = c[K_P] * damping2, c[K_Q] * damping2, c[K_R] * damping2
+    by_yaw, by_roll = c[K_PR] * damping2, c[K_RP] * damping2
+    if c[K_PR_LIFT] != 0.0 or c[K_RP_LIFT] != 0.0:
+        lift_angle = (math.atan2(sa, ca) + c[ZERO_LIFT]) * damping2
+        by_yaw += c[K_PR_LIFT] * lift_angle
+        by_roll += c[K_RP_LIFT] * lift_angle
+    pp, qq, rr = ca * cb * roll - sa * by_roll, cb * pitch, ca * yaw + sa * cb * by_yaw
+    pq = 0.5 * (sb * roll - ca * sb * pitch)
+    pr = 0.5 * (ca * cb * by_yaw - sa * yaw + sa * cb * roll + ca * by_roll)
+    qr = 0.5 * (sb * by_yaw - sa * sb * pitch)
+    # a sine is less than its angle, by 1 % at a quarter of a radian
+    if ca < 0.9 or max(abs(sa), abs(sb)) > 0.9 * c[LINEAR]:
+        linear, full = c[LINEAR], c[BLEND]
+        beta = math.asin(min(max(sb, -1.0), 1.0))
+        s = max(_blend(math.atan2(sa, ca), linear, full), _blend(beta, linear, full))
+        k = 1.0 - s
+        pp, qq, rr = k * pp + s * roll, k * qq + s * pitch, k * rr + s * yaw
+        pq, pr, qr = k * pq, k * pr, k * qr
+    return pp, pq, qq, pr, qr, rr
+
+
 # --- the Fossen model's -----------------------------------------------------------------------
 
 
@@ -211,6 +243,7 @@ class FlowFrame(HullLaw):
     kind: ClassVar[str] = "flow-frame"
     native_wrench = staticmethod(native_wrench)
     native_rate_damping = staticmethod(native_rate_damping)
+    native_rotary_damping = staticmethod(native_rotary_damping)
     fossen_wrench = staticmethod(fossen_wrench)
 
     drag: tuple[float, float]

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from twin.vehicle.changes import Uncertainty
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
+
+if TYPE_CHECKING:
+    from twin.vehicle.mjcf import MjcfReader
 
 ROTATION = 60.0
 """[deg] largest rotation that a random manoeuvre draws"""
@@ -31,13 +35,31 @@ class BatteryHinge(Part):
     joint: ClassVar[str | None] = "hinge"
     turn: ClassVar[int] = 30
 
+    neutral: float = 0.0
+    """[rad] position at which the mass hangs straight below the axis: there it steers a hull
+    straight that is not quite even"""
+
+    @classmethod
+    def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
+        """`NAME.neutral` [rad], 0 when the file does not say."""
+        return {"neutral": reader.number(f"{name}.neutral", default=0.0)}
+
+    def values(self) -> tuple[float, ...]:
+        """The neutral position [rad]."""
+        return (self.neutral,)
+
+    @property
+    def rest(self) -> float:
+        """The neutral position."""
+        return min(max(self.neutral, self.low), self.high)
+
     def controls(self) -> tuple[str, ...]:
         """It turns."""
         return ("heading",)
 
     def mirrored(self) -> float | None:
-        """Port becomes starboard."""
-        return -1.0
+        """Port becomes starboard, of a mass that hangs straight at 0."""
+        return None if self.neutral else -1.0
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: the zero of its encoder."""
@@ -65,6 +87,7 @@ class BatteryHinge(Part):
     ) -> Array:
         """Raising its eccentric mass, which hangs lowest at 0, and friction [J]."""
         mass = vehicle.moved_by(self.name)
+        before, after = np.subtract(before, self.neutral), np.subtract(after, self.neutral)
         raised = mass.eccentricity * (np.cos(before) - np.cos(after))
         turning = mass.mass * vehicle.gravity * np.cos(pitch) * raised
         turning += losses.bearing_torque * np.abs(np.subtract(after, before))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
-INDUCED = 11
+INDUCED, NEUTRAL = 11, 12
 
 ASKEW = 0.2
 """Part of its larger moment that a fin's smaller one must have for the fin to do both"""
@@ -83,7 +83,8 @@ def _deflected(values, place, position, u, v, w, p, q, r, density):  # type: ign
 @jit
 def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
     """Force of the fin at its place and its moment about the CB."""
-    x, y, z = _deflected(values, place, position, u, v, w, p, q, r, density)
+    turned = position - values[NEUTRAL]
+    x, y, z = _deflected(values, place, turned, u, v, w, p, q, r, density)
     if values[IN_HULL] != 0.0:
         x0, y0, z0 = _deflected(values, place, 0.0, u, v, w, p, q, r, density)
         x, y, z = x - x0, y - y0, z - z0
@@ -136,7 +137,7 @@ def _fossen_force(values, place, position, nu_r, density):  # type: ignore[no-un
 @jit
 def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
     """(6,): force and moment about the CB."""
-    force = _fossen_force(values, place, position, nu_r, density)
+    force = _fossen_force(values, place, position - values[NEUTRAL], nu_r, density)
     if values[IN_HULL] != 0.0:
         force = force - _fossen_force(values, place, 0.0, nu_r, density)
     tau = np.empty(6)
@@ -176,6 +177,9 @@ class Fin(Part):
     """[1/rad] of C_D beyond the stall"""
     induced_drag: float = 0.0
     """C_D per C_L^2: 1 / (pi e aspect ratio)"""
+    neutral: float = 0.0
+    """[rad] position at which it is in line with the hull, and in which it steers a hull straight
+    that is not quite even: deflections count from there"""
     in_hull: bool = False
     """True: the hull's law holds the fin at rest already, and only its deflection is added"""
 
@@ -215,7 +219,7 @@ class Fin(Part):
         return found
 
     def values(self) -> tuple[float, ...]:
-        """In the order of AREA to IN_HULL, then the axis and INDUCED."""
+        """In the order of AREA to IN_HULL, then the axis, INDUCED and NEUTRAL."""
         return (
             self.area,
             self.lift_slope,
@@ -227,12 +231,18 @@ class Fin(Part):
             float(self.in_hull),
             *self.axis,
             self.induced_drag,
+            self.neutral,
         )
+
+    @property
+    def rest(self) -> float:
+        """Its neutral position."""
+        return min(max(self.neutral, self.low), self.high)
 
     def mirrored(self) -> float | None:
         """Rudders turn the other way, elevators do not; a fin off the middle has no image."""
         _, y, z = (abs(x) > 1e-9 for x in self.axis)
-        if (y and z) or abs(self.position[1]) > 1e-9:
+        if self.neutral or (y and z) or abs(self.position[1]) > 1e-9:
             return None
         return -1.0 if z else 1.0
 
@@ -272,5 +282,5 @@ class Fin(Part):
 
 _OPTIONAL = (
     "stall_angle", "stalled_lift_slope", "zero_lift_drag", "drag_slope", "stalled_drag_slope",
-    "induced_drag",
+    "induced_drag", "neutral",
 )  # fmt: skip

@@ -1,0 +1,159 @@
+"""Stiffness: how fast a vehicle's velocities settle at a speed, and which steps that allows.
+
+The velocities of a straight way, linearised: their 6 x 6 block has one eigenvalue for each way in
+which a small motion dies out. What is fastest is the rotary damping of the hull's law, which grows
+with the speed; a step that is long beside it is solved for it (docs/physics/equations.md, time
+step). What remains is extrapolated, and bounds the step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import MissionError, VehicleError
+from twin.mission import mission_file as g
+from twin.mission.glide_balance import left_over, mass_matrix
+from twin.mission.way import level_way, way
+from twin.vehicle.mjcf import MjcfReader
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-5
+"""[m/s] of the differences by a velocity"""
+TURNING = 0.2
+"""[rad/s] of those by a rate: where damping grows with the rate, a quick manoeuvre's counts"""
+EXTRAPOLATED = 1.0
+"""Step times fastest rate from which rotary damping is solved for: nothing of it could still be
+extrapolated"""
+ACCURATE, STABLE = 0.5, 1.0
+"""Step times fastest rate of what is extrapolated: the formula of Adams and Bashforth of second
+order is stable up to 1 (Hairer, Norsett and Wanner 1993, III.1), and at half of it a glider's
+manoeuvres are off by about 1 mm/s (tests/twin/physics/test_convergence.py)"""
+MUJOCO_STEP = 0.002
+"""[s] of a file that says none"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stiffness:
+    """Fastest rates [1/s] at which small motions about a straight way die out or swing."""
+
+    speed: float
+    """[m/s] through the water"""
+    whole: float
+    """of the whole velocity block"""
+    rest: float
+    """of the block without the rotary damping of the hull's law"""
+
+    def solved(self, timestep: float) -> bool:
+        """Whether a step [s] is so long that rotary damping is solved for, not extrapolated."""
+        return timestep * self.whole > EXTRAPOLATED
+
+    @property
+    def longest(self) -> float:
+        """[s] step that is accurate."""
+        return ACCURATE / self.rest if self.rest > 0.0 else math.inf
+
+    def too_long(self, timestep: float) -> str:
+        """What a step [s] beyond the longest does; empty for one within it."""
+        if timestep <= self.longest:
+            return ""
+        unstable = timestep * self.rest > STABLE
+        return (
+            f"timestep {timestep:g} s is too long at {self.speed:.2f} m/s, where the vehicle's "
+            f"velocities settle by {self.rest:.2g} 1/s: the run would be "
+            f"{'unstable' if unstable else 'off by a millimetre per second or more'}; take at most "
+            f"{rounded(self.longest):g} s"
+        )
+
+
+def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
+    """Of a straight way at a speed [m/s] and an angle of attack [rad], its parts at rest."""
+    position = vehicle.rest
+    velocity = speed * np.array([math.cos(angle_of_attack), 0.0, math.sin(angle_of_attack)])
+    nu, down = np.concatenate([velocity, np.zeros(3)]), np.array([0.0, 0.0, 1.0])
+    block, damping = np.empty((6, 6)), np.zeros((6, 6))
+    for k, unit in enumerate(np.eye(6)):
+        step = unit * (TURNING if k >= 3 else SMALL)
+        ahead, behind = (left_over(vehicle, position, nu + s * step, down) for s in (1.0, -1.0))
+        block[:, k] = (ahead - behind) / (2.0 * step[k])
+        if k >= 3:
+            density = vehicle.reference_density
+            ahead, behind = (vehicle.law.wrench(nu + s * step, density) for s in (1.0, -1.0))
+            damping[3:, k] = (ahead - behind)[3:] / (2.0 * step[k])
+    damping = 0.5 * (damping + damping.T)
+    inverse = np.linalg.inv(mass_matrix(vehicle, position))
+    whole, rest = (
+        float(np.abs(np.linalg.eigvals(inverse @ matrix)).max())
+        for matrix in (block, block - damping)
+    )
+    return Stiffness(speed=speed, whole=whole, rest=rest)
+
+
+def usual_way(vehicle: Vehicle) -> tuple[float, float]:
+    """Speed [m/s] and angle of attack [rad] of the usual glide, or of the cruise of a propeller."""
+    label = f"vehicle {vehicle.name!r}"
+    if vehicle.steered("speed") is not None:
+        flown = level_way(vehicle, label, None)
+    else:
+        pitch, net_mass = vehicle.usual_glide
+        flown = way(
+            vehicle, label, "usual_glide", -math.degrees(pitch), net_mass, None, within_travel=True
+        )
+    return flown.speed, flown.angle_of_attack
+
+
+def planned_way(plan: Array) -> tuple[float, float] | None:
+    """Speed [m/s] and angle of attack [rad] of the fastest way of a mission's table; None: no way.
+
+    plan: shape (rows, SEGMENT_COLUMNS + 3 parts), see `Mission.compile`.
+    """
+    found = []
+    for ahead, pitch, attack in (
+        (g.DIVE_SPEED, g.DIVE_PITCH, g.DIVE_ATTACK),
+        (g.CLIMB_SPEED, g.CLIMB_PITCH, g.CLIMB_ATTACK),
+    ):
+        angle = np.nan_to_num(plan[:, attack])
+        path = np.cos(np.nan_to_num(plan[:, pitch]) - angle)
+        speed = np.nan_to_num(plan[:, ahead]) / np.maximum(path, 0.1)
+        found += list(zip(speed.tolist(), angle.tolist(), strict=True))
+    fastest = max(found)
+    return fastest if fastest[0] > 0.0 else None
+
+
+def stiffness_of(
+    vehicle: Vehicle, plan: Array | None = None, *, start: float = 0.0
+) -> Stiffness | None:
+    """Of the fastest that a vehicle is known to go; None where nothing says how it flies.
+
+    Args:
+      plan: table of its mission, see `Mission.compile`; without ways in one the usual way counts.
+      start: [m/s] through the water that it begins with.
+    """
+    try:
+        found = None if plan is None or not plan.size else planned_way(plan)
+        speed, angle = found or usual_way(vehicle)
+    except (MissionError, VehicleError):
+        if start <= 0.0:
+            return None
+        speed, angle = 0.0, 0.0
+    return stiffness(vehicle, max(speed, start), angle)
+
+
+def file_timestep(vehicle: Vehicle) -> float:
+    """Physics step [s] that a vehicle's file asks for."""
+    option = MjcfReader(vehicle.xml, vehicle.path).one("option")
+    return float(option.get("timestep", MUJOCO_STEP))
+
+
+def rounded(step: float) -> float:
+    """The nearest step [s] below that is 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return max(k * power for k in (1.0, 2.0, 5.0) if k * power <= step * (1.0 + 1e-9))
