@@ -27,8 +27,9 @@ def scenario(pitch: float, current: float) -> twin.Scenario:
 flown = twin.simulate_many([scenario(p, c) for c in currents for p in pitches], threads=2)
 parts = ("hotel", "pump", "shift", "rotation")
 taken = [sum(run[f"true_energy_{part}"][-1] for part in parts) for run in flown]  # [J]
-north = [run["true_north"][-1] for run in flown]
-cost = np.reshape(np.divide(taken, north), (len(currents), -1))  # [J/m], so kJ/km
+north = np.array([run["true_north"][-1] for run in flown])  # [m]
+cost = np.where(north > 0.0, taken / np.abs(north), np.inf)  # [J/m], so kJ/km; no way costs all
+cost = cost.reshape(len(currents), -1)
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for current, row in zip(currents, cost, strict=True):
