@@ -231,11 +231,16 @@ def _believed(figures: dict[str, Any]) -> dict[str, str]:
     """How far the position believed on board was off."""
     if "onboard_error_end_m" not in figures:
         return {}
-    return {
+    rows = {
         "error of the on-board position (end, largest)": (
             f"{figures['onboard_error_end_m']:.1f}, {figures['onboard_error_max_m']:.1f} m"
         )
     }
+    if "nis" in figures:
+        rows["squared misses of fixes over what was expected (2 is right)"] = (
+            f"{figures['nis']:.2f} in {figures['fixes_after_dives']} fixes"
+        )
+    return rows
 
 
 def _bottom(figures: dict[str, Any]) -> dict[str, str]:

@@ -173,6 +173,10 @@ class OnBoard:
             "measured_onboard_east": east,
         }
 
+    def innovations(self) -> list[float]:
+        """Squared innovation [1] of each fix that ended a dive, normalised by its covariance."""
+        return [float(one.normalised) for one in self.navigator.innovations]
+
 
 def guidance_of(scenario: Scenario) -> MissionController | None:
     """The mission of a scenario as a controller in Python; None where it has none.

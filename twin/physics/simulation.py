@@ -27,7 +27,7 @@ from twin.physics.outcome import trajectory_of
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.physics.stiffness import STABLE, Stiffness, stiffness_of
-from twin.records.trajectory import Trajectory
+from twin.records.trajectory import INNOVATIONS, Trajectory
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -314,6 +314,7 @@ class Simulation:
         found = trajectory_of(self.scenario, self.model, self.collected, state(self.data), mission)
         if self.on_board is not None:
             found.signals.update(self.on_board.signals())
+            found.provenance[INNOVATIONS] = self.on_board.innovations()
         return found
 
 

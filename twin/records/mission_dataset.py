@@ -29,7 +29,7 @@ from twin.records.coordinates import (
     sample_variables,
 )
 from twin.records.schema import MISSION, TIME, VARIABLES, variable
-from twin.records.trajectory import Trajectory
+from twin.records.trajectory import INNOVATIONS, Trajectory
 from twin.vehicle.consumption import ENERGY
 
 if TYPE_CHECKING:
@@ -194,15 +194,21 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _onboard(trajectory: Trajectory) -> dict[str, float]:
-    """How far the on-board position was off [m], where a vehicle reckoned one."""
+    """How far the on-board position was off [m], where a vehicle reckoned one.
+
+    `nis` is the mean squared innovation of fixes that ended a dive, normalised by their stated
+    covariances: 2 where a navigator errs as it says.
+    """
     if "measured_onboard_north" not in trajectory:
         return {}
+    said = [float(one) for one in trajectory.provenance.get(INNOVATIONS, ())]
     error = np.hypot(
         *(trajectory[f"measured_onboard_{n}"] - trajectory[f"true_{n}"] for n in ("north", "east"))
     )
     return {
         "onboard_error_end_m": float(error[-1]),
         "onboard_error_max_m": float(np.nanmax(error)),
+        **({"fixes_after_dives": len(said), "nis": float(np.mean(said))} if said else {}),
     }
 
 

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+INNOVATIONS = "fix_innovations"
+"""In the provenance of a navigated run: squared innovation [1] of each fix that ended a dive"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class Trajectory(Mapping[str, Array]):
     """One mission, sampled at a fixed period: a mapping from signal names to arrays.

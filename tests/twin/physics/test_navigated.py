@@ -21,6 +21,7 @@ from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario, scenario_from_dict
 from twin.physics.simulation import Simulation
 from twin.physics.true_signals import LiveTruth
+from twin.records.mission_dataset import summarise
 from twin.sensors import Compass, SensorSuite
 
 IDEAL = Navigation(estimator="ekf", sensors="ideal")
@@ -129,6 +130,9 @@ def test_a_fix_at_the_surface_corrects_position_and_current():
     assert error(run, int(np.flatnonzero(fixes)[-1])) < 3.0
     second = np.flatnonzero(run["commanded_segment"] == 2)
     assert error(run, second[-1]) < 0.35 * error(run, under[-1])
+    figures = summarise(run)
+    assert figures["fixes_after_dives"] == len(run.provenance["fix_innovations"]) == 1
+    assert 0.0 < figures["nis"] < 9.2  # of two degrees of freedom 99 % are below
 
 
 def test_truth_and_the_estimate_of_perfect_sensors_fly_alike():
