@@ -120,6 +120,13 @@ class SimulationUnstable(TwinError):
         self.partial = partial
 
 
+class StepTooLong(InputError, SimulationUnstable):
+    """A step with which the vehicle's velocities would not settle, refused before the flight."""
+
+    def __init__(self, message: str):
+        SimulationUnstable.__init__(self, message, mission=0, time_s=0.0)
+
+
 def shortened(text: str) -> str:
     """A message without its middle where it has more than `MOST_LETTERS` characters."""
     if len(text) <= MOST_LETTERS:

@@ -23,6 +23,7 @@ from twin.errors import (
     MissionError,
     NoSteadyState,
     SimulationUnstable,
+    StepTooLong,
     TwinError,
     VehicleError,
 )
@@ -121,7 +122,7 @@ def to_narrow(recipe: Recipe, reason: str) -> str:
 
 def reason(error: TwinError) -> str:
     """Why an attempt failed, the same words on every replay."""
-    if isinstance(error, SimulationUnstable):
+    if isinstance(error, SimulationUnstable) and not isinstance(error, StepTooLong):
         return f"went unstable at {error.time_s:.1f} s"
     return str(error)
 

@@ -107,7 +107,7 @@ class Energy(GliderTask):
             depth=physics.depth(),
             pitch=physics.pitch(),
             duration=time - self.counted,
-            speed=physics.surge(),
+            speed=physics.velocity_through_water()[..., 0],
         )
         self.spent = self.spent + sum(shares.values())
         self.before, self.counted = after, time

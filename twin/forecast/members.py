@@ -9,6 +9,7 @@ import dataclasses
 import itertools
 import math
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -34,8 +35,10 @@ from twin.navigation.current import CurrentParameters
 from twin.physics.fleet import Fleet
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
+from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.trajectory import Trajectory
 from twin.vehicle.consumption import Consumption
+from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Series
 from twin.water.current.base import Current
 from twin.water.current.sampler import sample_track
@@ -44,8 +47,10 @@ Array = NDArray[np.float64]
 
 SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
-STEPS = 2.0
-"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m"""
+STEPS, SETTLED = 2.0, 0.75
+"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m. Where such a
+step times the vehicle's fastest rate is above `SETTLED` the file's own is flown: members differ by
+a fifth, and at 1 they would be unstable"""
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -142,17 +147,16 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
             "heading": _first_heading(flown, request),
         },
         current=request.field,
-        timestep=STEPS * file_step(request.vehicle.xml),
+        timestep=_step(request.vehicle),
         sample_period=SAMPLE_PERIOD,
     )
     return in_water(scenario, request.density)
 
 
-def file_step(xml: str) -> float:
-    """[s] of the physics, as a vehicle file says; MuJoCo's default where it does not."""
-    import mujoco
-
-    return float(mujoco.MjSpec.from_string(xml).option.timestep)
+def _step(vehicle: Vehicle) -> float:
+    """[s] of the physics."""
+    own, stiff = file_timestep(vehicle), stiffness_of(vehicle)
+    return own if stiff is not None and STEPS * own * stiff.rest > SETTLED else STEPS * own
 
 
 def _first_heading(mission: Mission, request: Request) -> float:
@@ -233,7 +237,9 @@ def fly(
     ends = [1 + rest * k // fleets for k in range(fleets + 1)]
     chunks = [scenarios[:1], *(scenarios[a:b] for a, b in itertools.pairwise(ends) if b > a)]
     for chunk in chunks:
-        with quiet_mujoco():
+        with quiet_mujoco(), warnings.catch_warnings():
+            # a millimetre per second is little beside what is not known of the current
+            warnings.filterwarnings("ignore", "timestep .* is too long", UserWarning)
             results = Fleet(chunk, threads=threads).run()
         yield [
             result if isinstance(result, SimulationUnstable) else told(result, scenario)

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, SimulationUnstable, TwinError
+from twin.errors import InputError, SimulationUnstable, StepTooLong, TwinError
 from twin.frames import flip_quaternion, flip_vector
 from twin.mission import Mission
 from twin.mission.controller import Command, Controller, Observation
@@ -336,7 +336,7 @@ def _check_step(stiff: Stiffness | None, model: mujoco.MjModel) -> None:
     if stiff is None or not header(model)["centred"] or not stiff.too_long(timestep):
         return
     if timestep * stiff.rest > STABLE:
-        raise InputError(stiff.too_long(timestep))
+        raise StepTooLong(stiff.too_long(timestep))
     warnings.warn(stiff.too_long(timestep), stacklevel=3)
 
 
@@ -380,7 +380,8 @@ def simulate_many(
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios side by side on `threads` threads; results do not depend on their number.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it.
+    Each element is the trajectory, or the `SimulationUnstable` that ended it; a `StepTooLong`
+    before it began.
 
     Raises:
       InputError: no list of scenarios, or fewer threads than one.
@@ -401,9 +402,8 @@ def simulate_many(
 
     def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:
         index, scenario = item
-        simulation = Simulation(scenario)
         try:
-            return simulation.run(mission=index)
+            return Simulation(scenario).run(mission=index)
         except SimulationUnstable as error:
             return error
 

@@ -314,8 +314,8 @@ def test_impossible_workers_are_refused(tmp_path: Path, recipe: Recipes, workers
 def test_an_unstable_mission_is_recorded_replaced_and_counted(
     tmp_path: Path, recipe: Recipes
 ) -> None:
-    """Pitch damping too stiff for the step tumbles the glider."""
-    made = recipe(changes={"vehicle.k_q": "choice(1, 400)"})
+    """A side force too stiff for the step throws the glider about."""
+    made = recipe(changes={"vehicle.k_beta": "choice(1, 400)"})
     store = tmp_path / "missions.zarr"
     heard: list[int] = []
     summary = generate(made, store, workers=1, watch=lambda hours, failed: heard.append(failed))
@@ -324,16 +324,15 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(
     assert summary.failed == len(failures) == sum(heard) > 0
     assert run.array("attempt").sum() == len(failures)
     for failure in failures:
-        assert (
-            run.recipe.parameters(failure.mission, failure.attempt).values["vehicle.k_q"] == 400.0
-        )
-        assert failure.time_s is not None
-        assert f"at {failure.time_s:.1f} s" in failure.reason
+        drawn = run.recipe.parameters(failure.mission, failure.attempt).values
+        assert drawn["vehicle.k_beta"] == 400.0
+        assert failure.time_s == 0.0
+        assert "timestep 0.1 s is too long" in failure.reason
         warn = mujoco.get_mju_user_warning()
         then, now = replay_failure(run, failure.mission, failure.attempt)
         assert mujoco.get_mju_user_warning() is warn  # silenced for the replay only
         assert then == now
-    assert "vehicle_k_q" not in run.dataset or set(run.array("vehicle_k_q")) == {1.0}
+    assert "vehicle_k_beta" not in run.dataset or set(run.array("vehicle_k_beta")) == {1.0}
     assert verify_store(run).ok
     with pytest.raises(StoreError, match="did not fail; failures in the store"):
         replay_failure(run, failures[0].mission, 19)

@@ -88,7 +88,7 @@ def test_failed_attempts_come_back_too(tmp_path: Path, made_with_failures: Path)
 @pytest.fixture(scope="module")
 def made_with_failures(tmp_path_factory: pytest.TempPathFactory, recipe: Recipes) -> Path:
     store = tmp_path_factory.mktemp("failures") / "missions.zarr"
-    generate(recipe(changes={"vehicle.k_q": "choice(1, 400)"}), store, workers=1)
+    generate(recipe(changes={"vehicle.k_beta": "choice(1, 400)"}), store, workers=1)
     return store
 
 

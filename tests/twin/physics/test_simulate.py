@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from physics import glider, set_motion
 
-from twin.errors import InputError, SimulationUnstable
+from twin.errors import InputError, SimulationUnstable, StepTooLong
 from twin.mission import Mission, SawTooth, load_mission
 from twin.mission.controller import Command, MissionController, Schedule
 from twin.physics.fleet import Fleet
@@ -20,11 +20,17 @@ from twin.records.mission_dataset import mission_dataset
 from twin.records.store import open_store, read_trajectory, write_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.profile import Profile
 from twin.water.current.uniform import Uniform
 from twin.water.density import DensityProfile
 
 VEHICLE = load_vehicle("glider")
-WILD = VEHICLE.replace(pitch_moment=(0.28, -65.84, -8e4))  # damping too stiff for the step
+STIFF = VEHICLE.replace(side_force=(-800.0,))
+JUMP = Profile(
+    depth=(0.0, 20.0, 20.1, 320.0, 320.1), north=(0.0,) * 5, east=(0.0, 0.0, 10.0, 10.0, 0.0)
+)
+"""Water in which a glider meets 10 m/s from abeam, which nobody can foresee"""
+WILD = {"vehicle": STIFF, "current": JUMP, "duration": 600.0}
 YO = Mission(segments=(SawTooth(max_depth_m=40, pitch_deg=30, heading_deg=40, yos=1),))
 
 
@@ -169,7 +175,7 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
         SimulationUnstable,
         match=r"the run went unstable at .* s, .* m/s .*timestep 0.1 s.*as 0.02,",
     ) as error:
-        simulate(dive(vehicle=WILD, duration=600.0))
+        simulate(dive(**WILD))
     partial = error.value.partial
     assert error.value.time_s > 0
     assert len(partial.time) > 0
@@ -178,7 +184,7 @@ def test_an_unstable_run_names_itself_and_keeps_what_it_had():
 
 
 def test_an_unstable_mission_is_called_by_its_name():
-    wild = Scenario(mission=load_mission("default"), vehicle=WILD, duration=600.0)
+    wild = Scenario(mission=load_mission("default"), **WILD)
     with pytest.raises(SimulationUnstable, match=r"mission 'default' went unstable"):
         simulate(wild)
     results = simulate_many([dive(), wild])
@@ -222,11 +228,13 @@ def test_sample_times_are_rounded_once(period):
 
 
 def test_an_unstable_run_does_not_stop_the_others():
-    results = simulate_many([dive(), dive(vehicle=WILD, duration=600.0), dive()])
+    stiff = dive(vehicle=VEHICLE.replace(side_force=(-1e5,)))
+    results = simulate_many([dive(), dive(**WILD), stiff, dive()])
     assert isinstance(results[1], SimulationUnstable)
     assert results[1].mission == 1
     assert str(results[1]).startswith("mission 1 went unstable")
-    same(results[0], results[2])
+    assert isinstance(results[2], StepTooLong)
+    same(results[0], results[3])
 
 
 def test_open_ended_mission_stops_when_it_is_flown():
