@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from examples import ROOT, script
@@ -36,7 +38,12 @@ def test_the_slow_files_are_there() -> None:
 def test_the_longest_begin_and_a_quick_run_leaves_them_out() -> None:
     long, short = "tests/test_mutants.py", "tests/test_durations.py"
     assert long in SLOW
-    assert collected(short, long) == [long, short]
+    items = [SimpleNamespace(path=ROOT / name) for name in (short, long)]
+    order = runpy.run_path(str(ROOT / "tests" / "conftest.py"))["pytest_collection_modifyitems"]
+    order(SimpleNamespace(), items)  # a single process takes them as they were asked for
+    assert [item.path for item in items] == [ROOT / short, ROOT / long]
+    order(SimpleNamespace(workerinput={}), items)
+    assert [item.path for item in items] == [ROOT / long, ROOT / short]
     fast = collected("--quick", "tests/benchmarks")
     assert len(fast) > 2
     assert not set(fast) & set(SLOW)

@@ -189,7 +189,12 @@ def test_the_twin_knows_the_speed_of_the_comet(tmp_path: Path) -> None:
     assert twin.low < twin.value < twin.high
     assert twin.value < steady.value
     # no method knows the correction from the depth rate
-    assert min(row.value for row in compared if "as logged" in row.method) > 2.0 * twin.value
+    logged = [row for row in compared if "as logged" in row.method]
+    assert min(row.value for row in logged if "w/sin" not in row.method) > 2.0 * twin.value
+    # a constant that no theory gives, chosen in hindsight, hides most of it
+    best = min(logged, key=lambda row: row.value)
+    assert best.method == "w/sin(pitch + 1 deg), pitch as logged"
+    assert best.value > 1.5 * twin.value
     assert {row.value for row in rows.values() if row.kind == "published"} == {0.028, 0.034}
 
 

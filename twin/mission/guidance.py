@@ -204,12 +204,17 @@ def _leave_surface(gains: Array, command: Array) -> None:
 def _go_along(gains: Array, command: Array) -> None:
     """Move the parts that go along with those that the loops moved, within their travel."""
     wanted = command.copy()
-    for k in range(int(gains[g.FOLLOWERS])):
+    count = gains[g.FOLLOWERS]
+    if not 0.0 <= count <= g.MOST_FOLLOWERS:  # nothing that compiled the plan wrote this
+        return
+    for k in range(int(count)):
         row = gains[g.FOLLOWER + k * g.FOLLOWER_COLUMNS :]
-        command[int(row[1])] += row[2] * (wanted[int(row[0])] - row[3])
-    for k in range(int(gains[g.FOLLOWERS])):
+        if 0.0 <= row[0] < command.size and 0.0 <= row[1] < command.size:
+            command[int(row[1])] += row[2] * (wanted[int(row[0])] - row[3])
+    for k in range(int(count)):
         row = gains[g.FOLLOWER + k * g.FOLLOWER_COLUMNS :]
-        command[int(row[1])] = min(max(command[int(row[1])], row[4]), row[5])
+        if 0.0 <= row[1] < command.size:
+            command[int(row[1])] = min(max(command[int(row[1])], row[4]), row[5])
 
 
 @jit

@@ -150,6 +150,7 @@ def test_water_of_another_density_changes_the_speed_and_no_angle():
 
 CHANGES = {
     "gravity": 9.6,
+    "cross_flow_drag": 900.0,
     "reference_density": 1015.0,
     "hull_length": 1.2,
     "hull_diameter": 0.4,
@@ -184,7 +185,7 @@ STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
     "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
     "trim_pid", "depth_pid", "buoyancy_pid", "control_period", "source", "summary", "usual_glide",
-    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle",
+    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle", "idle",
 }  # fmt: skip
 """What says nothing of how it moves under given commands in water of one temperature"""
 
