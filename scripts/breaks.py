@@ -51,9 +51,9 @@ BREAKS = (
     ),
     Break(
         "a unit in an exporter",
-        "factory/exporting/og1/variables.py",
-        '            "units": "m",\n            "positive": "down",\n',
-        '            "units": "cm",\n            "positive": "down",\n',
+        "factory/exporting/og1/terms.py",
+        '    "DEPTH": "m",\n',
+        '    "DEPTH": "cm",\n',
         tests("tests/factory/exporting/test_og1_content.py", "-k", "units"),
     ),
     Break(

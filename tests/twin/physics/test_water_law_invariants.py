@@ -180,12 +180,12 @@ CHANGES = {
     "battery": {"mass": 12.0, "eccentricity": 0.02, "neutral_x": 0.395},
 }
 """Every field of a vehicle, its law, parts and battery that moves it"""
-ALONG = {"blend_angle": {"linear_angle": 0.01}}
+ALONG = {"blend_angle": {"linear_angle": 0.01}, "cross_flow_drag": {"linear_angle": 0.01}}
 STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
     "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
     "trim_pid", "depth_pid", "buoyancy_pid", "control_period", "source", "summary", "usual_glide",
-    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle", "idle",
+    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle", "idle", "followers",
 }  # fmt: skip
 """What says nothing of how it moves under given commands in water of one temperature"""
 
