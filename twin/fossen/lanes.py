@@ -23,7 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from twin.compiled import elementary, jit
-from twin.compiled.elementary import scalar
+from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
 from twin.mission.guidance import guidance_step
@@ -34,8 +34,6 @@ from twin.water.floor.lookup import floor_depth
 
 LOOK_TIME, LOOK_WAY = 0.5, 0.25
 """[s], [m] at most between two looks at a lane's water; between them it is linear"""
-FASTEST = 20.0
-"""[m/s] through the water: what is faster has left physics"""
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
 """What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
@@ -69,23 +67,6 @@ def call_rate(typingctx, function, block, g, t):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.float64, types.float64), codegen
-
-
-@scalar
-def part_after(start, command, low, high, lag, rate, one_way, elapsed):  # type: ignore[no-untyped-def]
-    """Position of a part after `elapsed` [s]: d(position)/dt = clip((command - position) / lag,
-    -rate, rate), solved exactly. A command beyond the travel is one to its end."""
-    wanted = min(max(command, low), high)
-    if one_way != 0.0:
-        wanted = min(wanted, start)
-    gap = wanted - start
-    band = rate * lag
-    far = max(abs(gap) - band, 0.0)
-    ramp = min(far / rate, elapsed)
-    rest = math.copysign(abs(gap) - ramp * rate, gap)
-    # of the lag alone, once the rate does not limit it any more
-    left = rest * elementary.exp(-(elapsed - ramp) / lag)
-    return wanted - left
 
 
 @jit(nogil=True)

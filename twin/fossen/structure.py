@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from twin.compiled import Compiled, content
-from twin.compiled.elementary import cross
 from twin.errors import VehicleError
 from twin.fossen import terms
 from twin.numbers import Array
@@ -208,13 +207,12 @@ def structure_of(
 
 _TERMS = (
     "rotation", "rows_times", "columns_times", "quaternion_rate", "with_mass", "hung_mass",
-    "mass_matrix", "impulse", "rigid_body_coriolis", "added_mass_coriolis", "solved", "restoring",
-    "buoyant_moment", "strain", "added",
+    "mass_matrix", "balanced", "solved", "restoring", "buoyant_moment", "strain", "added",
 )  # fmt: skip
 
 
 def _write(w: _Writer, vehicle: Vehicle, volume: float, zeros: Mapping[str, float]) -> None:
-    w.names |= {name: getattr(terms, name) for name in _TERMS} | {"cross": cross}
+    w.names |= {name: getattr(terms, name) for name in _TERMS}
     w.add(f"north, east, depth, e0, e1, e2, e3, u, v, w, wx, wy, wz, hull = {rows('state')}")
     w.add("rot = rotation(e0, e1, e2, e3)")
     w.add("down = (rot[6], rot[7], rot[8])")
@@ -227,28 +225,21 @@ def _write(w: _Writer, vehicle: Vehicle, volume: float, zeros: Mapping[str, floa
     _write_buoyancy(w, vehicle, volume)
     w.add(f"scale = immersion * density / {w.number(vehicle.reference_density)}")
     w.add(f"m_a = {w.symmetric(np.asarray(vehicle.added_mass))}")
-    w.add("h = impulse(m_a, scale, nu, (p, q, r))")
-    w.add("wrench = added(wrench, rigid_body_coriolis(body, nu, omega))")
-    if vehicle.added_mass_coupling:
-        w.add("wrench = added(wrench, added_mass_coriolis(h, nu, omega))")
     _write_law(w, vehicle)
     for index, part in enumerate(vehicle.parts):
         _write_part(w, vehicle, index, part)
-    # the pressure of accelerating water, the strained impulse, and the current along the path
-    w.add("strained = columns_times(grad, h[0])")
-    w.add("push = columns_times(rot, water_rate)")
-    w.add("path = columns_times(rot, path_rate)")
-    w.add("lost = cross(body[1], path)")
-    w.add("(fx, fy, fz), (fk, fm, fn) = wrench")
-    for axis, name in enumerate(("fx", "fy", "fz")):
-        w.add(
-            f"{name} += immersion * displaced * push[{axis}] - strained[{axis}]"
-            f" - body[0] * path[{axis}]"
-        )
+    w.add("push, path = columns_times(rot, water_rate), columns_times(rot, path_rate)")
+    w.add("wet = immersion * displaced")
+    w.add("push = (wet * push[0], wet * push[1], wet * push[2])")
+    coupling = "1.0" if vehicle.added_mass_coupling else "0.0"
+    w.add(
+        f"fx, fy, fz, fk, fm, fn = balanced(wrench, body, m_a, scale, {coupling}, nu, omega, "
+        "(p, q, r), grad, path, push)"
+    )
     for axis, (name, first) in enumerate((("fk", 10), ("fm", 11), ("fn", 12))):
         # x = (M + g D)^-1 (F + g D x of the step before)
         w.add(f"d{axis} = g * max(d{axis}, 0.0)")
-        w.add(f"{name} += d{axis} * {row(AT['before'] + first)} - lost[{axis}]")
+        w.add(f"{name} += d{axis} * {row(AT['before'] + first)}")
     w.add("m = mass_matrix(body, m_a, scale)")
     w.add(
         "m = (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8], m[9] + d0, m[10], m[11], m[12],"

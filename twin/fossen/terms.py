@@ -188,6 +188,35 @@ def added_mass_coriolis(h, v, w):  # type: ignore[no-untyped-def]
     return cross(h[0], w), (munk[0] + gyro[0], munk[1] + gyro[1], munk[2] + gyro[2])
 
 
+@scalar
+def balanced(wrench, body, m_a, scale, coupling, v, w, turned, gradient, path, push):  # type: ignore[no-untyped-def]
+    """All forces and moments, 6 numbers: `wrench` and what inertia adds on the right of
+    (M_RB + M_A) dnu_r = ... (`twin.fossen.equations`).
+
+    Args:
+      body: see `with_mass`. m_a: added mass, of which `scale` is there.
+      coupling: 1: the added mass's own coupling acts, 0: it is in the law.
+      v, w: velocity through the water, body rates; `turned`: the rates beside the water's own.
+      gradient: of the current in body axes [1/s], 9 numbers.
+      path: rate of the current along the vehicle's path, in body axes [m/s2].
+      push: force of the pressure that accelerates the water, in body axes [N].
+    """
+    h = impulse(m_a, scale, v, turned)
+    (rx, ry, rz), (rk, rm, rn) = rigid_body_coriolis(body, v, w)
+    (ax, ay, az), (ak, am, an) = added_mass_coriolis(h, v, w)
+    strained = columns_times(gradient, h[0])
+    lost = cross(body[1], path)
+    (x, y, z), (k, m, n) = wrench
+    return (
+        x + rx + coupling * ax + push[0] - strained[0] - body[0] * path[0],
+        y + ry + coupling * ay + push[1] - strained[1] - body[0] * path[1],
+        z + rz + coupling * az + push[2] - strained[2] - body[0] * path[2],
+        k + rk + coupling * ak - lost[0],
+        m + rm + coupling * am - lost[1],
+        n + rn + coupling * an - lost[2],
+    )
+
+
 def _solver() -> Written:
     """Text of the factorisation M = L D L^T and the two substitutions, for 6 unknowns."""
 
@@ -279,8 +308,12 @@ def strain(compressibility, pressure, expansion, warmer):  # type: ignore[no-unt
 
 
 @scalar
+def sum3(a, b):  # type: ignore[no-untyped-def]
+    """a + b of two vectors of 3."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@scalar
 def added(a, b):  # type: ignore[no-untyped-def]
     """Sum of two wrenches, each force and moment."""
-    f, m = a
-    g, n = b
-    return (f[0] + g[0], f[1] + g[1], f[2] + g[2]), (m[0] + n[0], m[1] + n[1], m[2] + n[2])
+    return sum3(a[0], b[0]), sum3(a[1], b[1])

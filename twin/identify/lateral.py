@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twin.fossen.equations import mass_distribution
 from twin.fossen.forces import ForceParameters, parameters_of
-from twin.fossen.matrices import rigid_body_mass
+from twin.fossen.equations import rigid_body_mass
 from twin.fossen.steady import SteadyProblem
 from twin.vehicle.parts import BatteryHinge, Fin, Part
 from twin.vehicle.vehicle import Vehicle

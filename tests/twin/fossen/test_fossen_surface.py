@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from tests.fossen import STRIPS, restoring, strip_immersion
 from twin.fossen import FossenModel
-from twin.fossen.forces import STRIPS, restoring, strip_immersion
 from twin.fossen.steady import down_axis
 from twin.vehicle.vehicle import load_vehicle
 
