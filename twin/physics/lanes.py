@@ -162,7 +162,14 @@ class _Block:
         rows[AT["temperature"]] = [v.hull_reference_temperature for v in vehicles]
         rows[AT["alive"], : len(lanes)] = 1.0
         begin = np.array(
-            [m.scenario.begin.positions(m.vehicle.part_names, m.vehicle.rest) for m in filled]
+            [
+                np.clip(
+                    m.scenario.begin.positions(m.vehicle.part_names, m.vehicle.rest),
+                    m.vehicle.actuator_min,
+                    m.vehicle.actuator_max,
+                )
+                for m in filled
+            ]
         ).reshape(count, parts)
         for name, values in {
             "now": begin,
@@ -249,11 +256,11 @@ def _joined(tables: Sequence[Array]) -> tuple[Array, Array]:
 
 
 def fly_in_lanes(
-    scenarios: Sequence[Scenario], *, threads: int = 0
+    scenarios: Sequence[Scenario], *, threads: int = 0, single: bool = False
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it.
+    `single`: errors name no index of a mission. Each element is the trajectory, or the `SimulationUnstable` that ended it.
 
     Raises:
       InputError and others as of `Lane`: a scenario cannot be flown so.
@@ -274,7 +281,7 @@ def fly_in_lanes(
     def fly(members: list[int]) -> None:
         block = _Block([lanes[index] for index in members])
         for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(), strict=True)):
-            results[index] = _outcome(lanes[index], rows, ours, block.counts[k], index)
+            results[index] = _outcome(lanes[index], rows, ours, block.counts[k], None if single else index)
 
     count = threads or os.cpu_count() or 1
     if count == 1 or len(blocks) == 1:
@@ -287,12 +294,12 @@ def fly_in_lanes(
 
 
 def _outcome(
-    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int
+    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None
 ) -> Trajectory | SimulationUnstable:
     """What one lane flew."""
     if not math.isnan(counts[ln.FLOOR_TIME]):
         raise FloorError(
-            f"mission {index}: the vehicle came to the sea floor at {counts[ln.FLOOR_TIME]:.0f} s, "
+            f"{'' if index is None else f'mission {index}: '}the vehicle came to the sea floor at {counts[ln.FLOOR_TIME]:.0f} s, "
             "which engine='lanes' does not feel; take engine='mujoco', or turn higher above the "
             "floor (min_altitude_m)"
         )
