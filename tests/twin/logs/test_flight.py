@@ -24,7 +24,7 @@ from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
-from twin.show.flight_figures import FIGURES, write_figures
+from twin.show.flight_figures import FLIGHT_FIGURES, write_flight_figures
 
 CURRENT = (0.07, -0.04, -0.01)
 """[m/s] north, east, down: the water rises"""
@@ -174,11 +174,11 @@ def test_its_corrected_track_is_drawn_beside_others(flight, tmp_path: Path, endi
 
 
 def test_all_figures_have_data(flight, tmp_path: Path) -> None:
-    for draw in FIGURES.values():
+    for draw in FLIGHT_FIGURES.values():
         drawn = draw(flight_dataset(flight))
         assert all(axes.has_data() for axes in drawn.axes if axes.axison)
-    written, missing = write_figures(flight, tmp_path / "plots")
-    assert [path.stem for path in written] == list(FIGURES)
+    written, missing = write_flight_figures(flight, tmp_path / "plots")
+    assert [path.stem for path in written] == list(FLIGHT_FIGURES)
     assert missing == []
 
 
