@@ -108,8 +108,11 @@ class Importer:
                 f"importer {self.name!r}: period must be within {SHORTEST:g} to {LONGEST:g} s, "
                 f"not {self.period:g}"
             )
-        if not (callable(self.read) or isinstance(self.read, str)):
-            raise InputError(f"importer {self.name!r}: read must be a function, not {self.read!r}")
+        if not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
+            raise InputError(
+                f"importer {self.name!r}: read must be a function or its place `module:function`, "
+                f"not {self.read!r}"
+            )
 
     def accepts(self, path: Path) -> bool:
         """Whether the file's name is that of such a log."""
