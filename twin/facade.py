@@ -53,6 +53,7 @@ def simulate(
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
+    engine: str = "mujoco",
     hydrodynamics: str = "coefficients",
     timestep: float | None = None,
     integrator: str | None = None,
@@ -84,6 +85,7 @@ def simulate(
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
       origin: latitude, longitude and time of the frame's origin; None takes the start's.
+      engine: what flies it: "mujoco", or "lanes", the Fossen model.
       hydrodynamics: "coefficients" or "ellipsoid".
       timestep: [s] of the physics; None takes the vehicle file's.
       integrator: MuJoCo's; None takes the vehicle file's.
@@ -157,6 +159,7 @@ def scenario_of(
     duration: float | None = None,
     start: Start | Mapping[str, Any] | str | None = None,
     origin: Origin | None = None,
+    engine: str = "mujoco",
     hydrodynamics: str = "coefficients",
     timestep: float | None = None,
     integrator: str | None = None,
@@ -208,6 +211,7 @@ def scenario_of(
         density=None if isinstance(density, str | Path) else density,
         floor=floor,
         origin=origin,
+        engine=engine,
         hydrodynamics=hydrodynamics,
         timestep=timestep,
         integrator=integrator,

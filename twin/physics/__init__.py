@@ -8,7 +8,5 @@ if TYPE_CHECKING:
     from twin.physics.lookup_tables import floor_table as floor_table
     from twin.physics.start import parse_place as parse_place
     from twin.physics.start import utc_text as utc_text
-    from twin.physics.steady_motion import positions_text as positions_text
-    from twin.physics.steady_motion import trim_positions as trim_positions
 
 __getattr__, __dir__ = attach(__name__, places(__name__))
