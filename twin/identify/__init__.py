@@ -7,6 +7,7 @@ speed = estimate(logs[0], found.calibration).speed
 
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.dive_residuals import DiveResiduals, dive_residuals, noise_of_dives
 from twin.identify.fit import identify
 from twin.identify.logged import Log, load_logs
 from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
@@ -14,12 +15,14 @@ from twin.identify.translation import Translation, fly
 
 __all__ = [
     "Calibration",
+    "DiveResiduals",
     "Identification",
     "IdentifiedParameter",
     "Log",
     "SpeedEstimate",
     "Translation",
     "density_of",
+    "dive_residuals",
     "estimate",
     "estimate_speed",
     "fly",
@@ -27,4 +30,5 @@ __all__ = [
     "load_calibration",
     "load_logs",
     "motion_of",
+    "noise_of_dives",
 ]

@@ -57,7 +57,8 @@ class Handling:
     pitch_deviation: float | None
     """[rad] of the steady pitches from the log's; None: not fitted"""
     turn_deviation: float | None
-    """[rad/s] of the yaw rates, means of a minute; None: not fitted"""
+    """[rad/s] root mean square of the yaw rates' residuals, means of up to a minute and a half;
+    None: not fitted"""
     yaw_bias: float | None
     """[rad] sideslip of the asymmetry that turns it at no roll and no rudder"""
     roll_offset: float | None
