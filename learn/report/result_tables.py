@@ -231,8 +231,8 @@ def verdicts(evaluation: Figures) -> list[str]:
     if (fixes := evaluation.get("fixes")) and fixes["fixes"]:
         sentences.append(
             f"Mean squared normalised innovation of a navigator on the networks, by "
-            f"{counted(fixes['fixes'], 'dive')} that a fix ended: {fixes['nis']:.2f} (2: it errs as "
-            f"it states); the ellipse of 50 % held {100 * fixes['in_50']:.0f} %, that of 90 % "
+            f"{counted(fixes['fixes'], 'dive')} that a fix ended: {fixes['nis']:.2f} (2: it errs "
+            f"as it states); the ellipse of 50 % held {100 * fixes['in_50']:.0f} %, that of 90 % "
             f"{100 * fixes['in_90']:.0f} %."
         )
     if columns := _columns_lost(evaluation):
