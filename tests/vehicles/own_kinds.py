@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from twin.compiled import jit
+from twin.compiled.elementary import cross, scalar
 from twin.mission.segments import Hold
 from twin.mission.segments import register as register_segment
 from twin.vehicle.laws import HullLaw
@@ -20,14 +21,11 @@ def native_push(values, place, position, u, v, w, p, q, r, density, depth):
     return position, 0.0, 0.0, 0.0, place[2] * position, -place[1] * position
 
 
-@jit
-def fossen_push(values, place, position, nu_r, density, depth):
-    force = np.zeros(3)
-    force[0] = position
-    tau = np.zeros(6)
-    tau[:3] = force
-    tau[3:] = np.cross(place, force)
-    return tau
+@scalar
+def fossen_push(values, place, position, u, v, w, p, q, r, density, depth):
+    force = (position, 0.0, 0.0)
+    k, m, n = cross(place, force)
+    return force[0], force[1], force[2], k, m, n
 
 
 @register_part
@@ -57,10 +55,9 @@ def native_damping(c, timestep, density, u, v, w, p, q, r):
     return -timestep * c[2], -timestep * c[2], -timestep * c[2]
 
 
-@jit
-def fossen_drag(c, density, nu_r):
-    matrix = np.diag(np.array([c[0], c[1], c[1], c[2], c[2], c[2]]))
-    return -np.dot(matrix, nu_r)
+@scalar
+def fossen_drag(c, density, u, v, w, p, q, r):
+    return -(c[0] * u), -(c[1] * v), -(c[1] * w), -(c[2] * p), -(c[2] * q), -(c[2] * r)
 
 
 @register_law

@@ -28,33 +28,35 @@ Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/phy
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import elementary, jit
+from twin.compiled.elementary import scalar
 from twin.fossen.forces import (
-    PART_COLUMNS,
     ForceParameters,
+    carried,
     damping_wrench,
     density_at,
     displaced_mass,
-    mass_position,
-    part_mass,
     parts_wrench,
     pumped,
-    restoring,
     temperature_at,
 )
-from twin.fossen.matrices import (
-    added_mass_coriolis,
-    point_mass_inertia,
+from twin.fossen.terms import (
+    added,
+    balanced,
+    buoyant_moment,
+    columns_times,
+    immersed,
+    mass_matrix,
     quaternion_rate,
-    rigid_body_coriolis,
-    rigid_body_mass,
-    rolled_inertia,
-    rotation_from_quaternion,
-    solve_positive_definite,
-    times,
-    transposed_times,
+    restoring,
+    rotation,
+    rows_times,
+    solved,
+    sum3,
 )
 from twin.numbers import Array
 from twin.water.current.sampler import sample_gradient
@@ -66,17 +68,19 @@ QUATERNION = slice(3, 7)
 NU_R = slice(7, 13)
 
 
-@jit
-def actuator_position(start: float, command: float, lag: float, rate: float, elapsed: float):  # type: ignore[no-untyped-def]
-    """Exact solution of dx/dt = clip((command - x) / lag, -rate, rate) after `elapsed` [s]."""
-    gap = command - start
+@scalar
+def part_after(start, command, low, high, lag, rate, one_way, elapsed):  # type: ignore[no-untyped-def]
+    """Position of a part after `elapsed` [s]: d(position)/dt = clip((command - position) / lag,
+    -rate, rate), solved exactly. A command beyond the travel is one to its end."""
+    wanted = min(max(command, low), high)
+    if one_way != 0.0:
+        wanted = min(wanted, start)
+    gap = wanted - start
     band = rate * lag
-    if abs(gap) > band:
-        ramp = (abs(gap) - band) / rate
-        if elapsed <= ramp:
-            return start + np.sign(gap) * rate * elapsed
-        return command - np.sign(gap) * band * np.exp(-(elapsed - ramp) / lag)
-    return command - gap * np.exp(-elapsed / lag)
+    # at its largest rate first, then of the lag alone
+    ramp = min(max(abs(gap) - band, 0.0) / rate, elapsed)
+    rest = math.copysign(abs(gap) - ramp * rate, gap)
+    return wanted - rest * elementary.exp(-(elapsed - ramp) / lag)
 
 
 @jit
@@ -87,35 +91,35 @@ def actuators_after(start: Array, command: Array, law: Array, elapsed: float) ->
     """
     position = np.empty(start.size)
     for i in range(start.size):
-        wanted = min(max(command[i], law[0, i]), law[1, i])
-        if law[4, i] != 0.0:
-            wanted = min(wanted, start[i])
-        position[i] = actuator_position(start[i], wanted, law[2, i], law[3, i], elapsed)
+        position[i] = part_after(
+            start[i], command[i], law[0, i], law[1, i], law[2, i], law[3, i], law[4, i], elapsed
+        )
     return position
 
 
 @jit
 def mass_distribution(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
     """(mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, the masses held."""
-    total = p.static_mass
-    moment = p.static_mass * p.static_cg
-    inertia = p.static_inertia + point_mass_inertia(p.static_mass, p.static_cg)
-    for k in range(p.masses.shape[0]):
-        row = p.masses[k]
-        place = mass_position(row, positions)
-        rotation = positions[int(row[4])] - row[5] if row[4] >= 0.0 else 0.0
-        own = row[6:].copy().reshape((3, 3))
-        total += row[0]
-        moment = moment + row[0] * place
-        inertia = inertia + rolled_inertia(own, rotation) + point_mass_inertia(row[0], place)
-    for k in range(p.parts.shape[0]):
-        row = p.parts[k]
-        extra = part_mass(int(row[0]), row[PART_COLUMNS:], positions[k])
-        if extra != 0.0:
-            total += extra
-            moment = moment + extra * row[1:4]
-            inertia = inertia + point_mass_inertia(extra, row[1:4].copy())
-    return total, moment, inertia
+    mass, (x, y, z), (xx, xy, yy, xz, yz, zz) = carried(p, positions)
+    return (
+        mass,
+        np.array([x, y, z]),
+        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
+
+
+def skew(a: Array) -> Array:
+    """S(a), shape (3, 3), with S(a) b = a x b (Fossen 2011, definition 2.2)."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def rigid_body_mass(mass: float, cg: Array, inertia: Array) -> Array:
+    """M_RB, shape (6, 6), of a body with CG at `cg` [m] (Fossen 2011, eq. 3.44).
+
+    `inertia` [kg m2], shape (3, 3), is I_b about the CB, not about the CG.
+    """
+    arm = mass * skew(cg)
+    return np.block([[mass * np.eye(3), -arm], [arm, np.asarray(inertia)]])
 
 
 @jit
@@ -153,30 +157,50 @@ def acceleration(  # type: ignore[no-untyped-def]
     water's. Of the current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path
     [m/s2], `water_rate` (3,) that along the water's own, `gradient` (3, 3) [1/s].
     """
-    mass, moment, inertia = mass_distribution(p, positions)
-    cg = moment / mass
-    m_rb = rigid_body_mass(mass, cg, inertia)
-    coriolis = rigid_body_coriolis(mass, cg, inertia, nu_r[3:])
-    g, immersion = restoring(p, down, depth, mass, moment, displaced)
-    m_a = p.added_mass * (immersion * density / p.reference_density)
+    body = carried(p, positions)
+    axis = (down[0], down[1], down[2])
+    immersion, lever = immersed(depth, down[0], p.hull_length, p.hull_diameter)
     nu_w = turned_water(nu_r, gradient)
-    if p.coupling != 0.0:  # else the hull law holds it
-        coriolis += added_mass_coriolis(m_a, nu_w)
-    force = immersion * damping_wrench(p, nu_w, density) - g - times(coriolis, nu_r)
-    force += parts_wrench(p, positions, nu_w, density, depth, down)
-    # buoyancy of pumped volume acts where it is: its lever x up
-    volume, lever = pumped(p, positions)
-    if lever[0] != 0.0 or lever[1] != 0.0 or lever[2] != 0.0:
-        weight = immersion * displaced * p.gravity / (p.neutral_volume + 1e-6 * volume) * 1e-6
-        force[3] -= weight * (lever[1] * down[2] - lever[2] * down[1])
-        force[4] -= weight * (lever[2] * down[0] - lever[0] * down[2])
-        force[5] -= weight * (lever[0] * down[1] - lever[1] * down[0])
-    impulse = times(m_a, nu_w)
-    force[:3] += immersion * displaced * water_rate - transposed_times(gradient, impulse[:3])
-    for i in range(6):
-        for j in range(3):
-            force[i] -= m_rb[i, j] * path_rate[j]
-    return solve_positive_definite(m_rb + m_a, force)
+    wrench = restoring(p.gravity, displaced, immersion, lever, body, axis)
+    # buoyancy of pumped volume acts where it is
+    volume, moment = pumped(p, positions)
+    raised = buoyant_moment(
+        p.gravity,
+        immersion * displaced / (p.neutral_volume + 1e-6 * volume) * 1e-6,
+        (moment[0], moment[1], moment[2]),
+        axis,
+    )
+    wrench = added(wrench, ((0.0, 0.0, 0.0), raised))
+    tau = immersion * damping_wrench(p, nu_w, density)
+    tau += parts_wrench(p, positions, nu_w, density, depth, down)
+    wrench = added(wrench, ((tau[0], tau[1], tau[2]), (tau[3], tau[4], tau[5])))
+    scale, wet = immersion * density / p.reference_density, immersion * displaced
+    m_a = triangle(p.added_mass)
+    g = gradient
+    force = balanced(
+        wrench,
+        body,
+        m_a,
+        scale,
+        p.coupling,
+        (nu_r[0], nu_r[1], nu_r[2]),
+        (nu_r[3], nu_r[4], nu_r[5]),
+        (nu_w[3], nu_w[4], nu_w[5]),
+        (g[0, 0], g[0, 1], g[0, 2], g[1, 0], g[1, 1], g[1, 2], g[2, 0], g[2, 1], g[2, 2]),
+        (path_rate[0], path_rate[1], path_rate[2]),
+        (wet * water_rate[0], wet * water_rate[1], wet * water_rate[2]),
+    )
+    return np.array(solved(mass_matrix(body, m_a, scale), force))
+
+
+@jit
+def triangle(m: Array):  # type: ignore[no-untyped-def]
+    """The lower triangle of a symmetric (6, 6), as `terms` have it."""
+    return (
+        m[0, 0], m[1, 0], m[1, 1], m[2, 0], m[2, 1], m[2, 2],
+        m[3, 0], m[3, 1], m[3, 2], m[3, 3], m[4, 0], m[4, 1], m[4, 2], m[4, 3], m[4, 4],
+        m[5, 0], m[5, 1], m[5, 2], m[5, 3], m[5, 4], m[5, 5],
+    )  # fmt: skip
 
 
 @jit
@@ -192,31 +216,32 @@ def still_acceleration(  # type: ignore[no-untyped-def]
 @jit
 def derivative(p: ForceParameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
     """dy/dt at time `t` [s] for positions of the parts, (parts,)."""
-    rotation = rotation_from_quaternion(y[3:7])
+    rot = rotation(y[3], y[4], y[5], y[6])
     nu_r = y[7:13]
-    flow = np.array(sample_gradient(program, t, y[0], y[1], y[2]))
-    gradient = flow[6:].reshape((3, 3))
-    velocity = times(rotation, nu_r[:3]) + flow[:3]
-    path_rate = flow[3:6] + times(gradient, velocity)
-    water_rate = flow[3:6] + times(gradient, flow[:3])
-    body_gradient = np.empty((3, 3))
-    for j in range(3):
-        body_gradient[:, j] = transposed_times(rotation, times(gradient, rotation[:, j].copy()))
+    flow = sample_gradient(program, t, y[0], y[1], y[2])
+    current, local, grad = flow[0:3], flow[3:6], flow[6:15]
+    through = rows_times(rot, (y[7], y[8], y[9]))
+    velocity = sum3(through, current)
+    path = columns_times(rot, sum3(local, rows_times(grad, velocity)))
+    water = columns_times(rot, sum3(local, rows_times(grad, current)))
+    a = columns_times(rot, rows_times(grad, (rot[0], rot[3], rot[6])))
+    b = columns_times(rot, rows_times(grad, (rot[1], rot[4], rot[7])))
+    c = columns_times(rot, rows_times(grad, (rot[2], rot[5], rot[8])))
 
     dy = np.empty(14)
-    dy[:3] = velocity
-    dy[3:7] = quaternion_rate(y[3:7], nu_r[3:])
+    dy[0], dy[1], dy[2] = velocity
+    dy[3], dy[4], dy[5], dy[6] = quaternion_rate(y[3], y[4], y[5], y[6], (y[10], y[11], y[12]))
     dy[7:13] = acceleration(
         p,
-        rotation[2].copy(),
+        np.array(rot[6:9]),
         y[2],
         nu_r,
         actuators,
         displaced_mass(p, y[2], pumped(p, actuators)[0], y[13]),
         density_at(p, y[2]),
-        transposed_times(rotation, path_rate),
-        transposed_times(rotation, water_rate),
-        body_gradient,
+        np.array(path),
+        np.array(water),
+        np.array(((a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2]))),
     )
     dy[13] = (temperature_at(p, y[2]) - y[13]) / p.hull_thermal_lag
     return dy

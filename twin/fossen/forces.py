@@ -13,6 +13,7 @@ import numpy as np
 
 from twin.compiled import generate, jit
 from twin.compiled.dispatch import Written
+from twin.fossen.terms import hung_mass, strain, with_mass
 from twin.numbers import Array
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS, BatteryHinge
@@ -20,8 +21,6 @@ from twin.vehicle.parts.base import VALUES
 from twin.vehicle.vehicle import Vehicle
 
 _NONE = np.zeros(0)
-STRIPS = 9
-"""equal-volume strips along the hull that carry the buoyancy at the surface"""
 MASS_COLUMNS = 15
 """of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1: none),
 neutral position of the hinge, inertia 9"""
@@ -146,23 +145,28 @@ def _part_kernels(effect: str) -> Callable[[], dict[int, object]]:
     }
 
 
+_MOTION = ("u", "v", "w", "p", "q", "r")
+_NOTHING = "(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)"
+
 law_wrench = generate(
     "law_wrench",
-    ("code", "values", "density", "nu_r"),
-    lambda: _branches(_law_kernels, "values, density, nu_r", "np.zeros(6)"),
+    ("code", "values", "density", *_MOTION),
+    lambda: _branches(_law_kernels, f"values, density, {', '.join(_MOTION)}", _NOTHING),
     module=__name__,
 )
-"""(code, values, density, nu_r) -> force and moment of the hull, (6,)."""
+"""(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
 
 part_wrench = generate(
     "part_wrench",
-    ("code", "values", "place", "position", "nu_r", "density", "depth"),
+    ("code", "values", "place", "position", *_MOTION, "density", "depth"),
     lambda: _branches(
-        _part_kernels("wrench"), "values, place, position, nu_r, density, depth", "np.zeros(6)"
+        _part_kernels("wrench"),
+        f"values, place, position, {', '.join(_MOTION)}, density, depth",
+        _NOTHING,
     ),
     module=__name__,
 )
-"""(code, values, place, position, nu_r, density, depth) -> force and moment of a part, (6,)."""
+"""(code, values, place, position, motion, density, depth) -> X, Y, Z, K, M, N of a part."""
 
 part_volume = generate(
     "part_volume",
@@ -182,12 +186,20 @@ part_mass = generate(
 
 
 @jit
+def _six(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
+    found = np.empty(6)
+    found[0], found[1], found[2], found[3], found[4], found[5] = a, b, c, d, e, f
+    return found
+
+
+@jit
 def damping_wrench(p: ForceParameters, nu_r: Array, density: float) -> Array:
     """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD.
 
     `density` [kg/m3] is that of the water; coefficients that hold the reference density scale.
     """
-    tau = law_wrench(int(p.law), p.law_values, density, nu_r)
+    u, v, w, a, b, c = nu_r
+    tau = _six(*law_wrench(int(p.law), p.law_values, density, u, v, w, a, b, c))
     if p.law_scaled != 0.0:
         tau *= density / p.reference_density
     return tau
@@ -199,12 +211,15 @@ def parts_wrench(
 ) -> Array:
     """Force and moment of all parts about the CB, shape (6,); `down` (3,) in body axes."""
     total = np.zeros(6)
+    u, v, w, a, b, c = nu_r
     for k in range(p.parts.shape[0]):
         row = p.parts[k]
         place = row[1:4]
         there = depth + place[0] * down[0] + place[1] * down[1] + place[2] * down[2]
-        values = row[PART_COLUMNS:]
-        total += part_wrench(int(row[0]), values, place, positions[k], nu_r, density, there)
+        values, code = row[PART_COLUMNS:], int(row[0])
+        total += _six(
+            *part_wrench(code, values, place, positions[k], u, v, w, a, b, c, density, there)
+        )
     return total
 
 
@@ -221,67 +236,29 @@ def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def
 
 
 @jit
-def mass_position(row: Array, positions: Array) -> Array:
-    """CG of a moving mass [m], shape (3,), body FRD; a positive hinge moves it to port."""
-    shift = positions[int(row[3])] if row[3] >= 0.0 else 0.0
-    rotation = positions[int(row[4])] - row[5] if row[4] >= 0.0 else 0.0
-    r = np.empty(3)
-    r[0] = row[1] + shift
-    r[1] = -row[2] * np.sin(rotation)
-    r[2] = row[2] * np.cos(rotation)
-    return r
+def carried(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
+    """The body of `terms.with_mass`: everything that is carried, where the parts stand."""
+    nothing, still = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    cg, own = p.static_cg, lower(p.static_inertia)
+    body = with_mass((0.0, nothing, still), p.static_mass, (cg[0], cg[1], cg[2]), own)
+    for k in range(p.masses.shape[0]):
+        row = p.masses[k]
+        shift = positions[int(row[3])] if row[3] >= 0.0 else 0.0
+        roll = positions[int(row[4])] - row[5] if row[4] >= 0.0 else 0.0
+        place, turned = hung_mass(row[1], row[2], shift, roll, lower(row[6:].reshape((3, 3))))
+        body = with_mass(body, row[0], place, turned)
+    for k in range(p.parts.shape[0]):
+        row = p.parts[k]
+        extra = part_mass(int(row[0]), row[PART_COLUMNS:], positions[k])
+        body = with_mass(body, extra, (row[1], row[2], row[3]), still)
+    return body
 
 
 @jit
-def wet_section(below: float, diameter: float) -> float:
-    """Part of a circle's area under the surface when its lowest point is `below` [m] deep.
-
-    The segment of the half angle a, cos a = 1 - below / radius, has (a - sin a cos a) / pi of it.
-    """
-    cosine = min(max(1.0 - 2.0 * below / diameter, -1.0), 1.0)
-    half = np.arccos(cosine)
-    return (half - np.sin(half) * cosine) / np.pi
-
-
-@jit
-def strip_immersion(p: ForceParameters, depth: float, slope: float, strip: int):  # type: ignore[no-untyped-def]
-    """(x [m], immersed fraction) of one strip; `slope` is the depth gained per metre forward."""
-    x = p.hull_length * ((strip + 0.5) / STRIPS - 0.5)
-    return x, wet_section(depth + x * slope + 0.5 * p.hull_diameter, p.hull_diameter)
-
-
-@jit
-def restoring(  # type: ignore[no-untyped-def]
-    p: ForceParameters,
-    down: Array,
-    depth: float,
-    carried: float,
-    first_moment: Array,
-    displaced_mass: float,
-):
-    """(g(eta), immersion): restoring vector, shape (6,), on the left of Fossen's equation.
-
-    `down` (3,) is the NED down axis in body axes, `depth` [m] that of the CB, `carried` [kg] the
-    mass of the vehicle, `first_moment` [kg m] that of its masses about the CB, `displaced_mass`
-    [kg] = density * volume when fully immersed. Weight acts at the masses, buoyancy on the
-    strips. Fossen 2011, section 4.1.
-    """
-    g = np.zeros(6)
-    immersed = 0.0
-    lever = 0.0
-    for strip in range(STRIPS):
-        x, fraction = strip_immersion(p, depth, down[0], strip)
-        immersed += fraction
-        lever += fraction * x
-    immersion = immersed / STRIPS
-    arm = displaced_mass * p.gravity * lever / STRIPS
-    for i in range(3):
-        g[i] = p.gravity * (displaced_mass * immersion - carried) * down[i]
-    # Weight: first moment x down; buoyancy: (arm, 0, 0) x (-down).
-    g[3] = -p.gravity * (first_moment[1] * down[2] - first_moment[2] * down[1])
-    g[4] = -p.gravity * (first_moment[2] * down[0] - first_moment[0] * down[2]) - arm * down[2]
-    g[5] = -p.gravity * (first_moment[0] * down[1] - first_moment[1] * down[0]) + arm * down[1]
-    return g, immersion
+def lower(inertia: Array):  # type: ignore[no-untyped-def]
+    """The lower triangle of a symmetric (3, 3), as `terms` have it."""
+    i = inertia
+    return i[0, 0], i[1, 0], i[1, 1], i[2, 0], i[2, 1], i[2, 2]
 
 
 @jit
@@ -319,7 +296,6 @@ def displaced_mass(p: ForceParameters, depth: float, volume: float, hull: float 
     its temperature `hull` [degC], the reference when that is NaN.
     """
     pressure = p.reference_density * p.gravity * max(depth, 0.0)
-    strain = -p.hull_compressibility * pressure
-    if not np.isnan(hull):
-        strain += p.hull_thermal_expansion * (hull - p.hull_reference_temperature)
-    return density_at(p, depth) * (p.neutral_volume + 1e-6 * volume) * (1.0 + strain)
+    warmer = 0.0 if np.isnan(hull) else hull - p.hull_reference_temperature
+    stretch = strain(p.hull_compressibility, pressure, p.hull_thermal_expansion, warmer)
+    return density_at(p, depth) * (p.neutral_volume + 1e-6 * volume) * stretch

@@ -8,6 +8,8 @@ switched off and cost nothing.
 
 from __future__ import annotations
 
+import functools
+
 import mujoco
 
 from twin.errors import VehicleError
@@ -35,6 +37,13 @@ def may_collide(geom: mujoco.MjsGeom) -> bool:
 def has_contacts(model: mujoco.MjModel) -> bool:
     """Whether a compiled model has anything that could touch."""
     return not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+
+
+@functools.lru_cache(maxsize=64)
+def obstacle_names(xml: str) -> tuple[str, ...]:
+    """Names of what stands in the water of a vehicle file, empty ones too."""
+    spec = mujoco.MjSpec.from_string(xml)
+    return tuple(g.name for g in spec.geoms if may_collide(g) and _is_static(g.parent))
 
 
 def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin.errors import SimulationUnstable
 from twin.mission import Mission
 from twin.mission.mission_file import ABORTED, DONE
+from twin.numbers import Array
 from twin.physics.model_block import header, table
 from twin.physics.obstacles import has_contacts
 from twin.physics.scenario import Scenario
@@ -37,12 +38,37 @@ def trajectory_of(
     ours: Any,
     mission: int | None = None,
 ) -> Trajectory:
-    """The log of a simulation as a trajectory.
+    """`trajectory` of a simulation in MuJoCo: `ours` is its record of `block.STATE`."""
+    return trajectory(
+        scenario,
+        rows,
+        ours,
+        mission,
+        timestep=model.opt.timestep,
+        half_step=0.5 * float(header(model)["centred"]) * model.opt.timestep,
+        floor=table(model, "floor"),
+        contacts=has_contacts(model),
+    )
+
+
+def trajectory(
+    scenario: Scenario,
+    rows: NDArray[Any],
+    ours: Any,
+    mission: int | None = None,
+    *,
+    timestep: float,
+    half_step: float,
+    floor: Array,
+    contacts: bool,
+) -> Trajectory:
+    """The log of a run as a trajectory.
 
     Args:
-      scenario, model: what was flown.
+      scenario: what was flown.
       rows: records of `block.log_row`.
-      ours: the simulation's record of `block.STATE`; a fleet keeps it elsewhere.
+      ours: a record of `block.STATE`: whether and when it failed, and guidance's memory.
+      timestep: [s]. half_step, floor, contacts: see `true_signals.from_log`.
       mission: index that an error names beside the mission's name.
 
     Raises:
@@ -55,31 +81,30 @@ def trajectory_of(
     failed = bool(ours["failed"]) or not finite.all()
     if failed:
         rows = rows[: int(np.argmin(finite))] if not finite.all() else rows
-    timestep = model.opt.timestep
     duration = max(len(rows) - 1, 0) * scenario.sample_period
-    trajectory = from_log(
+    found = from_log(
         rows,
         scenario.vehicle,
-        half_step=0.5 * float(header(model)["centred"]) * timestep,
+        half_step=half_step,
         sample_period=scenario.sample_period,
-        floor=table(model, "floor"),
-        contacts=has_contacts(model),
+        floor=floor,
+        contacts=contacts,
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario, duration)},
     )
-    trajectory.signals.update(_hydrography(scenario, trajectory))
+    found.signals.update(_hydrography(scenario, found))
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
-            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(trajectory)} "
+            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(found)} "
             f"(vehicle {scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
             f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check "
             "the parameters",
             mission=mission or 0,
             time_s=time,
-            partial=trajectory,
+            partial=found,
         )
-    return trajectory
+    return found
 
 
 def _speed(trajectory: Trajectory) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from twin.errors import FloorError, InputError, MissionError
+from twin.errors import FloorError, InputError, MissionError, unknown_name
 from twin.mission import Mission
 from twin.mission.controller import Schedule
 from twin.navigation.estimators.base import VelocityEstimator
@@ -29,6 +29,8 @@ SHORTEST, LONGEST = 1e-4, 1e10
 steps and samples is a whole number."""
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
+ENGINES = ("mujoco", "lanes")
+"""What can fly a scenario; see `twin.physics.lanes`"""
 MAKERS = {
     "mission": "load_mission",
     "believed": "load_vehicle",
@@ -72,6 +74,8 @@ class Scenario:
     """Sea floor that the hull collides with; None: the water has no bottom."""
     origin: Origin | None = None
     """Geographic position and time of the frame's origin; None: the start's. See `place`."""
+    engine: str = "mujoco"
+    """What flies it: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
     hydrodynamics: str = "coefficients"
     timestep: float | None = None
     """[s]; None takes the vehicle file's"""
@@ -153,6 +157,8 @@ class Scenario:
                 raise InputError(f"{what} {value:g} s is outside {SHORTEST:g} to {LONGEST:g} s")
         if self.timestep is not None:
             number(self.timestep, "scenario: timestep")
+        if self.engine not in ENGINES:
+            raise InputError(unknown_name("engine", str(self.engine), ENGINES))
         for name in ("hydrodynamics", "integrator"):
             value = getattr(self, name)
             if not isinstance(value, str) and not (value is None and name == "integrator"):
@@ -282,6 +288,7 @@ class Scenario:
                 None if self.floor is None else self.floor.pinned(duration, self.place).describe()
             ),
             "origin": dataclasses.asdict(origin),
+            **({} if self.engine == ENGINES[0] else {"engine": self.engine}),
             "hydrodynamics": self.hydrodynamics,
             "timestep": self.timestep,
             "integrator": self.integrator,
@@ -328,6 +335,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         density=None if data["density"] is None else DensityProfile(**data["density"]),
         floor=None if data.get("floor") is None else floor_from_dict(data["floor"]),
         origin=None if origin is None else Origin(**origin),
+        engine=data.get("engine", ENGINES[0]),
         hydrodynamics=data["hydrodynamics"],
         timestep=data["timestep"],
         integrator=data["integrator"],

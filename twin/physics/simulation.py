@@ -65,6 +65,11 @@ class Simulation:
           tables: of this scenario, if they have been made already.
           reserve: numbers that the model's tables must have room for, at least.
         """
+        if scenario.engine != "mujoco":
+            raise InputError(
+                f"a Simulation steps MuJoCo, and the scenario has engine={scenario.engine!r}: fly "
+                "it with twin.simulate or twin.simulate_many, or take engine='mujoco'"
+            )
         self.scenario = scenario
         self.duration = scenario.run_time()
         self.tables = tables_of(scenario, self.duration) if tables is None else tables
@@ -370,7 +375,19 @@ def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
 
 
 def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajectory:
-    """Fly one scenario; see `Simulation.run`."""
+    """Fly one scenario by its engine; see `Simulation.run`."""
+    if scenario.engine == "lanes":
+        from twin.physics.lanes import fly_in_lanes
+
+        if controller is not None:
+            raise InputError(
+                "engine='lanes' runs no Python between its steps: a controller needs "
+                "engine='mujoco'"
+            )
+        found = fly_in_lanes([scenario], threads=1, single=True)[0]
+        if isinstance(found, SimulationUnstable):
+            raise found
+        return found
     with quiet_mujoco():
         return Simulation(scenario).run(controller)
 
@@ -379,6 +396,8 @@ def simulate_many(
     scenarios: Sequence[Scenario], *, threads: int = 1
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios side by side on `threads` threads; results do not depend on their number.
+
+    Those with engine "lanes" fly together in blocks, the others in a simulation each.
 
     Each element is the trajectory, or the `SimulationUnstable` that ended it; a `StepTooLong`
     before it began.
@@ -400,8 +419,18 @@ def simulate_many(
     if threads < 1:
         raise InputError(f"simulate_many: threads must be at least 1, not {threads}")
 
+    abreast = [index for index, scenario in enumerate(scenarios) if scenario.engine == "lanes"]
+    flown: dict[int, Trajectory | SimulationUnstable] = {}
+    if abreast:
+        from twin.physics.lanes import fly_in_lanes
+
+        found = fly_in_lanes([scenarios[index] for index in abreast], threads=threads)
+        flown = dict(zip(abreast, found, strict=True))
+
     def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:
         index, scenario = item
+        if index in flown:
+            return flown[index]
         try:
             return Simulation(scenario).run(mission=index)
         except SimulationUnstable as error:

@@ -11,10 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fossen_terms import quaternion_rate, rotation
 
-from twin.fossen.equations import acceleration, mass_distribution, turned_water
+from twin.fossen.equations import (
+    acceleration,
+    mass_distribution,
+    rigid_body_mass,
+    turned_water,
+)
 from twin.fossen.forces import parameters_of
-from twin.fossen.matrices import quaternion_rate, rigid_body_mass, rotation_from_quaternion
 from twin.frames import euler_to_quaternion
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
@@ -70,7 +75,7 @@ def left_out(nu: Any, g: Any, change: Any) -> Any:
 
 def rate(program: Any, account: str, t: float, y: Any) -> Any:
     """dy/dt of (position, quaternion, nu_r)."""
-    to_ned, nu = rotation_from_quaternion(y[3:7]), y[7:]
+    to_ned, nu = rotation(y[3:7]), y[7:]
     flow = np.array(sample_gradient(program, t, *y[:3]))
     a = flow[6:].reshape(3, 3)
     velocity = to_ned @ nu[:3] + flow[:3]

@@ -22,7 +22,7 @@ from twin.water.density import DensityProfile
 VEHICLE = load_vehicle("glider")
 DENSITY = VEHICLE.reference_density
 KERNELS = {"native": lambda c, nu: np.array(native_wrench(c, DENSITY, *nu)),
-           "fossen": lambda c, nu: fossen_wrench(c, DENSITY, nu)}  # fmt: skip
+           "fossen": lambda c, nu: np.array(fossen_wrench(c, DENSITY, *nu))}  # fmt: skip
 
 
 def wings_only() -> Vehicle:

@@ -106,7 +106,7 @@ def test_both_codes_of_a_part_agree(kind):
                     )
             if part.native_wrench is not None:
                 ours = part.native_wrench(values, place, position, *nu, DENSITY, depth)
-                theirs = part.fossen_wrench(values, place, position, nu, DENSITY, depth)
+                theirs = part.fossen_wrench(values, place, position, *nu, DENSITY, depth)
                 np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
+Unrolled = tuple[tuple[str, ...], Mapping[str, Any]]
+"""Nine expressions, X, Y, Z, K, M, N, -dK/dp, -dM/dq, -dN/dr, and the functions that they call."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +54,13 @@ class HullLaw(abc.ABC):
     pp, pq, qq, pr, qr, rr, body FRD: what a step solves for that is long beside it. It takes no
     more than it costs: without it the difference quotient of `native_wrench` does"""
     fossen_wrench: ClassVar[Kernel | None] = None
-    """(values, density, nu_r (6,)) -> (6,)"""
+    """(values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N, in code of its own: a function of
+    scalars, where `values` is an array or a tuple"""
+    fossen_rate_damping: ClassVar[Kernel | None] = None
+    """(values, density, u, v, w, p, q, r) -> -dK/dp, -dM/dq, -dN/dr [N m s], about: what a step of
+    the Fossen model in lanes solves for. Without it difference quotients of `fossen_wrench` do"""
+    not_in_lanes: ClassVar[str] = ""
+    """Why the Fossen model does not fly it in lanes; empty: it does"""
 
     @classmethod
     @abc.abstractmethod
@@ -67,6 +75,13 @@ class HullLaw(abc.ABC):
     def names(cls) -> tuple[str, ...]:
         """Names of numbers that a file may hold for it, besides those that every law shares."""
         return tuple(field.name for field in dataclasses.fields(cls))
+
+    def fossen_unrolled(self) -> Unrolled | None:
+        """Wrench and rate damping as expressions, for a law that loops over its terms; else None.
+
+        They are in c[0], c[1], ... (`values`), density, u, v, w, p, q, r.
+        """
+        return None
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with it: pairs of a field's name and the rule that it breaks."""
@@ -98,8 +113,8 @@ class HullLaw(abc.ABC):
         """
         kernel = type(self).fossen_wrench
         assert kernel is not None
-        motion = np.ascontiguousarray(nu_r, dtype=np.float64)
-        return np.asarray(kernel(self.values(), float(density), motion))
+        motion = np.asarray(nu_r, dtype=np.float64)
+        return np.array(kernel(self.values(), float(density), *motion.tolist()))
 
 
 def _lacks(kind: type[HullLaw]) -> str:

@@ -33,9 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import inline, jit
+from twin.compiled.elementary import scalar
 from twin.errors import VehicleError, unknown_name
 from twin.vehicle.changes import Uncertainty, coefficient
-from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.laws.base import HullLaw, Unrolled
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -127,26 +128,25 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
     return timestep * k, timestep * m, timestep * n
 
 
+@scalar
+def _damped(kind, coefficient, first, second):  # type: ignore[no-untyped-def]
+    """One element of D(nu_r) nu_r: what multiplies the second velocity, times it."""
+    factor = coefficient * first
+    if kind == LINEAR:
+        factor = coefficient
+    elif kind in (SQUARE, LIFT):
+        factor = coefficient * abs(first)
+    return factor * second
+
+
 @jit
-def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
-    """(6,): -D(nu_r) nu_r with the matrix D gathered first (Fossen 2011, section 6.4)."""
-    damping = np.zeros((6, 6))
-    terms = c.reshape((-1, TERM))
-    for row in terms:
-        axis, i, j = int(row[0]), int(row[1]), int(row[2])
-        if row[3] == LINEAR:
-            damping[axis, i] -= row[4]
-        elif row[3] == SQUARE:
-            damping[axis, i] -= row[4] * abs(nu_r[i])
-        elif row[3] == LIFT:
-            damping[axis, j] -= row[4] * abs(nu_r[i])
-        else:
-            damping[axis, j] -= row[4] * nu_r[i]
-    tau = np.zeros(6)
-    for i in range(6):
-        for j in range(6):
-            tau[i] -= damping[i, j] * nu_r[j]
-    return tau
+def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """-D(nu_r) nu_r, row by row of the matrix D (Fossen 2011, section 6.4)."""
+    tau, nu = np.zeros(6), np.array([u, v, w, p, q, r])
+    for k in range(c.size // TERM):
+        axis, i, j = int(c[TERM * k]), int(c[TERM * k + 1]), int(c[TERM * k + 2])
+        tau[axis] += _damped(c[TERM * k + 3], c[TERM * k + 4], nu[i], nu[j])
+    return tau[0], tau[1], tau[2], tau[3], tau[4], tau[5]
 
 
 def term(name: str, coefficient: float) -> tuple[float, float, float, float, float]:
@@ -284,6 +284,21 @@ class BodyAxes(HullLaw):
         values = np.array(rows, dtype=np.float64).ravel()
         values.flags.writeable = False
         return values
+
+    def fossen_unrolled(self) -> Unrolled:
+        """The terms of `fossen_wrench` one by one, and the drag of each rate alone."""
+        sums: dict[int, list[str]] = {axis: ["0.0"] for axis in range(6)}
+        damping: dict[int, list[str]] = {axis: ["0.0"] for axis in (3, 4, 5)}
+        for k, (axis, i, j, kind, _) in enumerate(self._values.reshape(-1, TERM)):
+            first, second = VELOCITIES[int(i)], VELOCITIES[int(j)]
+            number = f"c[{TERM * k + 4}]"
+            sums[int(axis)].append(f"_damped({kind}, {number}, {first}, {second})")
+            if axis >= 3 and j == axis:
+                slope = 2.0 if kind == SQUARE else 1.0
+                damping[int(axis)].append(f"{slope} * _damped({kind}, {number}, {first}, 1.0)")
+        wrench = [" + ".join(found) for found in sums.values()]
+        damped = [f"-({' + '.join(found)})" for found in damping.values()]
+        return (*wrench, *damped), {"_damped": _damped}
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Every derivative of the file, by its own name."""

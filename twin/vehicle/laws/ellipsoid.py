@@ -150,10 +150,10 @@ def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-unty
 
 
 @jit
-def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
-    """(6,): the forces of all ellipsoids about the CB, body FRD."""
+def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """The forces of all ellipsoids about the CB, body FRD."""
     flip = np.array([1.0, -1.0, -1.0])
-    velocity, rates = flip * nu_r[:3], flip * nu_r[3:]
+    velocity, rates = flip * np.array([u, v, w]), flip * np.array([p, q, r])
     force, moment = np.zeros(3), np.zeros(3)
     for k in range((c.size - HEAD) // ROW):
         g = c[HEAD + k * ROW : HEAD + (k + 1) * ROW]
@@ -173,10 +173,8 @@ def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
                 t[i] += g[15] * turn[i, j] * own_moment[j]
         force += f
         moment += t + np.cross(place, f)
-    tau = np.empty(6)
-    tau[:3] = flip * force
-    tau[3:] = flip * moment
-    return tau
+    force, moment = flip * force, flip * moment
+    return force[0], force[1], force[2], moment[0], moment[1], moment[2]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,6 +186,7 @@ class Ellipsoids(HullLaw):
     native_wrench = staticmethod(native_wrench)
     native_rate_damping = staticmethod(native_rate_damping)
     fossen_wrench = staticmethod(fossen_wrench)
+    not_in_lanes: ClassVar[str] = "its ellipsoids are MuJoCo's own"
 
     geoms: Array
     """shape (n, 27): place [m] 3, rotation to hull axes 9, semi-axes [m] 3, MuJoCo's 12 fluid

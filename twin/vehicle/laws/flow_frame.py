@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import inline, jit
+from twin.compiled import elementary, inline, jit
+from twin.compiled.elementary import scalar
 from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.laws.base import HullLaw
 
@@ -148,89 +149,89 @@ def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-unty
 # --- the Fossen model's -----------------------------------------------------------------------
 
 
-@jit
+@scalar
 def beyond_identified(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
     """Weight of the law of the whole sphere: 0 up to `linear_angle`, 1 from `blend_angle` on."""
     x = (abs(angle) - linear_angle) / (blend_angle - linear_angle)
     x = min(max(x, 0.0), 1.0)
-    return 3.0 * x**2 - 2.0 * x**3
+    return 3.0 * x * x - 2.0 * x * x * x
 
 
-@jit
-def _identified(c, alpha, beta, omega, speed, turn):  # type: ignore[no-untyped-def]
-    """Force and moment in flow axes over speed squared, (6,): the law as printed."""
-    from_zero_lift = alpha + c[ZERO_LIFT]
-    lifting = np.array([c[K_BETA_LIFT], c[K_MR_LIFT], c[K_MY_LIFT]]) * from_zero_lift
-    flow = np.empty(6)
-    flow[0] = -(c[K_D0] + c[K_D] * alpha**2)
-    flow[1] = (c[K_BETA] + lifting[0]) * beta
-    flow[2] = -(c[K_L0] + c[K_ALPHA] * alpha)
-    flow[3] = (c[K_MR] + lifting[1]) * beta
-    flow[4] = c[K_M0] + c[K_M] * alpha
-    flow[5] = (c[K_MY] + lifting[2]) * beta
-    flow *= speed**2
-    rates = np.zeros((3, 3))
-    rates[0, 0], rates[1, 1], rates[2, 2] = c[K_P], c[K_Q], c[K_R]
-    rates[0, 2] = c[K_PR] + c[K_PR_LIFT] * from_zero_lift
-    rates[2, 0] = c[K_RP] + c[K_RP_LIFT] * from_zero_lift
-    for i in range(3):
-        for j in range(3):
-            flow[3 + i] += rates[i, j] * omega[j] * turn**2
-    return flow
+@scalar
+def _to_body(ca, sa, cb, sb, flow):  # type: ignore[no-untyped-def]
+    """R_BC of angle of attack and sideslip, given by cosine and sine, times a vector."""
+    return (
+        ca * cb * flow[0] - ca * sb * flow[1] - sa * flow[2],
+        sb * flow[0] + cb * flow[1],
+        sa * cb * flow[0] - sa * sb * flow[1] + ca * flow[2],
+    )
 
 
-@jit
-def _sphere_moment(c, e):  # type: ignore[no-untyped-def]
-    """e x grad Phi, (3,), with Phi = -K_M0 e_z - K_M e_z^2 / 2 + K_MY e_y^2 / 2.
-
-    `e` is the direction of the motion in body axes. Such a moment does no work around any closed
-    turn of the hull, and it is K_M0 + K_M alpha and K_MY beta near e = (1, 0, 0).
-    """
-    gradient = np.zeros(3)
-    gradient[1] = c[K_MY] * e[1]
-    gradient[2] = -c[K_M0] - c[K_M] * e[2]
-    return np.cross(e, gradient)
-
-
-@jit
-def fossen_wrench(c, density, nu_r):  # type: ignore[no-untyped-def]
-    """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
+@scalar
+def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, body FRD.
 
     The flow frame's force (-D, SF, -L) and moment (T1, T2, T3) both turn to the body by R_BC of
     angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the moments pass
     over to body axes: turned by R_BC, those of roll and yaw rate would drive the rates in reversed
-    flow instead of damping them.
+    flow instead of damping them. There the moment of the flow is e x grad Phi with
+    Phi = -K_M0 e_z - K_M e_z^2 / 2 + K_MY e_y^2 / 2 and e the direction of the motion: it does no
+    work around any closed turn of the hull, and is K_M0 + K_M alpha and K_MY beta near (1, 0, 0).
     """
-    velocity, omega = nu_r[:3], nu_r[3:]
-    speed = np.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
-    e = np.zeros(3)
-    e[0] = 1.0
-    if speed > 0.0:
-        e = velocity / speed
-    alpha = np.arctan2(e[2], e[0])
-    beta = np.arcsin(min(max(e[1], -1.0), 1.0))
-    turn = max(speed, c[SLOWEST])
-    flow = _identified(c, alpha, beta, omega, speed, turn)
+    square = u * u + v * v + w * w
+    speed = math.sqrt(square)
+    still = not speed > 0.0
+    ex = 1.0 if still else u / speed
+    ey, ez = 0.0 if still else v / speed, 0.0 if still else w / speed
+    # sines and cosines of angle of attack and sideslip are parts of the direction
+    cb, sb = math.sqrt(ex * ex + ez * ez), ey
+    across = not cb > 0.0
+    ca, sa = 1.0 if across else ex / cb, 0.0 if across else ez / cb
+    alpha, beta = elementary.atan2(ez, ex), elementary.atan2(sb, cb)
+    turning = max(square, c[SLOWEST] * c[SLOWEST])
+    from_zero_lift = alpha + c[ZERO_LIFT]
     s = max(
         beyond_identified(alpha, c[LINEAR], c[BLEND]), beyond_identified(beta, c[LINEAR], c[BLEND])
     )
-    crossing = np.zeros(3)
-    if s > 0.0:
-        crossing[0] = -(c[K_D0] + c[CROSS_FLOW] * (1.0 - e[0] ** 2))
-        crossing[1] = c[K_BETA] * np.sin(beta) * np.cos(beta)
-        crossing[2] = -(c[K_L0] + c[K_ALPHA] * e[2]) * e[0]
-        flow[:3] = (1.0 - s) * flow[:3] + s * speed**2 * crossing
+    # as printed
+    drag = c[K_D0] + c[K_D] * alpha * alpha
+    side = (c[K_BETA] + c[K_BETA_LIFT] * from_zero_lift) * beta
+    lift = c[K_L0] + c[K_ALPHA] * alpha
+    t1 = (c[K_MR] + c[K_MR_LIFT] * from_zero_lift) * beta * square + turning * (
+        c[K_P] * p + (c[K_PR] + c[K_PR_LIFT] * from_zero_lift) * r
+    )
+    t2 = (c[K_M0] + c[K_M] * alpha) * square + turning * (c[K_Q] * q)
+    t3 = (c[K_MY] + c[K_MY_LIFT] * from_zero_lift) * beta * square + turning * (
+        c[K_R] * r + (c[K_RP] + c[K_RP_LIFT] * from_zero_lift) * p
+    )
+    # of the whole sphere
+    all_drag = c[K_D0] + c[CROSS_FLOW] * (1.0 - ex * ex)
+    all_side = c[K_BETA] * sb * cb
+    all_lift = (c[K_L0] + c[K_ALPHA] * ez) * ex
+    gy, gz = c[K_MY] * ey, -c[K_M0] - c[K_M] * ez
+    one = 1.0 - s
+    force = (
+        -square * (one * drag + s * all_drag),
+        square * (one * side + s * all_side),
+        -square * (one * lift + s * all_lift),
+    )
+    x, y, z = _to_body(ca, sa, cb, sb, force)
+    k, m, n = _to_body(ca, sa, cb, sb, (t1, t2, t3))
+    return (
+        x,
+        y,
+        z,
+        one * k + s * (square * (ey * gz - ez * gy) + turning * c[K_P] * p),
+        one * m + s * (-square * ex * gz + turning * c[K_Q] * q),
+        one * n + s * (square * ex * gy + turning * c[K_R] * r),
+    )
 
-    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-    body = np.empty(6)
-    for k in (0, 3):
-        body[k] = ca * cb * flow[k] - ca * sb * flow[k + 1] - sa * flow[k + 2]
-        body[k + 1] = sb * flow[k] + cb * flow[k + 1]
-        body[k + 2] = sa * cb * flow[k] - sa * sb * flow[k + 1] + ca * flow[k + 2]
-    if s > 0.0:
-        damped = np.array([c[K_P], c[K_Q], c[K_R]]) * omega * turn**2
-        body[3:] = (1.0 - s) * body[3:] + s * (speed**2 * _sphere_moment(c, e) + damped)
-    return body
+
+@scalar
+def fossen_rate_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
+    """-K_p V^2, -K_q V^2, -K_r V^2: in body axes but for the products of small angles."""
+    turning = max(u * u + v * v + w * w, c[SLOWEST] * c[SLOWEST])
+    return -c[K_P] * turning, -c[K_Q] * turning, -c[K_R] * turning
 
 
 # --- the coefficients -------------------------------------------------------------------------
@@ -245,6 +246,7 @@ class FlowFrame(HullLaw):
     native_rate_damping = staticmethod(native_rate_damping)
     native_rotary_damping = staticmethod(native_rotary_damping)
     fossen_wrench = staticmethod(fossen_wrench)
+    fossen_rate_damping = staticmethod(fossen_rate_damping)
 
     drag: tuple[float, float]
     """K_D0 [kg/m], K_D [kg/m/rad2]"""

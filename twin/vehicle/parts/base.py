@@ -214,7 +214,8 @@ class Part:
     fossen_mass: ClassVar[Kernel | None] = None
     """As `native_mass`."""
     fossen_wrench: ClassVar[Kernel | None] = None
-    """(values, place (3,), position, nu_r (6,), density, depth) -> wrench (6,) about the CB."""
+    """As `native_wrench`, in code of its own: a function of scalars, where `values` and `place` are
+    arrays or tuples."""
 
     def displaced(self, position: float) -> float:
         """Volume [m3] that it adds to the neutral one at a position; 0 without a kernel."""
@@ -232,7 +233,8 @@ class Part:
         if kernel is None:
             return np.zeros(6)
         values, place = np.array(self.values()), np.array(self.position)
-        return np.asarray(kernel(values, place, position, nu_r, density, depth))
+        motion = np.asarray(nu_r, dtype=np.float64).tolist()
+        return np.array(kernel(values, place, position, *motion, density, depth))
 
     # --- what guidance may do with it -----------------------------------------------------------
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from twin.compiled import inline, jit
+from twin.compiled import inline
+from twin.compiled.elementary import scalar
 from twin.vehicle.parts.base import Array, Carrier, Part, Quantity
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def native_mass(values, position):  # type: ignore[no-untyped-def]
     return -values[0] * (1.0 - position)
 
 
-@jit
+@scalar
 def fossen_mass(values, position):  # type: ignore[no-untyped-def]
     """[kg] that the vehicle carries less than its file says."""
     return values[0] * (position - 1.0)

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import elementary, jit
+from twin.compiled.elementary import cross, dot, scalar
 from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.parts.base import Carrier, Part, Quantity
 
@@ -94,56 +95,62 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     return x, y, z, l, m, n
 
 
-@jit
+@scalar
 def _coefficients(values, attack):  # type: ignore[no-untyped-def]
     """(C_L, C_D) at an angle of attack within +-90 deg."""
     a, stall = abs(attack), values[STALL]
-    c_l, c_d = values[LIFT] * attack, values[DRAG0] + values[DRAG] * a
+    c_l, c_d = values[LIFT] * a, values[DRAG0] + values[DRAG] * a
     if a > stall:
-        fallen = values[LIFT] * stall + values[LIFT_STALLED] * (a - stall)
-        c_l = np.sign(attack) * max(fallen, 0.0)
+        c_l = max(values[LIFT] * stall + values[LIFT_STALLED] * (a - stall), 0.0)
         c_d = values[DRAG0] + values[DRAG] * stall + values[DRAG_STALLED] * (a - stall)
-    return c_l, c_d + values[INDUCED] * c_l**2
+    return math.copysign(c_l, attack), c_d + values[INDUCED] * c_l * c_l
 
 
-@jit
-def _fossen_force(values, place, position, nu_r, density):  # type: ignore[no-untyped-def]
-    """(3,) by angles: drag against the flow in the plane of the section, lift across it."""
-    span = values[AXIS : AXIS + 3]
-    at_fin = nu_r[:3] + np.cross(nu_r[3:], place)
-    flow = at_fin - span * np.dot(span, at_fin)
-    speed = np.sqrt(np.dot(flow, flow))
-    if speed < 1e-9:
-        return np.zeros(3)
-    forward = np.zeros(3)
-    forward[0] = 1.0
-    forward -= span * span[0]
-    forward /= np.sqrt(np.dot(forward, forward))
-    side = np.cross(span, forward)
+@scalar
+def _fossen_force(values, place, position, velocity, rates, density):  # type: ignore[no-untyped-def]
+    """Force by angles: drag against the flow in the plane of the section, lift across it."""
+    span = (values[AXIS], values[AXIS + 1], values[AXIS + 2])
+    turning = cross(rates, place)
+    x, y, z = velocity[0] + turning[0], velocity[1] + turning[1], velocity[2] + turning[2]
+    along = span[0] * x + span[1] * y + span[2] * z
+    flow = (x - span[0] * along, y - span[1] * along, z - span[2] * along)
+    square = dot(flow, flow)
+    # chord of the fin at rest: forward in the plane of the section
+    chord = math.sqrt(max(1.0 - span[0] * span[0], 1e-30))
+    forward = (chord, -span[1] * span[0] / chord, -span[2] * span[0] / chord)
+    side = cross(span, forward)
     # the flow's direction in the section, seen from the deflected chord
-    course = np.arctan2(np.dot(flow, side), np.dot(flow, forward)) - position
-    course = np.arctan2(np.sin(course), np.cos(course))
-    attack, backward = course, False
-    if abs(course) > 0.5 * np.pi:
-        attack, backward = np.sign(course) * np.pi - course, True
+    course = elementary.atan2(dot(flow, side), dot(flow, forward)) - position
+    if course > math.pi:
+        course -= 2.0 * math.pi
+    elif course < -math.pi:
+        course += 2.0 * math.pi
+    backward = abs(course) > 0.5 * math.pi
+    attack = math.copysign(math.pi, course) - course if backward else course
     c_l, c_d = _coefficients(values, attack)
-    direction = flow / speed
-    across = np.cross(span, direction)
     if backward:
         c_l = -c_l
-    return 0.5 * density * values[AREA] * speed**2 * (-c_d * direction - c_l * across)
+    speed = math.sqrt(square)
+    pressure = 0.5 * density * values[AREA] * speed
+    across = cross(span, flow)
+    return (
+        -pressure * (c_d * flow[0] + c_l * across[0]),
+        -pressure * (c_d * flow[1] + c_l * across[1]),
+        -pressure * (c_d * flow[2] + c_l * across[2]),
+    )
 
 
-@jit
-def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
-    """(6,): force and moment about the CB."""
-    force = _fossen_force(values, place, position - values[NEUTRAL], nu_r, density)
+@scalar
+def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
+    """Force and moment about the CB."""
+    velocity, rates = (u, v, w), (p, q, r)
+    turned = position - values[NEUTRAL]
+    x, y, z = _fossen_force(values, place, turned, velocity, rates, density)
+    a, b, c = _fossen_force(values, place, 0.0, velocity, rates, density)
     if values[IN_HULL] != 0.0:
-        force = force - _fossen_force(values, place, 0.0, nu_r, density)
-    tau = np.empty(6)
-    tau[:3] = force
-    tau[3:] = np.cross(place, force)
-    return tau
+        x, y, z = x - a, y - b, z - c
+    k, m, n = cross(place, (x, y, z))
+    return x, y, z, k, m, n
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

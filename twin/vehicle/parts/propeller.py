@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from twin.compiled import jit
+from twin.compiled import elementary, jit
+from twin.compiled.elementary import scalar
 from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 
@@ -63,35 +64,28 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     return thrust, 0.0, 0.0, -torque, place[2] * thrust, -place[1] * thrust
 
 
-@jit
+@scalar
 def diagram(first, zero, standing, n, flow):  # type: ignore[no-untyped-def]
     """C n|n| - s |n| u_a/D - S u_a|u_a|/D^2 [rad2/s2], numbers or arrays; `flow` is u_a/D [1/s]."""
     slope = first / zero - standing * zero if zero > 0.0 else 0.0
     return first * np.abs(n) * n - slope * np.abs(n) * flow - standing * np.abs(flow) * flow
 
 
-@jit
-def fossen_wrench(values, place, position, nu_r, density, depth):  # type: ignore[no-untyped-def]
-    """(6,): T along the screw's axis and -Q about it (Fossen 2011, section 9.1.1)."""
+@scalar
+def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
+    """T along the screw's axis and -Q about it (Fossen 2011, section 9.1.1)."""
     d = values[DIAMETER]
-    inflow = (nu_r[0] - nu_r[5] * place[1] + nu_r[4] * place[2]) / d
+    inflow = (u - r * place[1] + q * place[2]) / d
     force = diagram(values[THRUST], values[ADVANCE], values[STANDING], position, inflow)
     moment = diagram(
         values[TORQUE], values[TORQUE_ADVANCE], values[STANDING_TORQUE], position, inflow
     )
-    force *= density * d**4
-    moment *= density * d**5
-    if depth < 0.5 * d:
-        half = np.arccos(min(-2.0 * depth / d, 1.0))
-        share = (half - np.sin(half) * np.cos(half)) / np.pi
-        force *= share
-        moment *= share
-    tau = np.zeros(6)
-    tau[0] = force
-    tau[3] = -moment
-    tau[4] = force * place[2]
-    tau[5] = -force * place[1]
-    return tau
+    # the part of the disc that is under water carries
+    cosine = min(max(-2.0 * depth / d, -1.0), 1.0)
+    half, sine = elementary.acos(cosine), math.sqrt((1.0 - cosine) * (1.0 + cosine))
+    scale = density * d * d * d * d * (half - sine * cosine) / math.pi
+    force, moment = scale * force, scale * d * moment
+    return force, 0.0, 0.0, -moment, force * place[2], -force * place[1]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from twin.compiled import inline, jit
+from twin.compiled import inline
+from twin.compiled.elementary import scalar
 from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def native_volume(values, position):  # type: ignore[no-untyped-def]
     return position - values[0]
 
 
-@jit
+@scalar
 def fossen_volume(values, position):  # type: ignore[no-untyped-def]
     """Volume [cm3] that it adds to the neutral one."""
     return position - values[0]

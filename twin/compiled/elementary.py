@@ -1,0 +1,180 @@
+"""Elementary functions in plain arithmetic: the same bits on every processor, in vector code too.
+
+A call of the C library is one call a number, and its last bit depends on the library and on the
+instructions that it chooses. These are polynomials without branches that a compiler keeps: many
+numbers at once cost little more than one. Coefficients are the minimax polynomials of fdlibm (Sun
+Microsystems 1993: k_sin.c, k_cos.c, s_atan.c); the tests state the error against NumPy's.
+"""
+
+from __future__ import annotations
+
+import math
+
+from twin.compiled.function import jit
+
+ROUND = 6755399441055744.0
+"""1.5 * 2^52: added and taken off again, it rounds to the nearest whole number"""
+HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+"""pi / 2 in three parts, of 33 bits each but the last (fdlibm, e_rem_pio2.c)"""
+TAN_PI_8 = 0.4142135623730950488
+SQUARINGS = 6
+"""of `exp`: its series is taken at a 64th of the argument"""
+LOWEST = -40.0
+"""below this `exp` is that of it, and nothing to anybody"""
+
+scalar = jit(forceinline=True)
+"""Compile a function of scalars that is always inlined, into loops over many vehicles too"""
+
+
+@scalar
+def _sine(x):  # type: ignore[no-untyped-def]
+    """sin on [-pi/4, pi/4]."""
+    z = x * x
+    r = 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z
+        * (
+            2.75573137070700676789e-06
+            + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+        )
+    )
+    return x + z * x * (-1.66666666666666324348e-01 + z * r)
+
+
+@scalar
+def _cosine(x):  # type: ignore[no-untyped-def]
+    """cos on [-pi/4, pi/4]."""
+    z = x * x
+    r = 4.16666666666666019037e-02 + z * (
+        -1.38888888888741095749e-03
+        + z
+        * (
+            2.48015872894767294178e-05
+            + z
+            * (
+                -2.75573143513906633035e-07
+                + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+            )
+        )
+    )
+    return 1.0 - (0.5 * z - z * z * r)
+
+
+@scalar
+def sincos(x):  # type: ignore[no-untyped-def]
+    """(sin, cos) of an angle [rad] of up to a million turns."""
+    turns = x * (2.0 / math.pi) + ROUND
+    quarter = turns - ROUND
+    rest = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]
+    s, c = _sine(rest), _cosine(rest)
+    # quarter modulo 4 as -2, -1, 0, 1 or 2
+    part = quarter - 4.0 * ((0.25 * quarter + ROUND) - ROUND)
+    odd = abs(part) == 1.0
+    sine, cosine = (c, s) if odd else (s, c)
+    if abs(part) == 2.0 or part == -1.0:
+        sine = -sine
+    if abs(part) == 2.0 or part == 1.0:
+        cosine = -cosine
+    return sine, cosine
+
+
+@scalar
+def sin(x):  # type: ignore[no-untyped-def]
+    """Sine of an angle [rad]."""
+    return sincos(x)[0]
+
+
+@scalar
+def cos(x):  # type: ignore[no-untyped-def]
+    """Cosine of an angle [rad]."""
+    return sincos(x)[1]
+
+
+@scalar
+def _atan(x):  # type: ignore[no-untyped-def]
+    """atan on [0, 1]."""
+    far = x > TAN_PI_8
+    t = (x - 1.0) / (x + 1.0) if far else x
+    z = t * t
+    w = z * z
+    even = z * (
+        3.33333333333329318027e-01
+        + w
+        * (
+            1.42857142725034663711e-01
+            + w
+            * (
+                9.09088713343650656196e-02
+                + w
+                * (
+                    6.66107313738753120669e-02
+                    + w * (4.97687799461593236017e-02 + w * 1.62858201153657823623e-02)
+                )
+            )
+        )
+    )
+    odd = w * (
+        -1.99999999998764832476e-01
+        + w
+        * (
+            -1.11111104054623557880e-01
+            + w
+            * (
+                -7.69187620504482999495e-02
+                + w * (-5.83357013379057348645e-02 + w * -3.65315727442169155270e-02)
+            )
+        )
+    )
+    found = t - t * (even + odd)
+    return 0.25 * math.pi + found if far else found
+
+
+@scalar
+def atan2(y, x):  # type: ignore[no-untyped-def]
+    """Angle [rad] of the direction (x, y), from -pi to pi; 0 of (0, 0)."""
+    a, b = abs(x), abs(y)
+    large, small = max(a, b), min(a, b)
+    angle = _atan(small / large if large > 0.0 else 0.0)
+    if b > a:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@scalar
+def asin(x):  # type: ignore[no-untyped-def]
+    """Angle [rad] of a sine, which is held in [-1, 1]."""
+    s = min(max(x, -1.0), 1.0)
+    return atan2(s, math.sqrt((1.0 - s) * (1.0 + s)))
+
+
+@scalar
+def acos(x):  # type: ignore[no-untyped-def]
+    """Angle [rad] of a cosine, which is held in [-1, 1]."""
+    c = min(max(x, -1.0), 1.0)
+    return atan2(math.sqrt((1.0 - c) * (1.0 + c)), c)
+
+
+@scalar
+def exp(x):  # type: ignore[no-untyped-def]
+    """e to a power that is at most 0, right to 1e-15 beside 1; of higher ones that of 0."""
+    t = min(max(x, LOWEST), 0.0) / 2.0**SQUARINGS
+    value = 1.0
+    for k in (8, 7, 6, 5, 4, 3, 2, 1):
+        value = 1.0 + value * t / k
+    for _ in range(SQUARINGS):
+        value = value * value
+    return value
+
+
+@scalar
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@scalar
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Scalar product of two vectors of 3."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

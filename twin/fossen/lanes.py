@@ -1,0 +1,407 @@
+"""Lanes: many vehicles of one structure flown side by side, compiled.
+
+One call flies a block (`twin.fossen.structure`) through many steps, with guidance at the control
+period, sensors' truth at the sample period, and every lane in its own water under its own plan.
+
+Integrator: Adams and Bashforth's method of two steps, one evaluation a step, with the damping D of
+the body's rates taken implicitly about the acceleration x of the step before,
+
+    (M + g D) x = F(y) + g D x_before,      y += h (3/2 y' - 1/2 y'_before) with v_r' = x,
+
+which has order 2 whatever D is, and for g = h is stable however large the damping is, also where
+the law damps up to twice as much as D says. Parts move by their exact solution. Current and
+density are looked up every LOOK_TIME or LOOK_WAY and are linear in between.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from twin.compiled import elementary, jit
+from twin.fossen.equations import FASTEST, part_after
+from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
+from twin.fossen.terms import immersed, rotation
+from twin.mission.guidance import guidance_step
+from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
+from twin.water.current.sampler import sample_gradient
+from twin.water.density import density_at, density_slope_at
+from twin.water.floor.lookup import floor_depth
+
+LOOK_TIME, LOOK_WAY = 0.5, 0.25
+"""[s], [m] at most between two looks at a lane's water; between them it is linear"""
+NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
+"""What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
+COUNTS = (
+    "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
+    "logged",
+)  # fmt: skip
+"""Of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has failed,
+and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when its plan
+is done; samples of the whole run, and those that are logged"""
+TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED = range(
+    len(COUNTS)
+)
+
+STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
+FLOW, DENSITY, DENSITY_SLOPE = AT["flow"], AT["density"], AT["density_slope"]
+TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
+IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
+WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
+EULER, LENGTH, DIAMETER, ALIVE = AT["euler"], AT["length"], AT["diameter"], AT["alive"]
+P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
+
+
+@intrinsic
+def call_rate(typingctx, function, block, g, t):  # type: ignore[no-untyped-def]
+    """Call the structure's function at an address with the block at another one."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double.as_pointer(), double, double])
+        target = builder.inttoptr(args[0], kind.as_pointer())
+        address = builder.bitcast(builder.inttoptr(args[1], pointer), double.as_pointer())
+        builder.call(target, [address, args[2], args[3]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64, types.float64), codegen
+
+
+@jit(nogil=True)
+def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
+    """Move every part to the end of the step."""
+    for k in range(parts):
+        at = (PARTS_AT + k) * lanes
+        step = parts * lanes
+        for l in range(lanes):
+            i = at + l
+            b[i + P_NOW * step] = part_after(
+                b[i + P_NOW * step],
+                b[i + P_COMMAND * step],
+                b[i + P_LOW * step],
+                b[i + P_HIGH * step],
+                b[i + P_LAG * step],
+                b[i + P_RATE * step],
+                b[i + P_ONE_WAY * step],
+                h,
+            )
+
+
+@jit(nogil=True)
+def _wet(b, lanes):  # type: ignore[no-untyped-def]
+    """Immersion of every hull."""
+    for l in range(lanes):
+        depth, length = b[(STATE + 2) * lanes + l], b[LENGTH * lanes + l]
+        if depth - 0.5 * length >= 0.5 * b[DIAMETER * lanes + l]:
+            b[IMMERSION * lanes + l], b[LEVER * lanes + l] = 1.0, 0.0
+            continue
+        at = (STATE + 3) * lanes + l
+        turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
+        found = immersed(depth, turn[6], length, b[DIAMETER * lanes + l])
+        b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
+
+
+@jit(nogil=True)
+def _look_up(  # type: ignore[no-untyped-def]
+    b, lanes, t, counts, programs, program_at, densities, density_from, warmths, warmth_from,
+    floors, floor_at,
+):  # fmt: skip
+    """Current and water with their slopes, where the last look is too old or too far away.
+
+    A lane that has come to the sea floor ends.
+    """
+    for l in range(lanes):
+        at, seen = STATE * lanes + l, LOOKED * lanes + l
+        north, east, depth = b[at], b[at + lanes], b[at + 2 * lanes]
+        dn, de, dd = north - b[seen], east - b[seen + lanes], depth - b[seen + 2 * lanes]
+        near = dn * dn + de * de + dd * dd < LOOK_WAY * LOOK_WAY
+        if near and t - b[seen + 3 * lanes] < LOOK_TIME - 1e-9:
+            continue
+        b[seen], b[seen + lanes], b[seen + 2 * lanes] = north, east, depth
+        b[seen + 3 * lanes] = t
+        first, last = program_at[l], program_at[l + 1]
+        if last > first:
+            flow = sample_gradient(programs[first:last], t, north, east, depth)
+            for k in range(15):
+                b[(FLOW + k) * lanes + l] = flow[k]
+        first, last = density_from[l], density_from[l + 1]
+        if last > first:
+            table = densities[first:last]
+            b[DENSITY * lanes + l] = density_at(table, depth)
+            b[DENSITY_SLOPE * lanes + l] = density_slope_at(table, depth)
+        first, last = warmth_from[l], warmth_from[l + 1]
+        if last > first:
+            table = warmths[first:last]
+            b[TEMPERATURE * lanes + l] = density_at(table, depth)
+            b[TEMPERATURE_SLOPE * lanes + l] = density_slope_at(table, depth)
+        first, last = floor_at[l], floor_at[l + 1]
+        if last > first and b[ALIVE * lanes + l] != 0.0:
+            altitude = floor_depth(floors[first:last], north, east) - depth
+            if altitude < 0.5 * b[DIAMETER * lanes + l]:
+                counts[l, FLOOR_TIME], b[ALIVE * lanes + l] = t, 0.0
+
+
+@jit(nogil=True)
+def _turn(b, lanes):  # type: ignore[no-untyped-def]
+    """Roll, pitch, heading [rad] of every lane; heading in [0, 2 pi)."""
+    for l in range(lanes):
+        at = (STATE + 3) * lanes + l
+        r = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
+        heading = elementary.atan2(r[3], r[0])
+        b[EULER * lanes + l] = elementary.atan2(r[7], r[8])
+        b[(EULER + 1) * lanes + l] = elementary.asin(-r[6])
+        b[(EULER + 2) * lanes + l] = heading + (2.0 * math.pi if heading < 0.0 else 0.0)
+
+
+@jit(nogil=True)
+def _command(  # type: ignore[no-untyped-def]
+    b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at
+):
+    """Guidance of every lane whose control period has passed; returns when the next one is due."""
+    _turn(b, lanes)
+    for l in range(lanes):
+        mine = counts[l]
+        period = periods[l]
+        tolerance = 1e-6 * period
+        if mine[CONTROL] == NO_CONTROL or b[ALIVE * lanes + l] == 0.0:
+            continue
+        if t < mine[TICKS] * period - tolerance:
+            continue
+        mine[TICKS] += 1.0
+        command = wanted[l]
+        if mine[CONTROL] == SCHEDULE:
+            k = 0
+            while k + 1 < plan_rows[l] and t >= plans[l, k + 1, 0] - tolerance:
+                k += 1
+            for i in range(parts):
+                command[i] = plans[l, k, 1 + i]
+        else:
+            at = STATE * lanes + l
+            north, east, depth = b[at], b[at + lanes], b[at + 2 * lanes]
+            altitude = math.inf
+            if floor_at[l + 1] > floor_at[l]:
+                altitude = floor_depth(floors[floor_at[l] : floor_at[l + 1]], north, east) - depth
+            guidance_step(
+                plans[l, : plan_rows[l]],
+                gains[l],
+                guided[l],
+                t,
+                depth,
+                b[EULER * lanes + l],
+                b[(EULER + 1) * lanes + l],
+                b[(EULER + 2) * lanes + l],
+                b[at + 10 * lanes],
+                b[at + 11 * lanes],
+                b[at + 12 * lanes],
+                command,
+                altitude,
+                north,
+                east,
+            )
+        for i in range(parts):
+            b[(PARTS_AT + P_COMMAND * parts + i) * lanes + l] = command[i]
+    due = math.inf
+    for l in range(lanes):
+        if counts[l, CONTROL] != NO_CONTROL:
+            due = min(due, counts[l, TICKS] * periods[l] - 1e-6 * periods[l])
+    return due
+
+
+@jit(nogil=True)
+def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: ignore[no-untyped-def]
+    """One row of each lane's log; its numbers are those of the MuJoCo twin's, in their order.
+
+    z-up axes and hull axes forward, port, up, as MuJoCo's: positions, then velocities.
+    """
+    nj = joints.size
+    for l in range(lanes):
+        if b[ALIVE * lanes + l] == 0.0 or counts[l, ENDED] != 0.0:
+            continue
+        row = log[l, sample]
+        y, f = STATE * lanes + l, RATE * lanes + l
+        w, x, yy, z = b[y + 3 * lanes], b[y + 4 * lanes], b[y + 5 * lanes], b[y + 6 * lanes]
+        row[0] = t
+        row[1], row[2], row[3] = b[y], -b[y + lanes], -b[y + 2 * lanes]
+        row[4], row[5], row[6], row[7] = w, x, -yy, -z
+        v = 8 + nj
+        row[v], row[v + 1], row[v + 2] = b[f], -b[f + lanes], -b[f + 2 * lanes]
+        row[v + 3], row[v + 4], row[v + 5] = (
+            b[y + 10 * lanes], -b[y + 11 * lanes], -b[y + 12 * lanes]
+        )  # fmt: skip
+        a = v + 6 + nj
+        for i in range(parts):
+            place = (PARTS_AT + i) * lanes + l
+            row[a + i] = b[place + P_NOW * parts * lanes]
+            row[a + parts + i] = b[place + P_COMMAND * parts * lanes]
+        for j in range(nj):
+            place = (PARTS_AT + joints[j]) * lanes + l
+            now, command = b[place + P_NOW * parts * lanes], b[place + P_COMMAND * parts * lanes]
+            low, high = b[place + P_LOW * parts * lanes], b[place + P_HIGH * parts * lanes]
+            rate = b[place + P_RATE * parts * lanes]
+            gap = min(max(command, low), high) - now
+            row[8 + j] = now
+            row[v + 6 + j] = min(max(gap / b[place + P_LAG * parts * lanes], -rate), rate)
+        k = a + 2 * parts
+        for i in range(3):
+            row[k + i] = b[(CURRENT + i) * lanes + l]
+        row[k + 3], row[k + 4] = b[WATER * lanes + l], b[IMMERSION * lanes + l]
+        row[k + 5], row[k + 6] = b[NET_MASS * lanes + l], 0.0
+        row[k + 7], row[k + 8] = guided[l, PITCH_SETPOINT], guided[l, HEADING_SETPOINT]
+        row[k + 9] = guided[l, SEGMENT]
+        # d(velocity over ground)/dt = R (dv_r/dt + omega x v_r) + dV_c/dt along the path
+        turn = rotation(w, x, yy, z)
+        u, vv, ww = b[y + 7 * lanes], b[y + 8 * lanes], b[y + 9 * lanes]
+        p, q, r = b[y + 10 * lanes], b[y + 11 * lanes], b[y + 12 * lanes]
+        ax = b[f + 7 * lanes] + (q * ww - r * vv)
+        ay = b[f + 8 * lanes] + (r * u - p * ww)
+        az = b[f + 9 * lanes] + (p * vv - q * u)
+        for i in range(3):
+            sign = 1.0 if i == 0 else -1.0
+            along = turn[3 * i] * ax + turn[3 * i + 1] * ay + turn[3 * i + 2] * az
+            row[k + 10 + i] = sign * (along + b[(PATH_RATE + i) * lanes + l])
+            row[k + 13 + i] = sign * b[f + (10 + i) * lanes]
+        counts[l, LOGGED] += 1.0
+        if counts[l, LOGGED] >= counts[l, SAMPLES]:
+            counts[l, ENDED], b[ALIVE * lanes + l] = 2.0, 0.0
+
+
+@jit(nogil=True)
+def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
+    """The end of the step from the rates here and one step before, of the lanes that are alive."""
+    for k in range(STATE_WORDS):
+        at = k * lanes
+        for l in range(lanes):
+            i = at + l
+            here, rate = b[STATE * lanes + i], b[RATE * lanes + i]
+            there = here + h * (1.5 * rate - 0.5 * b[BEFORE * lanes + i])
+            b[STATE * lanes + i] = there if b[ALIVE * lanes + l] != 0.0 else here
+            b[BEFORE * lanes + i] = rate
+    for l in range(lanes):
+        i = (STATE + 3) * lanes + l
+        w, x, y, z = b[i], b[i + lanes], b[i + 2 * lanes], b[i + 3 * lanes]
+        scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        b[i], b[i + lanes], b[i + 2 * lanes], b[i + 3 * lanes] = (
+            w * scale,
+            x * scale,
+            y * scale,
+            z * scale,
+        )
+
+
+@jit(nogil=True)
+def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
+    """Whether no lane has left physics: finite, below FASTEST, less than a radian a step."""
+    wrong = 0.0
+    for l in range(lanes):
+        i = (STATE + 7) * lanes + l
+        u, v, w = b[i], b[i + lanes], b[i + 2 * lanes]
+        p, q, r = b[i + 3 * lanes], b[i + 4 * lanes], b[i + 5 * lanes]
+        ok = (u * u + v * v + w * w <= FASTEST * FASTEST) and (
+            (p * p + q * q + r * r) * h * h <= 1.0
+        )
+        b[RATE * lanes + l] = 0.0 if ok else 1.0
+    for l in range(lanes):
+        wrong = max(wrong, b[RATE * lanes + l])
+    return wrong == 0.0
+
+
+@jit(nogil=True)
+def _fail(b, lanes, t, counts):  # type: ignore[no-untyped-def]
+    """Take the lanes out that `_sound` marked."""
+    for l in range(lanes):
+        if b[RATE * lanes + l] != 0.0 and b[ALIVE * lanes + l] != 0.0:
+            counts[l, FAILED], counts[l, FAIL_TIME] = 1.0, t
+            b[ALIVE * lanes + l] = 0.0
+
+
+@jit(nogil=True)
+def _alive(b, lanes):  # type: ignore[no-untyped-def]
+    """How many lanes still fly."""
+    alive = 0
+    for l in range(lanes):
+        if b[ALIVE * lanes + l] != 0.0:
+            alive += 1
+    return alive
+
+
+@jit(nogil=True)
+def fly(  # type: ignore[no-untyped-def]
+    b, lanes, address, rate, parts, joints, h, first, last, per_sample, per_look,
+    counts, plans, plan_rows, periods, gains, guided, wanted, programs, program_at,
+    densities, density_at_, warmths, warmth_at, floors, floor_at, log, first_sample,
+):  # fmt: skip
+    """Fly a block from step `first` to before step `last`; returns the lanes that are alive.
+
+    Args:
+      b: the block of so many lanes; `address` is that of its first number.
+      rate: address of the structure's function.
+      parts: of a vehicle. joints: parts that drive a joint, in the log's order.
+      h: [s]. per_sample, per_look: steps from one sample to the next, and from one look whether a
+        plan is done to the next.
+      counts: (lanes, len(COUNTS)). plans: (lanes, rows, columns), with `plan_rows` of each lane.
+      periods: [s] of control. gains, guided, wanted: (lanes, ...), of guidance: its gains, its
+        state, the commands of the last tick.
+      programs, program_at: compiled currents behind each other, and where each begins; likewise
+        densities, water temperatures and sea floors.
+      log: (lanes, samples, width) from sample `first_sample` on.
+    """
+    due = 0.0
+    for step in range(first, last):
+        t = step * h
+        if step % per_look == 0 and step > 0:
+            for l in range(lanes):
+                done = counts[l, OPEN_ENDED] != 0.0 and guided[l, DONE] != 0.0
+                if done and b[ALIVE * lanes + l] != 0.0:
+                    counts[l, ENDED], b[ALIVE * lanes + l] = 1.0, 0.0
+        if step % per_sample == 0 and _alive(b, lanes) == 0:
+            return 0
+        if t >= due:
+            due = _command(
+                b,
+                lanes,
+                t,
+                parts,
+                counts,
+                plans,
+                plan_rows,
+                periods,
+                gains,
+                guided,
+                wanted,
+                floors,
+                floor_at,
+            )
+        _look_up(
+            b, lanes, t, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
+            floors, floor_at,
+        )  # fmt: skip
+        _wet(b, lanes)
+        if step == 0:  # there is no step before: its rate is that of the start
+            call_rate(rate, address, 0.0, t)
+            for i in range(STATE_WORDS * lanes):
+                b[BEFORE * lanes + i] = b[RATE * lanes + i]
+        call_rate(rate, address, h, t)
+        if step % per_sample == 0:
+            _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
+        _advance(b, lanes, h)
+        _move_parts(b, lanes, parts, h)
+        if not _sound(b, lanes, h):
+            _fail(b, lanes, t + h, counts)
+    return _alive(b, lanes)
+
+
+def width(parts: int, joints: int) -> int:
+    """Numbers of a row of the log."""
+    return 17 + 7 + joints + 6 + joints + 2 * parts
+
+
+def empty_block(size: int) -> np.ndarray:
+    """A block of `size` zeros that begins on a line of the cache."""
+    raw = np.zeros(size + 8)
+    first = (-raw.ctypes.data % 64) // 8
+    return raw[first : first + size]

@@ -1,0 +1,323 @@
+"""Lanes: scenarios flown by the Fossen model, many at once, with the log of the MuJoCo twin.
+
+Scenarios whose vehicles have one structure, step and sample period share blocks; results do not
+depend on which, nor on the number of threads.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import functools
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import FloorError, InputError, SimulationUnstable
+from twin.fossen import lanes as ln
+from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
+from twin.frames import euler_to_quaternion
+from twin.mission.mission_file import GAINS, GUIDANCE_STATE
+from twin.numbers import Array
+from twin.physics.lookup_tables import Tables, tables_of
+from twin.physics.mujoco_model import with_hydrodynamics
+from twin.physics.native import block as b
+from twin.physics.obstacles import obstacle_names
+from twin.physics.outcome import trajectory
+from twin.physics.scenario import Scenario
+from twin.physics.stiffness import file_timestep
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+
+END_CHECK_PERIOD = 30.0
+"""[s] between looks whether a mission without a duration has been flown"""
+CHUNK = 64
+"""Samples of a block between two copies out of its log"""
+LONGEST_STEP = 1.0
+"""[s]"""
+
+
+class Lane:
+    """One scenario, ready to fly in a block.
+
+    Raises:
+      InputError, VehicleError, MissionError, CurrentError, FloorError: it cannot be flown in lanes;
+        the message says what is in the way.
+    """
+
+    def __init__(self, scenario: Scenario):
+        self.scenario = scenario
+        vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
+        _check(scenario, vehicle)
+        self.vehicle = vehicle
+        self.duration = scenario.run_time()
+        self.tables: Tables = tables_of(scenario, self.duration)
+        ballast = scenario.ballast
+        volume = None if ballast is None else ballast.neutral_volume(vehicle, scenario.density)
+        self.structure, self.numbers = structure_of(
+            vehicle, neutral_volume=volume, zeros=scenario.encoder_zeros
+        )
+        self.timestep = scenario.timestep or file_timestep(vehicle)
+        self.per_sample = _whole(scenario.sample_period, self.timestep)
+        self.samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
+        self.joints = _driving(vehicle.xml)
+        self.row = b.log_row(7 + len(self.joints), 6 + len(self.joints), len(vehicle.parts))
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What scenarios of one block share."""
+        return self.structure, self.timestep, self.per_sample, self.joints
+
+    def state(self) -> Array:
+        """Where it starts, shape (STATE_WORDS,)."""
+        start = self.scenario.begin
+        water = self.vehicle.hull_reference_temperature
+        if self.tables.temperature.size:
+            from twin.water.density import density_at
+
+            water = float(density_at(self.tables.temperature, start.depth))
+        return np.array(
+            [
+                *(start.north, start.east, start.depth),
+                *euler_to_quaternion(start.roll, start.pitch, start.heading),
+                *start.v_rel,
+                *start.rates,
+                water,
+            ]
+        )
+
+
+def _check(scenario: Scenario, vehicle: Vehicle) -> None:
+    """Refuse what lanes cannot do, by its name."""
+    reasons = {
+        "navigate": scenario.navigate is not None,
+        "integrator": scenario.integrator is not None,
+        "centred=False": not scenario.centred,
+    }
+    for name, there in reasons.items():
+        if there:
+            raise InputError(
+                f"scenario: {name} is not possible with engine='lanes', which has an integrator of "
+                "its own and no Python between its steps; leave it out or take engine='mujoco'"
+            )
+    found = obstacle_names(vehicle.xml)
+    if found:
+        names = ", ".join(name or "a geom without a name" for name in found)
+        raise InputError(
+            f"vehicle {vehicle.name!r} has obstacles ({names}), which engine='lanes' would "
+            " fly through; take engine='mujoco'"
+        )
+
+
+def _whole(period: float, step: float) -> int:
+    steps = period / step
+    if not 0.0 < step <= LONGEST_STEP:
+        raise InputError(f"timestep {step:g} s is outside 0 to {LONGEST_STEP:g} s")
+    if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
+        nearest = max(1, round(steps)) * step
+        raise InputError(
+            f"sample period {period:g} s is not a whole number of steps of {step:g} s; the nearest "
+            f"is {nearest:g} s"
+        )
+    return round(steps)
+
+
+@functools.lru_cache(maxsize=64)
+def _driving(xml: str) -> tuple[int, ...]:
+    """Part that drives each joint of the file, in the order of MuJoCo's positions."""
+    root = ElementTree.fromstring(xml)
+    names = [joint.get("name") for joint in root.iter("joint") if joint.get("name")]
+    actuators = root.find("actuator")
+    by_joint = {
+        actuator.get("joint"): index
+        for index, actuator in enumerate(actuators if actuators is not None else ())
+    }
+    return tuple(by_joint[name] for name in names if name in by_joint)
+
+
+class _Block:
+    """Up to as many lanes as the widest block has, of one key."""
+
+    def __init__(self, lanes: Sequence[Lane]):
+        first = lanes[0]
+        self.lanes = lanes
+        self.width = next(width for width in LANES if len(lanes) <= width)
+        structure: Structure = first.structure
+        self.b = ln.empty_block(structure.size * self.width)
+        self.rate = structure.rate(self.width)
+        rows = self.b.reshape(-1, self.width)
+        count, parts = self.width, structure.parts
+        # what fills a block up stands still beside the others
+        filled = [lanes[min(k, len(lanes) - 1)] for k in range(count)]
+        vehicles = [lane.vehicle for lane in filled]
+        rows[structure.numbers_at :] = np.array([lane.numbers for lane in filled]).T
+        rows[AT["state"] : AT["state"] + ln.STATE_WORDS] = np.array([m.state() for m in filled]).T
+        rows[AT["looked"] + 3] = -np.inf
+        rows[AT["length"]] = [v.hull_length for v in vehicles]
+        rows[AT["diameter"]] = [v.hull_diameter for v in vehicles]
+        rows[AT["density"]] = [v.reference_density for v in vehicles]
+        rows[AT["temperature"]] = [v.hull_reference_temperature for v in vehicles]
+        rows[AT["alive"], : len(lanes)] = 1.0
+        begin = np.array(
+            [
+                np.clip(
+                    m.scenario.begin.positions(m.vehicle.part_names, m.vehicle.rest),
+                    m.vehicle.actuator_min,
+                    m.vehicle.actuator_max,
+                )
+                for m in filled
+            ]
+        ).reshape(count, parts)
+        columns: dict[str, Any] = {
+            "now": begin,
+            "command": begin,
+            "low": [v.actuator_min for v in vehicles],
+            "high": [v.actuator_max for v in vehicles],
+            "lag": [v.actuator_lag for v in vehicles],
+            "rate": [v.actuator_rate for v in vehicles],
+            "one_way": [[float(part.one_way) for part in v.parts] for v in vehicles],
+        }
+        for name, values in columns.items():
+            at = PARTS_AT + PART.index(name) * parts
+            rows[at : at + parts] = np.reshape(values, (count, parts)).T
+        self._tables(filled, begin)
+
+    def _tables(self, filled: Sequence[Lane], begin: Array) -> None:
+        """What guidance and water read, of every lane."""
+        count = len(filled)
+        plans = [lane.tables.plan for lane in filled]
+        self.plan_rows = np.array([len(plan) for plan in plans])
+        columns = max(plan.shape[1] if len(plan) else 0 for plan in plans)
+        self.plans = np.zeros((count, max(self.plan_rows.max(), 1), max(columns, 1)))
+        for mine, plan in zip(self.plans, plans, strict=True):
+            mine[: len(plan), : plan.shape[1]] = plan
+        self.gains = np.zeros((count, GAINS))
+        self.guided = np.zeros((count, GUIDANCE_STATE))
+        self.wanted = begin.copy()
+        self.counts = np.zeros((count, len(ln.COUNTS)))
+        self.counts[:, ln.FLOOR_TIME] = np.nan
+        control = {b.CONTROL_NONE: ln.NO_CONTROL, b.CONTROL_MISSION: ln.PLAN,
+                   b.CONTROL_SCHEDULE: ln.SCHEDULE}  # fmt: skip
+        self.periods = np.zeros(count)
+        for k, lane in enumerate(filled):
+            if lane.tables.gains is not None:
+                self.gains[k] = lane.tables.gains
+            self.counts[k, ln.CONTROL] = control[lane.tables.control]
+            self.counts[k, ln.OPEN_ENDED] = float(lane.scenario.open_ended)
+            self.counts[k, ln.SAMPLES] = lane.samples
+            scheduled = lane.tables.control == b.CONTROL_SCHEDULE
+            self.periods[k] = lane.timestep if scheduled else lane.vehicle.control_period
+        names = ("current", "density", "temperature", "floor")
+        self.water = [_joined([getattr(lane.tables, name) for lane in filled]) for name in names]
+
+    def fly(self) -> list[tuple[NDArray[Any], Any]]:
+        """Fly to the end; rows of the log and the last record of `block.STATE` of each lane."""
+        first = self.lanes[0]
+        joints = np.array(first.joints, dtype=np.int64)
+        last = max((lane.samples - 1) * first.per_sample + 1 for lane in self.lanes)
+        width = first.row.itemsize // 8
+        found = [np.zeros((lane.samples, width)) for lane in self.lanes]
+        size = min(CHUNK, max(lane.samples for lane in self.lanes))
+        log = np.zeros((self.width, size, width))
+        look = max(1, round(END_CHECK_PERIOD / first.timestep))
+        programs = [array for pair in self.water for array in pair]
+        taken = np.zeros(len(self.lanes), int)
+        for sample in range(0, -(-last // first.per_sample), size):
+            begin, end = sample * first.per_sample, (sample + size) * first.per_sample
+            alive = ln.fly(
+                self.b, self.width, self.b.ctypes.data, self.rate.address,
+                first.structure.parts, joints, first.timestep, begin, min(end, last),
+                first.per_sample, look, self.counts, self.plans, self.plan_rows, self.periods,
+                self.gains, self.guided, self.wanted, *programs, log, sample,
+            )  # fmt: skip
+            for k, rows in enumerate(found):
+                logged = int(self.counts[k, ln.LOGGED])
+                rows[taken[k] : logged] = log[k, : logged - taken[k]]
+                taken[k] = logged
+            if alive == 0:
+                break
+        return [
+            (rows[: taken[k]].view(first.row)[:, 0], self._ours(k)) for k, rows in enumerate(found)
+        ]
+
+    def _ours(self, k: int) -> Any:
+        ours = np.zeros(1, b.STATE)[0]
+        ours["failed"], ours["fail_time"] = self.counts[k, [ln.FAILED, ln.FAIL_TIME]]
+        ours["guidance"] = self.guided[k]
+        return ours
+
+
+def _joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
+    """Tables behind each other, and where each begins; the same one only once is not needed."""
+    places = np.concatenate([[0], np.cumsum([table.size for table in tables])]).astype(np.int64)
+    return np.concatenate([*tables, np.zeros(0)]), places
+
+
+def fly_in_lanes(
+    scenarios: Sequence[Scenario], *, threads: int = 0, single: bool = False
+) -> list[Trajectory | SimulationUnstable]:
+    """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
+
+    Each element is the trajectory, or the `SimulationUnstable` that ended it. `single`: errors name
+    no index of a mission.
+
+    Raises:
+      InputError and others as of `Lane`: a scenario cannot be flown so.
+      FloorError: a vehicle came to the sea floor, which lanes do not feel.
+    """
+    lanes = [Lane(scenario) for scenario in scenarios]
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for index, lane in enumerate(lanes):
+        groups.setdefault(lane.key, []).append(index)
+    widest = LANES[-1]
+    blocks = [
+        members[k : k + widest]
+        for members in groups.values()
+        for k in range(0, len(members), widest)
+    ]
+    results: list[Trajectory | SimulationUnstable | None] = [None] * len(lanes)
+
+    def fly(members: list[int]) -> None:
+        block = _Block([lanes[index] for index in members])
+        for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(), strict=True)):
+            results[index] = _outcome(
+                lanes[index], rows, ours, block.counts[k], None if single else index
+            )
+
+    count = threads or os.cpu_count() or 1
+    if count == 1 or len(blocks) == 1:
+        for members in blocks:
+            fly(members)
+    else:
+        with concurrent.futures.ThreadPoolExecutor(count) as pool:
+            list(pool.map(fly, blocks))
+    return [result for result in results if result is not None]
+
+
+def _outcome(
+    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None
+) -> Trajectory | SimulationUnstable:
+    """What one lane flew."""
+    if not math.isnan(counts[ln.FLOOR_TIME]):
+        raise FloorError(
+            f"{'' if index is None else f'mission {index}: '}the vehicle came to the sea floor at "
+            f"{counts[ln.FLOOR_TIME]:.0f} s, which engine='lanes' does not feel; take "
+            "engine='mujoco', or turn higher above the floor (min_altitude_m)"
+        )
+    try:
+        return trajectory(
+            lane.scenario,
+            rows,
+            ours,
+            index,
+            timestep=lane.timestep,
+            half_step=0.0,
+            floor=lane.tables.floor,
+            contacts=False,
+        )
+    except SimulationUnstable as error:
+        return error
