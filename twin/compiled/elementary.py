@@ -19,7 +19,7 @@ HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.022266248795
 TAN_PI_8 = 0.4142135623730950488
 SQUARINGS = 6
 """of `exp`: its series is taken at a 64th of the argument"""
-LOWEST = -700.0
+LOWEST = -40.0
 """below this `exp` is that of it, and nothing to anybody"""
 
 scalar = jit(forceinline=True)
