@@ -14,8 +14,7 @@ from twin.compiled import jit
 from twin.numbers import Array
 
 MEMORY = 2
-"""What `followed` remembers: first position of the leg that is flown (NaN: none yet), its begin
-[s]"""
+"""Numbers that `followed` remembers, at first 0: first position of the leg, and its begin [s]"""
 HEAD = 3
 """Numbers of a table before those of its segments"""
 
@@ -39,17 +38,12 @@ class FollowedPositions:
         return np.concatenate([head, np.ravel(self.legs), self.positions]).astype(float)
 
 
-def new_memory() -> Array:
-    """Before the first leg, (MEMORY,)."""
-    return np.array([np.nan, 0.0])
-
-
 @jit(nogil=True)
 def followed(table, memory, time, segment):  # type: ignore[no-untyped-def]
     """Position of the part at a time [s] in a segment of the mission.
 
     Args:
-      table: of `FollowedPositions.table`. memory: of `new_memory`, (MEMORY,); it is updated.
+      table: of `FollowedPositions.table`. memory: (MEMORY,); it is updated.
     """
     count = int(table[2])
     k = HEAD + 2 * min(int(segment), count - 1)

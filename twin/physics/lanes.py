@@ -22,6 +22,7 @@ from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import lanes as ln
 from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
 from twin.frames import euler_to_quaternion
+from twin.mission.followed_positions import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
 from twin.physics.lookup_tables import Plans, Tables, tables_of
@@ -51,9 +52,18 @@ class Lane:
         the message says what is in the way.
     """
 
-    def __init__(self, scenario: Scenario, plans: Plans | None = None):
-        """`plans`: see `tables_of`."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        plans: Plans | None = None,
+        *,
+        until_flown: bool = False,
+        follow: FollowedPositions | None = None,
+    ):
+        """`plans` as of `tables_of`, the others as of `fly_in_lanes`."""
         self.scenario = scenario
+        self.open_ended = until_flown or scenario.open_ended
+        self.followed = np.zeros(0) if follow is None else follow.table()
         vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
         _check(scenario, vehicle)
         self.vehicle = vehicle
@@ -210,12 +220,13 @@ class _Block:
             if lane.tables.gains is not None:
                 self.gains[k] = lane.tables.gains
             self.counts[k, ln.CONTROL] = control[lane.tables.control]
-            self.counts[k, ln.OPEN_ENDED] = float(lane.scenario.open_ended)
+            self.counts[k, ln.OPEN_ENDED] = float(lane.open_ended)
             self.counts[k, ln.SAMPLES] = lane.samples
             scheduled = lane.tables.control == b.CONTROL_SCHEDULE
             self.periods[k] = lane.timestep if scheduled else lane.vehicle.control_period
         names = ("current", "density", "temperature", "floor")
         self.water = [_joined([getattr(lane.tables, name) for lane in filled]) for name in names]
+        self.water.append(_joined([lane.followed for lane in filled]))
 
     def fly(self, lean: bool = False) -> list[tuple[NDArray[Any], Any]]:
         """Fly to the end; rows of the log and the last record of `block.STATE` of each lane.
@@ -265,7 +276,13 @@ def _joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
 
 
 def fly_in_lanes(
-    scenarios: Sequence[Scenario], *, threads: int = 0, single: bool = False, lean: bool = False
+    scenarios: Sequence[Scenario],
+    *,
+    threads: int = 0,
+    single: bool = False,
+    lean: bool = False,
+    until_flown: bool = False,
+    follow: Sequence[FollowedPositions] = (),
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
 
@@ -274,13 +291,18 @@ def fly_in_lanes(
     Args:
       single: errors name no index of a mission.
       lean: trajectories hold few signals, see `true_signals.from_log`.
+      until_flown: a run ends when its mission is flown, though it has a duration.
+      follow: of each scenario a part that follows positions and not its guidance; none by default.
 
     Raises:
       InputError and others as of `Lane`: a scenario cannot be flown so.
       FloorError: a vehicle came to the sea floor, which lanes do not feel.
     """
     plans: Plans = {}
-    lanes = [Lane(scenario, plans) for scenario in scenarios]
+    lanes = [
+        Lane(scenario, plans, until_flown=until_flown, follow=positions)
+        for scenario, positions in itertools.zip_longest(scenarios, follow)
+    ]
     groups: dict[tuple[Any, ...], list[int]] = {}
     for index, lane in enumerate(lanes):
         groups.setdefault(lane.key, []).append(index)
