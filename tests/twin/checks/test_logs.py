@@ -170,6 +170,26 @@ def test_a_rudder_of_any_name_is_the_logs_fin() -> None:
     assert (turning.part, turning.signal, turning.same) == ("rudder", "measured_fin", True)
 
 
+def test_lanes_fly_the_dives_to_the_same_figures(log: Path, vehicle: Vehicle) -> None:
+    usual, lanes = (check_logs(log, vehicle, engine=engine) for engine in ("mujoco", "lanes"))
+    assert usual.beside_mujoco is None
+    assert "engine" not in usual.describe()
+    said = lanes.describe()
+    assert said["engine"] == "lanes"
+    assert 0.0 < said["beside_mujoco"]["position_m"] < 0.5
+    assert lanes.beyond == []
+    for name, phase in usual.phases.items():
+        theirs, ours = phase.twin, lanes.phases[name].twin
+        assert theirs is not None
+        assert ours is not None
+        assert ours.depth_rate == pytest.approx(theirs.depth_rate, rel=1e-3)
+        assert ours.speed == pytest.approx(theirs.speed, rel=1e-3)
+        assert ours.pitch == pytest.approx(theirs.pitch, abs=0.02)
+        # on the log's own turns
+        assert ours.turn_per_actuator == pytest.approx(theirs.turn_per_actuator, rel=0.01)
+    assert all(one.provenance["ended"] == "flown" for one in lanes.flights)
+
+
 # --- errors ---------------------------------------------------------------------------------------
 
 

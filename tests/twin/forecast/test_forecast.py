@@ -174,6 +174,54 @@ def test_results_do_not_depend_on_the_threads() -> None:
     assert found[0].describe() == found[1].describe()
 
 
+def test_lanes_and_mujoco_fly_the_same_draws_to_the_same_places() -> None:
+    request = asked(members=10, hours=0.5)
+    known = known_without_logs(36.8, UNIX)
+    lanes = forecast(request, known)
+    mujoco = forecast(dataclasses.replace(request, engine="mujoco"), known)
+    ours, theirs = lanes.surfacings[0], mujoco.surfacings[0]
+    # a sample of 10 s may be one sooner or later: 4 m at 0.4 m/s, and the depth's rate the same
+    apart = np.linalg.norm(ours.members - theirs.members, axis=1)
+    assert 0.0 < apart.max() < 8.0
+    assert ours.time_s == pytest.approx(theirs.time_s, abs=10.0)
+    assert ours.energy_kj == pytest.approx(theirs.energy_kj, rel=0.01)
+    assert (lanes.describe()["engine"], mujoco.describe()["engine"]) == ("lanes", "mujoco")
+    assert mujoco.describe()["beside_mujoco"] is None
+
+
+def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
+    request, known = asked(members=10, hours=0.5), known_without_logs(36.8, UNIX)
+    said = forecast(request, known).describe()["beside_mujoco"]
+    one = members_of(request, known).scenarios[0]
+    ours, theirs = (
+        twin.simulate(dataclasses.replace(one, engine=engine)) for engine in ("lanes", "mujoco")
+    )
+    off = np.linalg.norm(ours.position[-1] - theirs.position[-1])
+    assert said["position_m"] == pytest.approx(off, rel=1e-9)
+    assert 0.0 < said["position_m"] < 2.0
+    speeds = [t["true_velocity_north"][-1] for t in (ours, theirs)]
+    assert said["speed_m_s"] >= abs(speeds[0] - speeds[1])
+    assert said["time_s"] == one.duration // 10.0 * 10.0
+    assert said["unstable"] == ""
+
+
+def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
+    failure = twin.SimulationUnstable("too stiff", mission=0, time_s=1.0)
+    monkeypatch.setattr("twin.forecast.surfacing_forecast.flown_in_mujoco", lambda _: failure)
+    said = forecast(asked(members=10, hours=0.3), known_without_logs(36.8, UNIX)).beside_mujoco
+    assert np.isnan(said.position_m)
+    assert said.text == "MuJoCo could not fly it: too stiff"
+
+
+def test_lanes_fly_the_vehicle_file_s_own_step_and_mujoco_a_longer_one() -> None:
+    known = known_without_logs(36.8, UNIX)
+    steps = [
+        members_of(asked(members=10, engine=engine), known).scenarios[3].timestep
+        for engine in ("lanes", "mujoco")
+    ]
+    assert steps == [None, 0.2]
+
+
 def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
     request = asked(field=Uniform(north=0.0, east=0.3), field_error=0.05, hours=0.5)
     drawn = members_of(request, known_without_logs(36.8, UNIX))
@@ -368,6 +416,8 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     said = capsys.readouterr()
     answer = json.loads(said.out)
     assert answer["flown"] == 10
+    assert answer["engine"] == "lanes"
+    assert 0.0 < answer["beside_mujoco"]["position_m"] < 5.0
     assert "8 dives" in answer["spread"]["current"]
     assert answer["surfacings"][0]["ellipse_90"]["semi_major_m"] > 20.0
     # it drifts with what the fixes have told
@@ -406,6 +456,7 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
         (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
         (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--engine", "lane"], "lanes"),
     ],
 )
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
