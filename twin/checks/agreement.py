@@ -225,9 +225,9 @@ class EndsApart:
 
     time_s: float
     """[s] of the sample that is compared"""
-    position_m: float
-    """NaN where MuJoCo's flight did not come so far"""
-    speed_m_s: float
+    position_m: float | None
+    """None where MuJoCo's flight did not come so far"""
+    speed_m_s: float | None
     """of the difference of the velocities over ground"""
     unstable: str = ""
     """Why MuJoCo's flight did not come so far"""
@@ -235,7 +235,7 @@ class EndsApart:
     @property
     def text(self) -> str:
         """In words."""
-        if self.unstable:
+        if self.position_m is None or self.speed_m_s is None:
             return f"MuJoCo could not fly it: {self.unstable}"
         return (
             f"MuJoCo ends {self.position_m:.2g} m and {1e3 * self.speed_m_s:.2g} mm/s from it "
@@ -264,7 +264,7 @@ def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstabl
       state: its own, see `state_at`.
     """
     if isinstance(theirs, SimulationUnstable):
-        return EndsApart(time_s=time, position_m=math.nan, speed_m_s=math.nan, unstable=str(theirs))
+        return EndsApart(time_s=time, position_m=None, speed_m_s=None, unstable=str(theirs))
     off = state - state_at(theirs, int(np.abs(theirs.time - time).argmin()))
     return EndsApart(
         time_s=time,

@@ -15,7 +15,14 @@ from factory.importing import import_logs
 from twin.__main__ import PROGRAM
 from twin.cli.console import Console
 from twin.commands.forecast import ForecastSurfacings
-from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
+from twin.errors import (
+    CurrentError,
+    InputError,
+    MissionError,
+    SimulationUnstable,
+    StoreError,
+    WriteError,
+)
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
@@ -206,10 +213,10 @@ def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
 
 
 def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
-    failure = twin.SimulationUnstable("too stiff", mission=0, time_s=1.0)
+    failure = SimulationUnstable("too stiff", mission=0, time_s=1.0)
     monkeypatch.setattr("twin.forecast.surfacing_forecast.flown_in_mujoco", lambda _: failure)
     said = forecast(asked(members=10, hours=0.3), known_without_logs(36.8, UNIX)).beside_mujoco
-    assert np.isnan(said.position_m)
+    assert said.position_m is None
     assert said.text == "MuJoCo could not fly it: too stiff"
 
 
