@@ -19,8 +19,14 @@ from twin.checks.heading_leg import Turning
 from twin.checks.log_flight import legs_flown, mission_of, scenario_of, segment_legs
 from twin.checks.replayed_dive import ReplayedDive
 from twin.errors import SimulationUnstable
-from twin.mission.controller import Command, MissionController, Observation
-from twin.mission.followed_positions import MEMORY, FollowedPositions, followed
+from twin.mission.controller import (
+    MEMORY,
+    Command,
+    FollowedPositions,
+    MissionController,
+    Observation,
+    followed,
+)
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.simulation import Simulation

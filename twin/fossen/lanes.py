@@ -26,7 +26,7 @@ from twin.compiled import elementary, jit
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
-from twin.mission.followed_positions import MEMORY, followed
+from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.water.current.sampler import sample_gradient

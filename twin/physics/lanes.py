@@ -22,7 +22,7 @@ from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import lanes as ln
 from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
 from twin.frames import euler_to_quaternion
-from twin.mission.followed_positions import FollowedPositions
+from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
 from twin.physics.lookup_tables import Plans, Tables, tables_of

@@ -16,8 +16,7 @@ from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
 from twin.fossen.structure import LANES
-from twin.mission.controller import Schedule
-from twin.mission.followed_positions import FollowedPositions
+from twin.mission.controller import FollowedPositions, Schedule
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.stiffness import file_timestep
 from twin.vehicle.presets import vehicle_names
