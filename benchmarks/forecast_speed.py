@@ -2,7 +2,9 @@
 
     python -m benchmarks.forecast_speed
 
-Other work on the machine makes the clock's seconds longer; the processor's say what it takes.
+In lanes and in MuJoCo, one after the other. Before lanes are timed, a short forecast compiles the
+vehicle's structure; `first_call_s` is what that takes. Other work on the machine makes the clock's
+seconds longer; the processor's say what it takes.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ import os
 import time
 
 from twin.forecast import Request, forecast, known_without_logs, mission_to
+from twin.forecast.request import LEAST_MEMBERS
+from twin.physics.scenario import ENGINES
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Origin
 
@@ -21,14 +25,17 @@ PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:0
 UNIX = 1.795e9
 
 
-def measure(vehicle: str, members: int, hours: float, threads: int) -> dict[str, float]:
+def measure(
+    vehicle: str, members: int, hours: float, threads: int, engine: str
+) -> dict[str, float]:
     """Fly one forecast whose dive ends when it does."""
     mission = mission_to(
         "38,-122.4", depth=200.0, pitch_deg=26.0, surface_after_s=0.93 * HOUR * hours, radius=500.0
     )
     request = Request(
-        vehicle=load_vehicle(vehicle), mission=mission, place=PLACE, hours=hours, members=members
-    )
+        vehicle=load_vehicle(vehicle), mission=mission, place=PLACE, hours=hours, members=members,
+        engine=engine,
+    )  # fmt: skip
     known = known_without_logs(PLACE.latitude_deg, UNIX)
     moments: list[float] = []
     begun, used = time.perf_counter(), time.process_time()
@@ -49,7 +56,11 @@ def measure(vehicle: str, members: int, hours: float, threads: int) -> dict[str,
         "processor_s": processor,
         "processor_s_per_core": processor / cores,
         "cores": cores,
-    }
+        **({} if found.beside_mujoco is None else {
+            "position_from_mujoco_m": found.beside_mujoco.position_m,
+            "speed_from_mujoco_m_s": found.beside_mujoco.speed_m_s,
+        }),
+    }  # fmt: skip
 
 
 def main() -> None:
@@ -60,8 +71,23 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=6.0)
     parser.add_argument("--threads", type=int, default=0)
     options = parser.parse_args()
-    figures = measure(options.vehicle, options.members, options.hours, options.threads)
-    print(json.dumps({name: round(value, 3) for name, value in figures.items()}))
+    begun = time.perf_counter()
+    measure(options.vehicle, LEAST_MEMBERS, 0.1, options.threads, "lanes")
+    compiled = time.perf_counter() - begun
+    found = {
+        engine: measure(options.vehicle, options.members, options.hours, options.threads, engine)
+        for engine in ENGINES
+    }
+    found["lanes"]["first_call_s"] = compiled
+    print(
+        json.dumps(
+            {
+                engine: {name: float(f"{value:.4g}") for name, value in figures.items()}
+                for engine, figures in found.items()
+            },
+            indent=1,
+        )
+    )
 
 
 if __name__ == "__main__":

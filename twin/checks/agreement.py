@@ -16,6 +16,7 @@ from twin.checks.published import (
     published_flights,
     published_glides,
 )
+from twin.errors import SimulationUnstable
 from twin.fossen import FossenModel, FossenState, FossenTrajectory
 from twin.fossen.model import DEFAULT_DT
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
@@ -216,6 +217,60 @@ def check_manoeuvres(
         manoeuvre = draw_manoeuvre(vehicle, index, duration)
         differences.append(compare(*fly_both(vehicle, manoeuvre, duration, timestep), index))
     return differences
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EndsApart:
+    """How far a flight in lanes ended from that of its scenario in MuJoCo."""
+
+    time_s: float
+    """[s] of the sample that is compared"""
+    position_m: float | None
+    """None where MuJoCo's flight did not come so far"""
+    speed_m_s: float | None
+    """of the difference of the velocities over ground"""
+    unstable: str = ""
+    """Why MuJoCo's flight did not come so far"""
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        if self.position_m is None or self.speed_m_s is None:
+            return f"MuJoCo could not fly it: {self.unstable}"
+        return (
+            f"MuJoCo ends {self.position_m:.2g} m and {1e3 * self.speed_m_s:.2g} mm/s from it "
+            f"after {self.time_s / 3600.0:.2f} h"
+        )
+
+
+def flown_in_mujoco(scenario: Scenario) -> Trajectory | SimulationUnstable:
+    """A scenario of any engine flown in MuJoCo, at the step of its vehicle's file."""
+    try:
+        return simulate(dataclasses.replace(scenario, engine="mujoco", timestep=None))
+    except SimulationUnstable as error:
+        return error
+
+
+def state_at(run: Trajectory, index: int) -> Array:
+    """North, east, depth [m] and the velocity over ground, NED [m/s], at a sample, (6,)."""
+    velocity = [run[f"true_velocity_{axis}"][index] for axis in ("north", "east", "down")]
+    return np.array([*run.position[index], *velocity])
+
+
+def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstable) -> EndsApart:
+    """How far a flight is from MuJoCo's at a time [s] that both have.
+
+    Args:
+      state: its own, see `state_at`.
+    """
+    if isinstance(theirs, SimulationUnstable):
+        return EndsApart(time_s=time, position_m=None, speed_m_s=None, unstable=str(theirs))
+    off = state - state_at(theirs, int(np.abs(theirs.time - time).argmin()))
+    return EndsApart(
+        time_s=time,
+        position_m=float(np.linalg.norm(off[:3])),
+        speed_m_s=float(np.linalg.norm(off[3:])),
+    )
 
 
 def check_published(vehicle: Vehicle | None = None) -> list[tuple[PublishedMotion, str, Trim]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.checks.agreement import EndsApart, ends_apart, state_at
 from twin.checks.calibrated import Calibrated, Uncalibrated
 from twin.checks.heading_leg import LEAST_RANGE, PHASES, Phase, Turning, turning_of
 from twin.checks.log_figures import phase_figures, turn_per_actuator
@@ -24,7 +25,7 @@ from twin.checks.log_samples import (
     logged_samples,
     notes_of,
 )
-from twin.checks.log_turns import fly_turns
+from twin.checks.log_turns import Turned, fly_turns
 from twin.checks.replayed_dive import ReplayedDive, read_dive
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.lazy import resolve
@@ -41,6 +42,7 @@ def check_logs(
     vehicle: str | Path | Vehicle | Calibrated,
     *,
     missions: Sequence[int] | None = None,
+    engine: str = "mujoco",
 ) -> LogCheck:
     """Fly the twin of a vehicle on the targets of logged dives, and compare.
 
@@ -49,6 +51,7 @@ def check_logs(
       vehicle: shipped name or path of an MJCF file, with the errors of the sensors that it holds;
         a vehicle, whose sensors are taken as exact; or `twin.identify.load_calibration(...)`.
       missions: rows of the store, all by default.
+      engine: what flies the twin, as of `Scenario`; of lanes the first dive is flown in MuJoCo too.
 
     Raises:
       StoreError: no store of logs, no such row, no pitch or pump, or no whole dive in any row.
@@ -82,10 +85,10 @@ def check_logs(
         if powered:
             listed = ", ".join(map(str, powered))
             notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
-    flights = fly_dives(flown, dives)
+    flights = fly_dives(flown, dives, engine)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]
-    phases, more = _phases(flown, dives, flights, turning)
+    phases, more = _phases(flown, dives, flights, turning, engine)
     return LogCheck(
         vehicle=flown,
         store=Path(store),
@@ -93,6 +96,8 @@ def check_logs(
         flights=tuple(flights),
         phases=phases,
         turning=turning,
+        engine=engine,
+        beside_mujoco=_beside_mujoco(flown, dives, flights) if engine == "lanes" else None,
         notes=(*notes, *more),
     )
 
@@ -136,6 +141,7 @@ def _phases(
     dives: Sequence[ReplayedDive],
     flights: Sequence[Trajectory | SimulationUnstable],
     turning: Turning | None,
+    engine: str,
 ) -> tuple[dict[Phase, PhaseComparison], list[str]]:
     """Log and twin in each phase that the log has, and what must be said about it."""
     pump = vehicle.steering["buoyancy"]
@@ -145,7 +151,12 @@ def _phases(
         if isinstance(flight, Trajectory)
     ]
     phases: dict[Phase, PhaseComparison] = {}
-    turned, notes = _turned(vehicle, flown, turning)
+    turned: list[Turned] = []
+    notes: list[str] = []
+    if turning is not None and turning.same:
+        turns = [(dive, flight) for dive, flight in flown if dive.turning is not None]
+        turned, failed = fly_turns(vehicle, turns, turning, engine)
+        notes = [f"on the log's own turns: {error}" for error in failed]
     for phase in PHASES:
         log = phase_figures([s for dive, _ in flown for s in logged_samples(dive, phase, pump)])
         if log is None:
@@ -183,15 +194,17 @@ def _phases(
     return phases, notes
 
 
-def _turned(
-    vehicle: Vehicle, flown: Sequence[tuple[ReplayedDive, Trajectory]], turning: Turning | None
-) -> tuple[list[tuple[ReplayedDive, Trajectory, Array]], list[str]]:
-    """The twin's flights on the log's own turns, where the same kind of part turns both."""
-    found, notes = [], []
-    for dive, flight in flown:
-        if turning is not None and turning.same and dive.turning is not None:
-            try:
-                found.append((dive, *fly_turns(vehicle, dive, flight, turning)))
-            except SimulationUnstable as error:
-                notes.append(f"on the log's own turns: {error}")
-    return found, notes
+def _beside_mujoco(
+    vehicle: Vehicle,
+    dives: Sequence[ReplayedDive],
+    flights: Sequence[Trajectory | SimulationUnstable],
+) -> EndsApart:
+    """Of the first dive that lanes flew."""
+    dive, flight = next(
+        (d, f) for d, f in zip(dives, flights, strict=True) if isinstance(f, Trajectory)
+    )
+    theirs = fly_dives(vehicle, [dive])[0]
+    last = len(flight.time) - 1
+    if isinstance(theirs, Trajectory):
+        last = min(last, len(theirs.time) - 1)
+    return ends_apart(float(flight.time[last]), state_at(flight, last), theirs)

@@ -165,13 +165,6 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     The position acts through a first-order lag, the one of TURN_LAGS that explains most. Each leg
     has a mean of its own: what turns a vehicle whose part is at 0 is not of the part.
     """
-    found = [fit for lag in TURN_LAGS if (fit := _turn_fit(legs, lag)) is not None]
-    slope, correlation = max(found, key=lambda fit: abs(fit[1]), default=(0.0, 0.0))
-    return slope if abs(correlation) >= LEAST_CORRELATION else None
-
-
-def _turn_fit(legs: Sequence[FigureSamples], lag: float) -> tuple[float, float] | None:
-    """Slope and correlation at a lag [s]; None where the part hardly moved."""
     rates, positions = [], []
     for leg in legs:
         window = max(round(TURN_WINDOW / leg.period), 5) | 1
@@ -180,21 +173,33 @@ def _turn_fit(legs: Sequence[FigureSamples], lag: float) -> tuple[float, float] 
         use = leg.steady
         if use.sum() < LEAST_SAMPLES:
             continue
-        rate = savgol_filter(leg.heading, window, 2, deriv=1, delta=leg.period)
-        position = leg.turning
-        if lag > 0.0:
-            share = 1.0 - np.exp(-leg.period / lag)
-            begin = [position[0] * (1.0 - share)]
-            position, _ = lfilter([share], [1.0, share - 1.0], position, zi=begin)
-        position = savgol_filter(position, window, 2)
-        rates.append(rate[use] - rate[use].mean())
-        positions.append(position[use] - position[use].mean())
+        rate = savgol_filter(leg.heading, window, 2, deriv=1, delta=leg.period)[use]
+        behind = np.array([_lagging(leg.turning, lag / leg.period) for lag in TURN_LAGS])
+        behind = savgol_filter(behind, window, 2)[:, use]
+        rates.append(rate - rate.mean())
+        positions.append(behind - behind.mean(axis=1, keepdims=True))
     if not rates:
         return None
-    rate, position = np.concatenate(rates), np.concatenate(positions)
+    fits = [_fit(np.concatenate(rates), one) for one in np.concatenate(positions, axis=1)]
+    slope, correlation = max(fits, key=lambda fit: abs(fit[1]))
+    return slope if abs(correlation) >= LEAST_CORRELATION else None
+
+
+def _lagging(position: Array, lag: float) -> Array:
+    """A position through a first-order lag of so many samples, which begins settled."""
+    if lag == 0.0:
+        return position
+    share = 1.0 - np.exp(-1.0 / lag)
+    begin = [position[0] * (1.0 - share)]
+    behind, _ = lfilter([share], [1.0, share - 1.0], position, zi=begin)
+    return np.asarray(behind)
+
+
+def _fit(rate: Array, position: Array) -> tuple[float, float]:
+    """Slope and correlation; 0 where the part hardly moved."""
     moved, turned = float(np.mean(position**2)), float(np.mean(rate**2))
     if moved < LEAST_MOVED**2 or turned == 0.0:
-        return None
+        return 0.0, 0.0
     together = float(np.mean(rate * position))
     return together / moved, together / np.sqrt(moved * turned)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -14,6 +15,7 @@ from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
 from twin.mission.mission_file import DONE
 from twin.mission.segments import SawTooth
+from twin.physics.lanes import fly_in_lanes
 from twin.physics.model_block import state
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
@@ -41,14 +43,22 @@ BEYOND = 0.05
 
 
 def fly_dives(
-    vehicle: Vehicle, dives: Sequence[ReplayedDive]
+    vehicle: Vehicle, dives: Sequence[ReplayedDive], engine: str = "mujoco"
 ) -> list[Trajectory | SimulationUnstable]:
     """The twin's flight on each dive's targets; of an unstable one the error with what it flew.
+
+    Args:
+      engine: as of `Scenario`; in lanes the dives fly side by side.
 
     Raises:
       InputError: the vehicle's pump cannot do what the log's did.
       MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
     """
+    if engine == "lanes":
+        scenarios = [
+            dataclasses.replace(closed_loop(vehicle, dive), engine=engine) for dive in dives
+        ]
+        return fly_in_lanes(scenarios, until_flown=True)
     flights: list[Trajectory | SimulationUnstable] = []
     with quiet_mujoco():
         for dive in dives:
@@ -61,14 +71,19 @@ def fly_dives(
 
 def _fly(vehicle: Vehicle, dive: ReplayedDive) -> Trajectory:
     """One dive, until it is flown or the twin has taken far longer than the log."""
-    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
-    simulation = Simulation(scenario_of(vehicle, dive, PATIENCE * logged))
+    simulation = Simulation(closed_loop(vehicle, dive))
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
         if simulation.failed or state(simulation.data)["guidance"][DONE]:
             break
         simulation.step(steps)
     return simulation.trajectory(dive.row)
+
+
+def closed_loop(vehicle: Vehicle, dive: ReplayedDive) -> Scenario:
+    """A dive on its targets, for as long as it may take."""
+    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    return scenario_of(vehicle, dive, PATIENCE * logged)
 
 
 def scenario_of(
@@ -142,12 +157,17 @@ def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
     )
 
 
+def segment_legs(dive: ReplayedDive) -> list[int]:
+    """Number of the leg of each segment of a dive's mission."""
+    return [k for k, target in enumerate(dive.targets) for _ in target.pieces]
+
+
 def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
     """Number of the log's leg that the twin was flying at each of its samples, (time,).
 
     -1 once it has flown all: a mission that holds goes on with its last segment.
     """
-    legs = [k for k, target in enumerate(dive.targets) for _ in target.pieces]
+    legs = segment_legs(dive)
     segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
     number = np.array(legs)[np.clip(segment, 0, len(legs) - 1)]
     last = dive.targets[-1]

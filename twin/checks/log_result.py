@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from twin.checks.agreement import EndsApart
 from twin.checks.heading_leg import PHASES, Phase, Turning
 from twin.checks.log_figures import PhaseFigures
 from twin.checks.log_flight import PATIENCE
@@ -80,6 +81,10 @@ class LogCheck:
     """The twin's flight of each dive"""
     phases: dict[Phase, PhaseComparison]
     turning: Turning | None
+    engine: str
+    """What flew the twin"""
+    beside_mujoco: EndsApart | None
+    """Of the first dive, where lanes flew it"""
     notes: tuple[str, ...]
     """What the log lacks or what stands in for it, one sentence each"""
 
@@ -103,6 +108,14 @@ class LogCheck:
         return {
             "vehicle": self.vehicle.name,
             "store": str(self.store),
+            **(
+                {}
+                if self.beside_mujoco is None
+                else {
+                    "engine": self.engine,
+                    "beside_mujoco": dataclasses.asdict(self.beside_mujoco),
+                }
+            ),
             "dives": len(self.dives),
             "missions": [dive.row for dive in self.dives],
             "legs": {phase: legs[phase] for phase in PHASES},

@@ -16,9 +16,18 @@ from numpy.typing import NDArray
 from scipy.signal import detrend
 
 from twin.checks.heading_leg import Turning
-from twin.checks.log_flight import mission_of, scenario_of
+from twin.checks.log_flight import legs_flown, mission_of, scenario_of, segment_legs
 from twin.checks.replayed_dive import ReplayedDive
-from twin.mission.controller import Command, MissionController, Observation
+from twin.errors import SimulationUnstable
+from twin.mission.controller import (
+    MEMORY,
+    Command,
+    FollowedPositions,
+    MissionController,
+    Observation,
+    followed,
+)
+from twin.physics.lanes import fly_in_lanes
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.simulation import Simulation
 from twin.records.trajectory import Trajectory
@@ -27,29 +36,33 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 
+Turned = tuple[ReplayedDive, Trajectory, Array]
+"""A dive, its flight with the log's turns, and the number of the leg at each sample, (time,)"""
+
+
 class _Turned:
     """Guidance whose turning part follows the log's positions from the start of each leg."""
 
-    def __init__(self, vehicle: Vehicle, dive: ReplayedDive, part: str, positions: Array):
+    def __init__(self, vehicle: Vehicle, dive: ReplayedDive, follow: FollowedPositions):
         self._guidance = MissionController(mission_of(vehicle, dive), vehicle)
-        self._legs = [k for k, target in enumerate(dive.targets) for _ in target.pieces]
-        self._dive, self._part, self._positions = dive, part, positions
+        self._legs = segment_legs(dive)
+        self._part = vehicle.part_names[follow.part]
+        self._table, self._memory = follow.table(), np.zeros(MEMORY)
         self.begun: list[tuple[float, int]] = []
         """[s] and number of each leg, -1 for the end"""
 
     def __call__(self, observation: Observation) -> Command:
         command = self._guidance(observation)
+        segment = self._guidance.segment
         leg = -1
         if not self._guidance.done:
-            leg = self._legs[min(self._guidance.segment, len(self._legs) - 1)]
+            leg = self._legs[min(segment, len(self._legs) - 1)]
         if not self.begun or leg != self.begun[-1][1]:
             self.begun.append((observation.time, leg))
         if leg < 0:
             return command
-        logged = self._dive.targets[leg].leg
-        since = round((observation.time - self.begun[-1][0]) / self._dive.period)
-        position = float(self._positions[min(logged.first + since, logged.last)])
-        return Command(**{**command, self._part: position})
+        position = followed(self._table, self._memory, observation.time, segment)
+        return Command(**{**command, self._part: float(position)})
 
     def legs(self, time: Array) -> Array:
         """Number of the leg at each time [s], (time,); -1 where none is flown."""
@@ -58,25 +71,60 @@ class _Turned:
 
 
 def fly_turns(
-    vehicle: Vehicle, dive: ReplayedDive, flown: Trajectory, turning: Turning
-) -> tuple[Trajectory, Array]:
-    """A dive with the log's turns, and the number of the leg at each sample, (time,).
+    vehicle: Vehicle,
+    flown: Sequence[tuple[ReplayedDive, Trajectory]],
+    turning: Turning,
+    engine: str = "mujoco",
+) -> tuple[list[Turned], list[SimulationUnstable]]:
+    """Dives with the log's turns, and what ended those that could not be flown.
 
     Args:
-      flown: the twin's flight of the dive in closed loop, which says how long it takes.
+      flown: dives that have turns, with the twin's flight in closed loop, which says how long one
+        takes.
       turning: whose part is of the log's kind.
-
-    Raises:
-      SimulationUnstable: with the trajectory up to that time as `partial`.
+      engine: as of `Scenario`; in lanes the dives fly side by side.
     """
+    follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
+    if engine == "lanes":
+        scenarios = [
+            dataclasses.replace(scenario_of(vehicle, d, float(f.time[-1])), engine=engine)
+            for d, f in flown
+        ]
+        runs = fly_in_lanes(scenarios, follow=follow)
+        return (
+            [
+                (dive, run, legs_flown(dive, run))
+                for (dive, _), run in zip(flown, runs, strict=True)
+                if isinstance(run, Trajectory)
+            ],
+            [run for run in runs if isinstance(run, SimulationUnstable)],
+        )
+    found: list[Turned] = []
+    failed: list[SimulationUnstable] = []
+    for (dive, flight), positions in zip(flown, follow, strict=True):
+        controller = _Turned(vehicle, dive, positions)
+        scenario = scenario_of(vehicle, dive, float(flight.time[-1]), plan=False)
+        try:
+            with quiet_mujoco():
+                run = Simulation(scenario).run(controller, mission=dive.row)
+        except SimulationUnstable as error:
+            failed.append(error)
+        else:
+            found.append((dive, run, controller.legs(run.time)))
+    return found, failed
+
+
+def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
+    """What the turning part does in place of its guidance."""
     assert dive.turning is not None
     part = vehicle.part(turning.part)
-    positions = np.clip(turning.sense * dive.turning / part.quantity.scale, part.low, part.high)
-    controller = _Turned(vehicle, dive, part.name, positions)
-    scenario = scenario_of(vehicle, dive, float(flown.time[-1]), plan=False)
-    with quiet_mujoco():
-        trajectory = Simulation(scenario).run(controller, mission=dive.row)
-    return trajectory, controller.legs(trajectory.time)
+    legs = [dive.targets[k].leg for k in segment_legs(dive)]
+    return FollowedPositions(
+        part=vehicle.part_names.index(part.name),
+        period=dive.period,
+        positions=np.clip(turning.sense * dive.turning / part.quantity.scale, part.low, part.high),
+        legs=tuple((leg.first, leg.last) for leg in legs),
+    )
 
 
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}

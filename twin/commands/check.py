@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 from twin.cli.console import Console, JsonOption
 
@@ -38,6 +39,9 @@ class CheckModels(JsonOption):
     log's pitch, pump, turning depths and headings, and is compared in dives and climbs"""
     missions: str | None = None
     """with --logs: missions of the store, such as 0-11,14 [default: all]"""
+    engine: Literal["mujoco", "lanes"] | None = None
+    """with --logs: what flies the twin: mujoco, or lanes, the Fossen model for all dives at once,
+    whose first dive is flown in MuJoCo too and the difference said [default: mujoco]"""
     page: Path | None = None
     """with --logs: folder for a page with plots (index.html and its figures as PNG)"""
 
@@ -45,7 +49,7 @@ class CheckModels(JsonOption):
         """Compare; exit code 1 when a limit is exceeded."""
         from twin.errors import InputError
 
-        by_logs = ("missions", "page")
+        by_logs = ("missions", "engine", "page")
         by_models = ("manoeuvres", "seed", "timestep")
         for name in by_logs if self.logs is None else by_models:
             if getattr(self, name) is not None:
@@ -71,16 +75,25 @@ class CheckModels(JsonOption):
             )
         if self.page is not None:
             check_page_target(self.page)
-        found = check_logs(store, self.vehicle, missions=parse_rows(self.missions or "all"))
+        found = check_logs(
+            store,
+            self.vehicle,
+            missions=parse_rows(self.missions or "all"),
+            engine=self.engine or "mujoco",
+        )
         console.table(
             log_check_rows(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives"
         )
         for text in found.notes:
             console.note(text)
+        if (beside := found.beside_mujoco) is not None:
+            say = console.warn if beside.unstable else console.say
+            say(f"dives flown in lanes; of the first one, {beside.text}")
         console.answer(**found.describe())
         if self.page is not None:
             rows = "" if self.missions is None else f" --missions {self.missions}"
-            command = f"twin check --logs {store} --vehicle {self.vehicle}{rows}"
+            engine = "" if self.engine is None else f" --engine {self.engine}"
+            command = f"twin check --logs {store} --vehicle {self.vehicle}{rows}{engine}"
             path = write_log_check(self.page, found, command)
             console.say(f"page: {path}")
             console.answer(page=path)

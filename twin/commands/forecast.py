@@ -74,6 +74,9 @@ class ForecastSurfacings(JsonOption):
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0
     """of the draws"""
+    engine: Literal["lanes", "mujoco"] = "lanes"
+    """what flies the members: lanes, the Fossen model for many at once, whose first member is
+    flown in MuJoCo too and the difference said; or mujoco"""
     threads: int = 0
     """of the fleets; 0 takes every core"""
     out: Path | None = None
@@ -205,6 +208,7 @@ class ForecastSurfacings(JsonOption):
             density=self.density,
             energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
+            engine=self.engine,
         )
         for note in request.notes():
             console.warn(note)
@@ -312,6 +316,9 @@ class _Shows:
             console.warn(found.left_out)
         if found.failed:
             console.warn(f"{found.failed} of {found.request.members} members went unstable")
+        if (beside := found.beside_mujoco) is not None:
+            say = console.warn if beside.unstable else console.say
+            say(f"members flown in lanes; of the first one, {beside.text}")
         left = "" if found.days_left is None else f", {found.days_left:.1f} days left"
         console.say(f"{found.energy_per_day} per day{left}")
         for name, words in found.spread.items():

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.checks.agreement import state_at
 from twin.errors import InaccurateStep, SimulationUnstable
 from twin.facade import in_water
 from twin.forecast.draws import (
@@ -28,16 +29,18 @@ from twin.forecast.draws import (
 )
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
+from twin.fossen.structure import LANES
 from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
 from twin.mission import Mission
 from twin.mission.segments.base import SURFACED_MARGIN_M
 from twin.navigation.current import CurrentParameters
 from twin.physics.fleet import Fleet
+from twin.physics.lanes import fly_in_lanes
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.trajectory import Trajectory
-from twin.vehicle.consumption import Consumption
+from twin.vehicle.consumption import ENERGY
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Series
 from twin.water.current.base import Current
@@ -48,9 +51,9 @@ Array = NDArray[np.float64]
 SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
 STEPS, SETTLED = 2.0, 0.75
-"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m. Where such a
-step times the vehicle's fastest rate is above `SETTLED` the file's own is flown: members differ by
-a fifth, and at 1 they would be unstable"""
+"""In MuJoCo, times the vehicle file's physics step: in six hours the end moves by less than 5 m.
+Where such a step times the vehicle's fastest rate is above `SETTLED` the file's own is flown:
+members differ by a fifth, and at 1 they would be unstable. Lanes fly the file's own"""
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -147,14 +150,15 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
             "heading": _first_heading(flown, request),
         },
         current=request.field,
-        timestep=_step(request.vehicle),
+        engine=request.engine,
+        timestep=None if request.engine == "lanes" else _step(request.vehicle),
         sample_period=SAMPLE_PERIOD,
     )
     return in_water(scenario, request.density)
 
 
 def _step(vehicle: Vehicle) -> float:
-    """[s] of the physics."""
+    """[s] of the physics in MuJoCo, which is explicit in what is not rotary damping."""
     own, stiff = file_timestep(vehicle), stiffness_of(vehicle)
     return own if stiff is not None and STEPS * own * stiff.rest > SETTLED else STEPS * own
 
@@ -197,8 +201,8 @@ def _current(field: Current | None, course: Array) -> Current:
     return series if field is None else field + series
 
 
-PER_CORE = 12
-"""Members of a fleet for each core: enough to keep the cores busy, few enough to show progress"""
+PER_CORE = {"mujoco": 12, "lanes": 4 * LANES[0]}
+"""Members for each core between two looks: enough to keep it busy, few enough to show progress"""
 UNDER = 3.0
 """Times the depth that counts as surfaced, beyond which the vehicle has dived"""
 THINNED = 30
@@ -221,38 +225,56 @@ class MemberFlight:
     """[s] of the flight"""
     taken: float
     """[J] in all"""
+    end: Array
+    """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
 
 
 def fly(
     scenarios: Sequence[Scenario], *, threads: int = 0
 ) -> Iterator[list[MemberFlight | SimulationUnstable]]:
-    """Fly the first member alone, then the others in fleets; yields what each fleet found.
+    """Fly the first member, then the others in fleets; yields what each fleet found.
+
+    In lanes the first ones fly together, which takes no longer, and are told one after the other.
 
     Args:
       threads: of a fleet; 0 takes every core.
     """
     cores = threads or os.cpu_count() or 1
-    rest = len(scenarios) - 1
-    fleets = max(1, math.ceil(rest / (PER_CORE * cores)))
-    ends = [1 + rest * k // fleets for k in range(fleets + 1)]
-    chunks = [scenarios[:1], *(scenarios[a:b] for a, b in itertools.pairwise(ends) if b > a)]
-    for chunk in chunks:
+    engine = scenarios[0].engine
+    first = LANES[0] if engine == "lanes" else 1
+    rest = max(len(scenarios) - first, 0)
+    fleets = math.ceil(rest / (PER_CORE[engine] * cores))
+    ends = [0, *(first + rest * k // fleets for k in range(fleets)), len(scenarios)]
+    for a, b in itertools.pairwise(ends):
+        found = _flown(scenarios[a:b], threads)
+        if a == 0:  # the mean of what is known, at once
+            yield found[:1]
+            found = found[1:]
+        if found:
+            yield found
+
+
+def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | SimulationUnstable]:
+    """One fleet."""
+    results: list[Trajectory | SimulationUnstable]
+    if scenarios[0].engine == "lanes":
+        results = fly_in_lanes(scenarios, threads=threads, lean=True)
+    else:
         with quiet_mujoco(), warnings.catch_warnings():
             # a millimetre per second is little beside what is not known of the current
             warnings.simplefilter("ignore", InaccurateStep)
-            results = Fleet(chunk, threads=threads).run()
-        yield [
-            result if isinstance(result, SimulationUnstable) else told(result, scenario)
-            for result, scenario in zip(results, chunk, strict=True)
-        ]
+            results = Fleet(scenarios, threads=threads).run()
+    return [
+        result if isinstance(result, SimulationUnstable) else told(result, scenario)
+        for result, scenario in zip(results, scenarios, strict=True)
+    ]
 
 
 def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
     """The surfacings of a run."""
     vehicle = scenario.vehicle
     found = surfacings(run["true_depth"], 0.5 * vehicle.hull_length + SURFACED_MARGIN_M)
-    energy = sum(Consumption.of(vehicle).signals(vehicle, run, run.time).values())
-    assert isinstance(energy, np.ndarray)
+    energy = np.sum([run[name] for name in run if name.startswith(ENERGY)], axis=0)
     return MemberFlight(
         time=run.time[found],
         place=run.position[found, :2],
@@ -260,6 +282,7 @@ def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
         track=run.position[::THINNED, :2],
         duration=float(run.time[-1]),
         taken=float(energy[-1]),
+        end=state_at(run, -1),
     )
 
 

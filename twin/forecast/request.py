@@ -11,8 +11,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from twin.errors import InputError, MissionError
+from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, Waypoint
+from twin.physics.scenario import ENGINES
 from twin.records.presence import is_store
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
@@ -53,8 +54,12 @@ class Request:
     """Energy left in the batteries [kW h]; None: no days left are told."""
     seed: int = 0
     """Of the draws."""
+    engine: str = "lanes"
+    """What flies the members, as `Scenario.engine`."""
 
     def __post_init__(self) -> None:
+        if self.engine not in ENGINES:
+            raise InputError(unknown_name("engine", str(self.engine), ENGINES))
         for name, least, most in (
             ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4),
         ):  # fmt: skip

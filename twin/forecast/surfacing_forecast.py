@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
 import datetime
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.forecast.known import Known
 from twin.forecast.members import SAMPLE_PERIOD, THINNED, MemberFlight, fly, members_of
@@ -42,6 +44,8 @@ class Forecast:
     """Mean electrical power."""
     left_out: str = ""
     """Why a surfacing within the hours is not told; empty: none is left out."""
+    beside_mujoco: EndsApart | None = None
+    """Of the first member, where lanes flew it; None before all have been flown."""
 
     @property
     def complete(self) -> bool:
@@ -93,6 +97,10 @@ class Forecast:
             },
             "hours": request.hours,
             "members": request.members,
+            "engine": request.engine,
+            "beside_mujoco": (
+                None if self.beside_mujoco is None else dataclasses.asdict(self.beside_mujoco)
+            ),
             "flown": self.flown,
             "failed": self.failed,
             "spread": self.spread,
@@ -162,7 +170,14 @@ def forecast(
     failed = 0
     first: Array | None = None
     found: Forecast | None = None
+    beside = None
+    if request.engine == "lanes":  # meanwhile
+        pool = concurrent.futures.ThreadPoolExecutor(1)
+        beside = pool.submit(flown_in_mujoco, members.scenarios[0])
+        pool.shutdown(wait=False)
+    nominal: MemberFlight | SimulationUnstable | None = None
     for chunk in fly(members.scenarios, threads=threads):
+        nominal = nominal or chunk[0]
         failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
         flights += [one for one in chunk if isinstance(one, MemberFlight)]
         if not flights:
@@ -187,4 +202,7 @@ def forecast(
             f"none of {request.members} members could be flown to its end: fly the mission with "
             "`twin simulate` to see why"
         )
+    if beside is not None and isinstance(nominal, MemberFlight):
+        apart = ends_apart(nominal.duration, nominal.end, beside.result())
+        found = dataclasses.replace(found, beside_mujoco=apart)
     return found

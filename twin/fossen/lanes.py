@@ -26,6 +26,7 @@ from twin.compiled import elementary, jit
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
+from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.water.current.sampler import sample_gradient
@@ -38,13 +39,13 @@ NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
 """What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
-    "logged",
+    "logged", "leg", "leg_time",
 )  # fmt: skip
 """Of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has failed,
 and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when its plan
-is done; samples of the whole run, and those that are logged"""
-TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED = range(
-    len(COUNTS)
+is done; samples of the whole run, and those that are logged; what `followed` remembers"""
+TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
+    len(COUNTS) - MEMORY + 1
 )
 
 STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
@@ -160,7 +161,21 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
 
 @jit(nogil=True)
 def _command(  # type: ignore[no-untyped-def]
-    b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at
+    b,
+    lanes,
+    t,
+    parts,
+    counts,
+    plans,
+    plan_rows,
+    periods,
+    gains,
+    guided,
+    wanted,
+    floors,
+    floor_at,
+    follows,
+    follow_at,
 ):
     """Guidance of every lane whose control period has passed; returns when the next one is due."""
     _turn(b, lanes)
@@ -203,6 +218,9 @@ def _command(  # type: ignore[no-untyped-def]
                 north,
                 east,
             )
+            if follow_at[l + 1] > follow_at[l] and guided[l, DONE] == 0.0:
+                table = follows[follow_at[l] : follow_at[l + 1]]
+                command[int(table[0])] = followed(table, mine[LEG:], t, guided[l, SEGMENT])
         for i in range(parts):
             b[(PARTS_AT + P_COMMAND * parts + i) * lanes + l] = command[i]
     due = math.inf
@@ -333,7 +351,8 @@ def _alive(b, lanes):  # type: ignore[no-untyped-def]
 def fly(  # type: ignore[no-untyped-def]
     b, lanes, address, rate, parts, joints, h, first, last, per_sample, per_look,
     counts, plans, plan_rows, periods, gains, guided, wanted, programs, program_at,
-    densities, density_at_, warmths, warmth_at, floors, floor_at, log, first_sample,
+    densities, density_at_, warmths, warmth_at, floors, floor_at,
+    follows, follow_at, log, first_sample,
 ):  # fmt: skip
     """Fly a block from step `first` to before step `last`; returns the lanes that are alive.
 
@@ -347,7 +366,7 @@ def fly(  # type: ignore[no-untyped-def]
       periods: [s] of control. gains, guided, wanted: (lanes, ...), of guidance: its gains, its
         state, the commands of the last tick.
       programs, program_at: compiled currents behind each other, and where each begins; likewise
-        densities, water temperatures and sea floors.
+        densities, water temperatures, sea floors and followed positions.
       log: (lanes, samples, width) from sample `first_sample` on.
     """
     due = 0.0
@@ -375,6 +394,8 @@ def fly(  # type: ignore[no-untyped-def]
                 wanted,
                 floors,
                 floor_at,
+                follows,
+                follow_at,
             )
         _look_up(
             b, lanes, t, counts, programs, program_at, densities, density_at_, warmths, warmth_at,

@@ -4,6 +4,8 @@ The simulation calls a controller once per control period of its vehicle. Anythi
 this signature will do: a function, a trained policy, an object with a memory.
 
 Schedule: actuator commands, each held until the next one; an open-loop manoeuvre.
+
+Followed positions: a part that follows a log in place of what guidance commands.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.compiled import jit
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
 from twin.mission.mission_file import ABORTED, DONE, SEGMENT
@@ -226,3 +229,47 @@ class Schedule:
             "times": np.asarray(self.times).tolist(),
             "commands": np.asarray(self.commands).tolist(),
         }
+
+
+MEMORY = 2
+"""Numbers that `followed` remembers, at first 0: first position of the leg, and its begin [s]"""
+FOLLOWED_HEAD = 3
+"""Numbers of a table before those of its segments"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FollowedPositions:
+    """The positions of one part, whatever guidance commands it.
+
+    Each leg of the mission has a piece of them, which begins when the leg does; a leg that takes
+    longer keeps the last one.
+    """
+
+    part: int
+    """index of the vehicle's part"""
+    period: float
+    """[s] between two positions"""
+    positions: Array
+    """within the part's travel, in its unit, (time,)"""
+    legs: tuple[tuple[int, int], ...]
+    """first and last position of the leg of each segment of the mission"""
+
+    def table(self) -> Array:
+        """What `followed` reads: part, period, segments, their legs, positions."""
+        head = [self.part, self.period, len(self.legs)]
+        return np.concatenate([head, np.ravel(self.legs), self.positions]).astype(float)
+
+
+@jit(nogil=True)
+def followed(table, memory, time, segment):  # type: ignore[no-untyped-def]
+    """Position of the part at a time [s] in a segment of the mission.
+
+    Args:
+      table: of `FollowedPositions.table`. memory: (MEMORY,); it is updated.
+    """
+    count = int(table[2])
+    k = FOLLOWED_HEAD + 2 * min(int(segment), count - 1)
+    if table[k] != memory[0]:
+        memory[0], memory[1] = table[k], time
+    place = min(table[k] + round((time - memory[1]) / table[1]), table[k + 1])
+    return table[FOLLOWED_HEAD + 2 * count + int(place)]

@@ -44,6 +44,23 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     index = vehicle.steered_index("heading")
     if index is None:
         return 0.0
+    # segments of a mission are flown in few ways
+    numbers = (steady.pitch, steady.vertical_speed, steady.speed, steady.angle_of_attack)
+    return _turn_per_position(vehicle, index, numbers, tuple(steady.command.tolist()))
+
+
+@functools.lru_cache(maxsize=256)
+def _turn_per_position(
+    vehicle: Vehicle, index: int, numbers: tuple[float, ...], command: tuple[float, ...]
+) -> float:
+    pitch, vertical_speed, speed, angle_of_attack = numbers
+    steady = Way(
+        pitch=pitch,
+        vertical_speed=vertical_speed,
+        speed=speed,
+        angle_of_attack=angle_of_attack,
+        command=np.array(command),
+    )
     part = vehicle.parts[index]
     step = PART_STEP * (part.high - part.low)
     slopes = np.empty((3, 3))

@@ -8,7 +8,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
-from twin.physics.lookup_tables import tables_of
+from twin.physics.lookup_tables import Plans, tables_of
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
@@ -38,7 +38,8 @@ class Fleet:
                 "a fleet is stepped natively, and what is known on board is worked out in Python: "
                 "fly navigated scenarios with simulate_many"
             )
-        tables = [tables_of(scenario, scenario.run_time()) for scenario in scenarios]
+        plans: Plans = {}
+        tables = [tables_of(scenario, scenario.run_time(), plans) for scenario in scenarios]
         largest = max(table.words for table in tables)
         self.simulations = [
             Simulation(scenario, tables=table, reserve=largest)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import functools
+import itertools
 import math
 import os
 from collections.abc import Sequence
@@ -21,15 +22,17 @@ from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import lanes as ln
 from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
 from twin.frames import euler_to_quaternion
+from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
-from twin.physics.lookup_tables import Tables, tables_of
+from twin.physics.lookup_tables import Plans, Tables, tables_of
 from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.native import block as b
 from twin.physics.obstacles import obstacle_names
 from twin.physics.outcome import trajectory
 from twin.physics.scenario import Scenario
 from twin.physics.stiffness import file_timestep
+from twin.physics.true_signals import LEAN
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
@@ -49,13 +52,23 @@ class Lane:
         the message says what is in the way.
     """
 
-    def __init__(self, scenario: Scenario):
+    def __init__(
+        self,
+        scenario: Scenario,
+        plans: Plans | None = None,
+        *,
+        until_flown: bool = False,
+        follow: FollowedPositions | None = None,
+    ):
+        """`plans` as of `tables_of`, the others as of `fly_in_lanes`."""
         self.scenario = scenario
+        self.open_ended = until_flown or scenario.open_ended
+        self.followed = np.zeros(0) if follow is None else follow.table()
         vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
         _check(scenario, vehicle)
         self.vehicle = vehicle
         self.duration = scenario.run_time()
-        self.tables: Tables = tables_of(scenario, self.duration)
+        self.tables: Tables = tables_of(scenario, self.duration, plans)
         ballast = scenario.ballast
         volume = None if ballast is None else ballast.neutral_volume(vehicle, scenario.density)
         self.structure, self.numbers = structure_of(
@@ -207,22 +220,29 @@ class _Block:
             if lane.tables.gains is not None:
                 self.gains[k] = lane.tables.gains
             self.counts[k, ln.CONTROL] = control[lane.tables.control]
-            self.counts[k, ln.OPEN_ENDED] = float(lane.scenario.open_ended)
+            self.counts[k, ln.OPEN_ENDED] = float(lane.open_ended)
             self.counts[k, ln.SAMPLES] = lane.samples
             scheduled = lane.tables.control == b.CONTROL_SCHEDULE
             self.periods[k] = lane.timestep if scheduled else lane.vehicle.control_period
         names = ("current", "density", "temperature", "floor")
         self.water = [_joined([getattr(lane.tables, name) for lane in filled]) for name in names]
+        self.water.append(_joined([lane.followed for lane in filled]))
 
-    def fly(self) -> list[tuple[NDArray[Any], Any]]:
-        """Fly to the end; rows of the log and the last record of `block.STATE` of each lane."""
+    def fly(self, lean: bool = False) -> list[tuple[NDArray[Any], Any]]:
+        """Fly to the end; rows of the log and the last record of `block.STATE` of each lane.
+
+        `lean`: rows have the fields `LEAN` alone.
+        """
         first = self.lanes[0]
         joints = np.array(first.joints, dtype=np.int64)
         last = max((lane.samples - 1) * first.per_sample + 1 for lane in self.lanes)
-        width = first.row.itemsize // 8
-        found = [np.zeros((lane.samples, width)) for lane in self.lanes]
+        assert first.row.names is not None
+        fields = list(LEAN if lean else first.row.names)
+        kept = np.dtype([(name, first.row[name]) for name in fields])
+        found = [np.zeros(lane.samples, kept) for lane in self.lanes]
         size = min(CHUNK, max(lane.samples for lane in self.lanes))
-        log = np.zeros((self.width, size, width))
+        log = np.zeros((self.width, size, first.row.itemsize // 8))
+        logs = log.view(first.row)[..., 0]
         look = max(1, round(END_CHECK_PERIOD / first.timestep))
         programs = [array for pair in self.water for array in pair]
         taken = np.zeros(len(self.lanes), int)
@@ -236,13 +256,11 @@ class _Block:
             )  # fmt: skip
             for k, rows in enumerate(found):
                 logged = int(self.counts[k, ln.LOGGED])
-                rows[taken[k] : logged] = log[k, : logged - taken[k]]
+                rows[taken[k] : logged] = logs[k, : logged - taken[k]][fields]
                 taken[k] = logged
             if alive == 0:
                 break
-        return [
-            (rows[: taken[k]].view(first.row)[:, 0], self._ours(k)) for k, rows in enumerate(found)
-        ]
+        return [(rows[: taken[k]], self._ours(k)) for k, rows in enumerate(found)]
 
     def _ours(self, k: int) -> Any:
         ours = np.zeros(1, b.STATE)[0]
@@ -258,37 +276,51 @@ def _joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
 
 
 def fly_in_lanes(
-    scenarios: Sequence[Scenario], *, threads: int = 0, single: bool = False
+    scenarios: Sequence[Scenario],
+    *,
+    threads: int = 0,
+    single: bool = False,
+    lean: bool = False,
+    until_flown: bool = False,
+    follow: Sequence[FollowedPositions] = (),
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it. `single`: errors name
-    no index of a mission.
+    Each element is the trajectory, or the `SimulationUnstable` that ended it.
+
+    Args:
+      single: errors name no index of a mission.
+      lean: trajectories hold few signals, see `true_signals.from_log`.
+      until_flown: a run ends when its mission is flown, though it has a duration.
+      follow: of each scenario a part that follows positions and not its guidance; none by default.
 
     Raises:
       InputError and others as of `Lane`: a scenario cannot be flown so.
       FloorError: a vehicle came to the sea floor, which lanes do not feel.
     """
-    lanes = [Lane(scenario) for scenario in scenarios]
+    plans: Plans = {}
+    lanes = [
+        Lane(scenario, plans, until_flown=until_flown, follow=positions)
+        for scenario, positions in itertools.zip_longest(scenarios, follow)
+    ]
     groups: dict[tuple[Any, ...], list[int]] = {}
     for index, lane in enumerate(lanes):
         groups.setdefault(lane.key, []).append(index)
-    widest = LANES[-1]
+    count = threads or os.cpu_count() or 1
     blocks = [
-        members[k : k + widest]
+        list(itertools.islice(rest, size))
         for members in groups.values()
-        for k in range(0, len(members), widest)
+        for rest in [iter(members)]
+        for size in _sizes(len(members), count)
     ]
     results: list[Trajectory | SimulationUnstable | None] = [None] * len(lanes)
 
     def fly(members: list[int]) -> None:
         block = _Block([lanes[index] for index in members])
-        for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(), strict=True)):
-            results[index] = _outcome(
-                lanes[index], rows, ours, block.counts[k], None if single else index
-            )
+        for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(lean), strict=True)):
+            named = None if single else index
+            results[index] = _outcome(lanes[index], rows, ours, block.counts[k], named, lean)
 
-    count = threads or os.cpu_count() or 1
     if count == 1 or len(blocks) == 1:
         for members in blocks:
             fly(members)
@@ -298,8 +330,15 @@ def fly_in_lanes(
     return [result for result in results if result is not None]
 
 
+def _sizes(count: int, threads: int) -> list[int]:
+    """Sizes of the blocks of so many lanes: wide ones while they keep every thread busy."""
+    wide = count // (LANES[-1] * threads) * threads
+    narrow = -(-(count - wide * LANES[-1]) // LANES[0])
+    return [LANES[-1]] * wide + [LANES[0]] * narrow
+
+
 def _outcome(
-    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None
+    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None, lean: bool
 ) -> Trajectory | SimulationUnstable:
     """What one lane flew."""
     if not math.isnan(counts[ln.FLOOR_TIME]):
@@ -318,6 +357,7 @@ def _outcome(
             half_step=0.0,
             floor=lane.tables.floor,
             contacts=False,
+            lean=lean,
         )
     except SimulationUnstable as error:
         return error

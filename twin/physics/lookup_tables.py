@@ -7,7 +7,7 @@ it is compiled; a fleet gives all its models the size of the largest.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -51,9 +51,16 @@ class Tables:
         return sum(int(table.size) for table in sizes)
 
 
-def tables_of(scenario: Scenario, duration: float) -> Tables:
+Plans = dict[tuple[int, int, Any], tuple[Array, Array]]
+"""Compiled plans and gains by mission and believed vehicle (their `id`) and by place"""
+
+
+def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -> Tables:
     """The tables of a scenario that flies for `duration` [s]; reads gridded
     currents and bathymetry.
+
+    Args:
+      plans: of other scenarios that are still there; what they share is compiled once.
 
     Raises:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
@@ -62,7 +69,13 @@ def tables_of(scenario: Scenario, duration: float) -> Tables:
     if scenario.navigate is not None:
         pass  # its guidance sees what Python knows on board
     elif isinstance(scenario.mission, Mission):
-        plan, gains = scenario.mission_in_metres().compile(scenario.believed_vehicle)
+        plans = {} if plans is None else plans
+        believed = scenario.believed_vehicle
+        key = id(scenario.mission), id(believed), scenario.place
+        if key not in plans:
+            plans[key] = scenario.mission_in_metres().compile(believed)
+        plan, gains = plans[key]
+        gains = gains.copy()
         gains[COMPASS_OFFSET] = scenario.compass_offset
         control = b.CONTROL_MISSION
     elif isinstance(scenario.mission, Schedule):

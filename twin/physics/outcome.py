@@ -61,6 +61,7 @@ def trajectory(
     half_step: float,
     floor: Array,
     contacts: bool,
+    lean: bool = False,
 ) -> Trajectory:
     """The log of a run as a trajectory.
 
@@ -68,7 +69,7 @@ def trajectory(
       scenario: what was flown.
       rows: records of `block.log_row`.
       ours: a record of `block.STATE`: whether and when it failed, and guidance's memory.
-      timestep: [s]. half_step, floor, contacts: see `true_signals.from_log`.
+      timestep: [s]. half_step, floor, contacts, lean: see `true_signals.from_log`.
       mission: index that an error names beside the mission's name.
 
     Raises:
@@ -89,10 +90,12 @@ def trajectory(
         sample_period=scenario.sample_period,
         floor=floor,
         contacts=contacts,
+        lean=lean,
         complete=not failed,
         provenance={"ended": _ending(scenario, ours, failed), **_place(scenario, duration)},
     )
-    found.signals.update(_hydrography(scenario, found))
+    if not lean:
+        found.signals.update(_hydrography(scenario, found))
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(

@@ -9,7 +9,9 @@ step). What remains is extrapolated, and bounds the step.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,8 +151,12 @@ def stiffness_of(
 
 def file_timestep(vehicle: Vehicle) -> float:
     """Physics step [s] that a vehicle's file asks for."""
-    option = MjcfReader(vehicle.xml, vehicle.path).one("option")
-    return float(option.get("timestep", MUJOCO_STEP))
+    return _file_timestep(vehicle.xml, vehicle.path)
+
+
+@functools.lru_cache(maxsize=16)
+def _file_timestep(xml: str, path: Path) -> float:
+    return float(MjcfReader(xml, path).one("option").get("timestep", MUJOCO_STEP))
 
 
 def rounded(step: float) -> float:

@@ -29,6 +29,8 @@ UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
 ENERGIES = (0.0, 1e10)
 """[J] nothing to the battery of a small submarine"""
+LEAN = ("time", "qpos", "qvel", "act", "current")
+"""Fields of a log row that say where a vehicle is, how it stands and moves, and what it takes"""
 _OWN = frozenset((*SIMULATED, *WITH_FLOOR))
 """The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
 
@@ -131,6 +133,7 @@ def from_log(
     sample_period: float | None = None,
     floor: Array | None = None,
     contacts: bool = False,
+    lean: bool = False,
     **fields: Any,
 ) -> Trajectory:
     """Turn native log rows, records of `block.log_row`, into a `Trajectory`.
@@ -139,21 +142,20 @@ def from_log(
     time-centred runs, where velocities live between positions. With a `sample_period` [s] the
     rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
     drifts by nanoseconds. `floor` is the table of the sea floor, above which the altitude is;
-    `contacts` says whether there is anything to touch, so that contact is a signal.
+    `contacts` says whether there is anything to touch, so that contact is a signal. `lean` reads
+    the fields `LEAN` alone and gives position, attitude, velocities, parts and energy.
     """
     declare_parts(vehicle)
-    qpos, qvel, act, ctrl = (rows[name] for name in ("qpos", "qvel", "act", "ctrl"))
+    qpos, qvel, act = (rows[name] for name in ("qpos", "qvel", "act"))
     quaternion = flip_quaternion(qpos[:, 3:7])
     roll, pitch, heading = quaternion_to_euler(quaternion)
     to_ned = quaternion_to_matrix(quaternion)
-    rate = rows["acceleration"]
-    twist = qvel[:, :6] + half_step * rate
+    twist = qvel[:, :6]
+    if half_step:
+        twist = twist + half_step * rows["acceleration"]
     position, velocity = flip_vector(qpos[:, :3]), flip_vector(twist[:, :3])
     current = rows["current"]
     v_rel = np.einsum("tji,tj->ti", to_ned, velocity - current)
-    rates = flip_vector(twist[:, 3:])
-    acceleration, spin = flip_vector(rate[:, :3]), flip_vector(rate[:, 3:])
-    force = specific_force(to_ned, acceleration, rates, spin, vehicle)
     degrees = np.rad2deg
     signals: dict[str, Array] = {}
 
@@ -165,10 +167,21 @@ def from_log(
     put("true_", "roll pitch heading", degrees(np.stack([roll, pitch, heading], -1)))
     put("true_", "surge sway heave", v_rel)
     put("true_velocity_", "north east down", velocity)
-    put("true_", "roll_rate pitch_rate yaw_rate", rates)
-    put("true_specific_force_", "x y z", force)
     scale = np.array([part.quantity.scale for part in vehicle.parts])
     parts = " ".join(vehicle.part_names)
+    time = rows["time"].copy()
+    if sample_period is not None:
+        time = sample_times(len(rows), sample_period)
+    if lean:
+        put("true_", parts, act * scale)
+        signals |= Consumption.of(vehicle).signals(vehicle, signals, time)
+        return Trajectory(time=time, signals=signals, states=np.zeros((len(rows), 0)), **fields)
+    rate, ctrl = rows["acceleration"], rows["ctrl"]
+    rates = flip_vector(twist[:, 3:])
+    acceleration, spin = flip_vector(rate[:, :3]), flip_vector(rate[:, 3:])
+    put("true_", "roll_rate pitch_rate yaw_rate", rates)
+    put("true_specific_force_", "x y z",
+        specific_force(to_ned, acceleration, rates, spin, vehicle))  # fmt: skip
     put("true_", parts, act * scale)
     put("true_current_", "north east down", current)
     for name in ("net_mass", "density", "immersion"):
@@ -183,9 +196,6 @@ def from_log(
     signals["commanded_pitch"] = degrees(rows["pitch_setpoint"])
     signals["commanded_heading"] = np.mod(degrees(rows["heading_setpoint"]), 360.0)
     states = np.concatenate([qpos, qvel, act, ctrl], axis=1)
-    time = rows["time"].copy()
-    if sample_period is not None:
-        time = sample_times(len(rows), sample_period)
     signals |= Consumption.of(vehicle).signals(vehicle, signals, time)
     columns = state_columns(vehicle)
     return Trajectory(time=time, signals=signals, states=states, state_columns=columns, **fields)

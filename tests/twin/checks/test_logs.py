@@ -170,6 +170,41 @@ def test_a_rudder_of_any_name_is_the_logs_fin() -> None:
     assert (turning.part, turning.signal, turning.same) == ("rudder", "measured_fin", True)
 
 
+def test_lanes_fly_the_dives_to_the_same_figures(tmp_path: Path) -> None:
+    # not ROGUE, whose moving battery the Fossen model flies without its reaction
+    glider = load_vehicle("glider")
+    log = simulated_log(tmp_path, glider)
+    usual, lanes = (check_logs(log, glider, engine=engine) for engine in ("mujoco", "lanes"))
+    assert usual.beside_mujoco is None
+    assert "engine" not in usual.describe()
+    said = lanes.describe()
+    assert said["engine"] == "lanes"
+    way = lanes.flights[0].distance_through_water()[-1]  # type: ignore[union-attr]
+    assert 0.0 < said["beside_mujoco"]["position_m"] < 0.003 * way
+    assert lanes.beyond == usual.beyond
+    for name, phase in usual.phases.items():
+        theirs, ours = phase.twin, lanes.phases[name].twin
+        assert theirs is not None
+        assert ours is not None
+        assert ours.depth_rate == pytest.approx(theirs.depth_rate, rel=1e-3)
+        assert ours.speed == pytest.approx(theirs.speed, rel=1e-3)
+        assert ours.pitch == pytest.approx(theirs.pitch, abs=0.02)
+        # on the log's own turns
+        assert ours.turn_per_actuator == pytest.approx(theirs.turn_per_actuator, rel=0.01)
+    assert all(one.provenance["ended"] == "flown" for one in lanes.flights)  # type: ignore[union-attr]
+
+
+def test_the_command_says_how_far_lanes_end_from_mujoco(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["check", "--logs", str(log), "--vehicle", VEHICLE, "--engine"]
+    PROGRAM.main([*words, "lanes"])
+    assert "dives flown in lanes; of the first one, MuJoCo ends" in capsys.readouterr().out
+    assert PROGRAM.main([*words, "lane"]) == 2
+    assert PROGRAM.main(["check", "--engine", "lanes"]) == 2
+    assert "--engine is of the comparison with logs" in capsys.readouterr().err
+
+
 # --- errors ---------------------------------------------------------------------------------------
 
 

@@ -15,7 +15,14 @@ from factory.importing import import_logs
 from twin.__main__ import PROGRAM
 from twin.cli.console import Console
 from twin.commands.forecast import ForecastSurfacings
-from twin.errors import CurrentError, InputError, MissionError, StoreError, WriteError
+from twin.errors import (
+    CurrentError,
+    InputError,
+    MissionError,
+    SimulationUnstable,
+    StoreError,
+    WriteError,
+)
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
@@ -113,7 +120,7 @@ def _flight(place, time=60.0):
     from twin.forecast.members import MemberFlight as Flown
 
     return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
-                 track=np.zeros((2, 2)), duration=100.0, taken=20.0)  # fmt: skip
+                 track=np.zeros((2, 2)), duration=100.0, taken=20.0, end=np.zeros(6))  # fmt: skip
 
 
 def test_two_members_spread_as_far_as_they_are_apart() -> None:
@@ -172,6 +179,56 @@ def test_results_do_not_depend_on_the_threads() -> None:
         for threads in (1, 3)
     ]
     assert found[0].describe() == found[1].describe()
+
+
+def test_lanes_and_mujoco_fly_the_same_draws_to_the_same_places() -> None:
+    request = asked(members=10, hours=0.5)
+    known = known_without_logs(36.8, UNIX)
+    lanes = forecast(request, known)
+    mujoco = forecast(dataclasses.replace(request, engine="mujoco"), known)
+    ours, theirs = lanes.surfacings[0], mujoco.surfacings[0]
+    # a sample of 10 s may be one sooner or later: 4 m at 0.4 m/s, and the depth's rate the same
+    apart = np.linalg.norm(ours.members - theirs.members, axis=1)
+    assert 0.0 < apart.max() < 8.0
+    assert ours.time_s == pytest.approx(theirs.time_s, abs=10.0)
+    assert ours.energy_kj == pytest.approx(theirs.energy_kj, rel=0.01)
+    assert (lanes.describe()["engine"], mujoco.describe()["engine"]) == ("lanes", "mujoco")
+    assert mujoco.describe()["beside_mujoco"] is None
+
+
+def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
+    request, known = asked(members=10, hours=0.5), known_without_logs(36.8, UNIX)
+    said = forecast(request, known).describe()["beside_mujoco"]
+    one = members_of(request, known).scenarios[0]
+    ours, theirs = (
+        twin.simulate(dataclasses.replace(one, engine=engine)) for engine in ("lanes", "mujoco")
+    )
+    off = np.linalg.norm(ours.position[-1] - theirs.position[-1])
+    assert said["position_m"] == pytest.approx(off, rel=1e-9)
+    assert 0.0 < said["position_m"] < 2.0
+    names = [f"true_velocity_{axis}" for axis in ("north", "east", "down")]
+    velocities = [np.array([run[name][-1] for name in names]) for run in (ours, theirs)]
+    off = np.linalg.norm(velocities[0] - velocities[1])
+    assert said["speed_m_s"] == pytest.approx(off, rel=1e-9)
+    assert said["time_s"] == one.duration // 10.0 * 10.0
+    assert said["unstable"] == ""
+
+
+def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
+    failure = SimulationUnstable("too stiff", mission=0, time_s=1.0)
+    monkeypatch.setattr("twin.forecast.surfacing_forecast.flown_in_mujoco", lambda _: failure)
+    said = forecast(asked(members=10, hours=0.3), known_without_logs(36.8, UNIX)).beside_mujoco
+    assert said.position_m is None
+    assert said.text == "MuJoCo could not fly it: too stiff"
+
+
+def test_lanes_fly_the_vehicle_file_s_own_step_and_mujoco_a_longer_one() -> None:
+    known = known_without_logs(36.8, UNIX)
+    steps = [
+        members_of(asked(members=10, engine=engine), known).scenarios[3].timestep
+        for engine in ("lanes", "mujoco")
+    ]
+    assert steps == [None, 0.2]
 
 
 def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
@@ -368,6 +425,8 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     said = capsys.readouterr()
     answer = json.loads(said.out)
     assert answer["flown"] == 10
+    assert answer["engine"] == "lanes"
+    assert 0.0 < answer["beside_mujoco"]["position_m"] < 5.0
     assert "8 dives" in answer["spread"]["current"]
     assert answer["surfacings"][0]["ellipse_90"]["semi_major_m"] > 20.0
     # it drifts with what the fixes have told
@@ -406,6 +465,7 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
         (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
         (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
         (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--engine", "lane"], "lanes"),
     ],
 )
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:

@@ -16,7 +16,7 @@ from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
 from twin.fossen.structure import LANES
-from twin.mission.controller import Schedule
+from twin.mission.controller import FollowedPositions, Schedule
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.stiffness import file_timestep
 from twin.vehicle.presets import vehicle_names
@@ -286,3 +286,67 @@ def test_encoder_zeros_and_ballast_are_those_of_the_real_vehicle():
     exact = twin.simulate(scenario(duration=300.0))
     assert abs(ours["true_pitch"][-1] - theirs["true_pitch"][-1]) < 0.05
     assert abs(ours["true_pitch"][-1] - exact["true_pitch"][-1]) > 1.0
+
+
+def test_a_lean_log_holds_the_same_numbers():
+    given = twin.Scenario(mission=twin.load_mission("default"), duration=300.0, engine="lanes")
+    (whole,), (lean,) = (fly_in_lanes([given], lean=one) for one in (False, True))
+    assert "true_specific_force_x" not in lean
+    assert {"true_depth", "true_surge", "true_velocity_down", "true_energy_hotel"} <= set(lean)
+    for name in lean:
+        np.testing.assert_array_equal(lean[name], whole[name])
+
+
+def test_a_plan_that_many_share_is_compiled_once(monkeypatch):
+    compiled = []
+    once = twin.Mission.compile
+
+    def counted(self, vehicle):
+        compiled.append(self)
+        return once(self, vehicle)
+
+    monkeypatch.setattr(twin.Mission, "compile", counted)
+    given = twin.Scenario(mission=twin.load_mission("default"), duration=60.0, engine="lanes")
+    offset = dataclasses.replace(given, compass_offset=0.5)
+    drag = tuple(1.2 * k for k in given.vehicle.flow_frame.drag)
+    other = dataclasses.replace(given, believed=given.vehicle.replace(drag=drag))
+    straight, turned, _ = fly_in_lanes([given, offset, other])
+    assert len(compiled) == 2
+    assert [digest(t) for t in (straight, turned)] == [
+        digest(twin.simulate(one)) for one in (given, offset)
+    ]
+    assert digest(straight) != digest(turned)
+
+
+def test_a_run_until_its_plan_is_flown_ends_before_its_duration():
+    yo = twin.Mission.from_dict(
+        {"segments": [{"kind": "saw-tooth", "min_depth_m": 5, "max_depth_m": 15, "yos": 1}]}
+    )
+    given = twin.Scenario(mission=yo, duration=3600.0, engine="lanes")
+    (whole,), (ended,) = (fly_in_lanes([given], until_flown=one) for one in (False, True))
+    assert whole.time[-1] == 3600.0
+    assert ended.time[-1] < 1800.0
+    assert ended.provenance["ended"] == "flown"
+    np.testing.assert_array_equal(ended.states, whole.states[: len(ended.time)])
+
+
+def test_a_followed_part_goes_where_it_is_told_from_the_start_of_each_leg():
+    yo = {"kind": "saw-tooth", "min_depth_m": 5, "max_depth_m": 25, "yos": 0.5, "heading_deg": 0}
+    mission = twin.Mission.from_dict({"segments": [yo, {**yo, "heading_deg": 90}]})
+    vehicle = load_vehicle("glider")
+    given = twin.Scenario(mission=mission, duration=600.0, engine="lanes", sample_period=1.0)
+    hinge = vehicle.part_names.index(vehicle.steering["heading"])
+    positions = np.array([*np.linspace(0.0, 0.3, 4), *np.linspace(0.0, -0.3, 4)])
+    follow = FollowedPositions(part=hinge, period=20.0, positions=positions, legs=((0, 3), (4, 7)))
+    free, led = fly_in_lanes([given, given], follow=[None, follow])
+    assert digest(free) == digest(twin.simulate(given))
+    said = led.states[:, led.state_columns.index(f"ctrl_{vehicle.part_names[hinge]}")]
+    segment = led["commanded_segment"]
+    for leg, first in ((0, 0), (1, 4)):
+        when = np.flatnonzero(segment == leg)
+        since = led.time[when] - led.time[when[0]]
+        there = since % 20.0  # away from where a position changes, at half of a period
+        clear = (np.abs(there - 10.0) > 1.0) & (led.time[when] < led.time[-1])
+        wanted = positions[np.minimum(first + np.rint(since / 20.0).astype(int), first + 3)]
+        np.testing.assert_array_equal(said[when][clear], wanted[clear])
+        assert clear.sum() > 60
