@@ -23,6 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from twin.compiled import elementary, jit
+from twin.compiled.portable import portable
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
@@ -31,6 +32,8 @@ from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SE
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at, density_slope_at
 from twin.water.floor.lookup import floor_depth
+
+_guided, _flow = portable(guidance_step), portable(sample_gradient)
 
 LOOK_TIME, LOOK_WAY = 0.5, 0.25
 """[s], [m] at most between two looks at a lane's water; between them it is linear"""
@@ -117,7 +120,7 @@ def _look_up(b, lanes, t, programs, program_at, densities, density_from, warmths
         b[seen + 3 * lanes] = t
         first, last = program_at[l], program_at[l + 1]
         if last > first:
-            flow = sample_gradient(programs[first:last], t, north, east, depth)
+            flow = _flow(programs[first:last], t, north, east, depth)
             for k in range(15):
                 b[(FLOW + k) * lanes + l] = flow[k]
         first, last = density_from[l], density_from[l + 1]
@@ -174,7 +177,7 @@ def _command(b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guide
                     mine[FLOOR_TIME] = t
                     b[ALIVE * lanes + l] = 0.0
                     continue
-            guidance_step(
+            _guided(
                 plans[l, : plan_rows[l]],
                 gains[l],
                 guided[l],
