@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 
 from twin.checks.agreement import check_published  # noqa: E402
 from twin.checks.published import ANGLES, FIGURES, PublishedMotion  # noqa: E402
-from twin.physics.steady_motion import Trim  # noqa: E402
+from twin.vehicle.steady_motion import Trim  # noqa: E402
 
 PAGE = ROOT / "docs" / "results" / "validation.md"
 OURS = "independent solution"

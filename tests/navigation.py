@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from twin.fossen import FossenModel
-from twin.physics.steady_motion import STRAIGHT_TURN_RATE
 from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import SCHEMA_VERSION, VARIABLES
+from twin.vehicle.steady_motion import STRAIGHT_TURN_RATE
 from twin.vehicle.vehicle import load_vehicle
 
 PERIOD = 0.5

@@ -75,7 +75,7 @@ NAMES_ACTUATORS = {
     "twin.identify": "a glider's pump and battery are what is identified",
     "twin.records": "standard names and limits of signals",
     "twin.sensors": "the deviation that a battery makes in a compass, and its encoders",
-    "twin.physics.steady_motion": "figures of a steady glide",
+    "twin.vehicle.steady_motion": "figures of a steady glide",
     "twin.physics.settle": "the glide that a search starts from",
     "twin.physics.model_block": "the stiff screws of a battery",
     "twin.fossen": "the trim's positions; a rotation matrix",

@@ -53,6 +53,7 @@ def simulate(
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
+    engine: str = "mujoco",
     hydrodynamics: str = "coefficients",
     timestep: float | None = None,
     integrator: str | None = None,
@@ -84,6 +85,7 @@ def simulate(
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
       origin: latitude, longitude and time of the frame's origin; None takes the start's.
+      engine: what flies it: "mujoco", or "lanes", the Fossen model.
       hydrodynamics: "coefficients" or "ellipsoid".
       timestep: [s] of the physics; None takes the vehicle file's.
       integrator: MuJoCo's; None takes the vehicle file's.
@@ -120,6 +122,7 @@ def simulate(
             duration=duration,
             start=start,
             origin=origin,
+            engine=engine,
             hydrodynamics=hydrodynamics,
             timestep=timestep,
             integrator=integrator,
@@ -174,6 +177,7 @@ def scenario_of(
     duration: float | None = None,
     start: Start | Mapping[str, Any] | str | None = None,
     origin: Origin | None = None,
+    engine: str = "mujoco",
     hydrodynamics: str = "coefficients",
     timestep: float | None = None,
     integrator: str | None = None,
@@ -225,6 +229,7 @@ def scenario_of(
         density=None if isinstance(density, str | Path) else density,
         floor=floor,
         origin=origin,
+        engine=engine,
         hydrodynamics=hydrodynamics,
         timestep=timestep,
         integrator=integrator,

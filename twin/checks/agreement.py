@@ -24,10 +24,10 @@ from twin.physics.scenario import Scenario
 from twin.physics.settle import trim as settle
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
-from twin.physics.steady_motion import Trim
 from twin.physics.stiffness import file_timestep
 from twin.records.trajectory import Trajectory
 from twin.vehicle.presets import vehicle_names
+from twin.vehicle.steady_motion import Trim
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import GaussMarkov

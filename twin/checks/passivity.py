@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.fossen import FossenModel
-from twin.fossen.equations import mass_distribution
-from twin.fossen.equations import rigid_body_mass
+from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 

@@ -18,8 +18,8 @@ from twin.errors import InputError, NoSteadyState, unknown_name
 from twin.fossen import FossenModel
 from twin.fossen.steady import SteadyProblem
 from twin.physics.settle import LockedGlider
-from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.presets import asset_path
+from twin.vehicle.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.vehicle import Vehicle
 
 ANGLES = ("angle_of_attack", "sideslip", "roll", "pitch")

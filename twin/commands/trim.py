@@ -50,7 +50,7 @@ class TrimVehicle(JsonOption):
         from twin import load_vehicle
         from twin.cli.options import parse_numbers
         from twin.errors import InputError
-        from twin.physics.steady_motion import positions_text, trim_positions
+        from twin.vehicle.steady_motion import positions_text, trim_positions
 
         vehicle = load_vehicle(self.vehicle)
         net_mass, shift = self.net_mass, self.shift

@@ -40,12 +40,15 @@ LOOK_TIME, LOOK_WAY = 0.5, 0.25
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
 """What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
-    "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples", "logged",
+    "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
+    "logged",
 )  # fmt: skip
 """Of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has failed,
 and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when its plan
 is done; samples of the whole run, and those that are logged"""
-TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED = range(len(COUNTS))
+TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED = range(
+    len(COUNTS)
+)
 
 STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
 FLOW, DENSITY, DENSITY_SLOPE = AT["flow"], AT["density"], AT["density_slope"]
@@ -107,8 +110,14 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
 
 
 @jit(nogil=True)
-def _look_up(b, lanes, t, programs, program_at, densities, density_from, warmths, warmth_from):  # type: ignore[no-untyped-def]
-    """Current and water with their slopes, where the last look is too old or too far away."""
+def _look_up(  # type: ignore[no-untyped-def]
+    b, lanes, t, counts, programs, program_at, densities, density_from, warmths, warmth_from,
+    floors, floor_at,
+):  # fmt: skip
+    """Current and water with their slopes, where the last look is too old or too far away.
+
+    A lane that has come to the sea floor ends.
+    """
     for l in range(lanes):
         at, seen = STATE * lanes + l, LOOKED * lanes + l
         north, east, depth = b[at], b[at + lanes], b[at + 2 * lanes]
@@ -133,6 +142,11 @@ def _look_up(b, lanes, t, programs, program_at, densities, density_from, warmths
             table = warmths[first:last]
             b[TEMPERATURE * lanes + l] = density_at(table, depth)
             b[TEMPERATURE_SLOPE * lanes + l] = density_slope_at(table, depth)
+        first, last = floor_at[l], floor_at[l + 1]
+        if last > first and b[ALIVE * lanes + l] != 0.0:
+            altitude = floor_depth(floors[first:last], north, east) - depth
+            if altitude < 0.5 * b[DIAMETER * lanes + l]:
+                counts[l, FLOOR_TIME], b[ALIVE * lanes + l] = t, 0.0
 
 
 @jit(nogil=True)
@@ -148,7 +162,9 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
 
 
 @jit(nogil=True)
-def _command(b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at):  # type: ignore[no-untyped-def]
+def _command(  # type: ignore[no-untyped-def]
+    b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at
+):
     """Guidance of every lane whose control period has passed; returns when the next one is due."""
     _turn(b, lanes)
     for l in range(lanes):
@@ -173,10 +189,6 @@ def _command(b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guide
             altitude = math.inf
             if floor_at[l + 1] > floor_at[l]:
                 altitude = floor_depth(floors[floor_at[l] : floor_at[l + 1]], north, east) - depth
-                if altitude < 0.5 * b[DIAMETER * lanes + l] and math.isnan(mine[FLOOR_TIME]):
-                    mine[FLOOR_TIME] = t
-                    b[ALIVE * lanes + l] = 0.0
-                    continue
             _guided(
                 plans[l, : plan_rows[l]],
                 gains[l],
@@ -292,7 +304,9 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
         i = (STATE + 7) * lanes + l
         u, v, w = b[i], b[i + lanes], b[i + 2 * lanes]
         p, q, r = b[i + 3 * lanes], b[i + 4 * lanes], b[i + 5 * lanes]
-        ok = (u * u + v * v + w * w <= FASTEST * FASTEST) and ((p * p + q * q + r * r) * h * h <= 1.0)
+        ok = (u * u + v * v + w * w <= FASTEST * FASTEST) and (
+            (p * p + q * q + r * r) * h * h <= 1.0
+        )
         b[RATE * lanes + l] = 0.0 if ok else 1.0
     for l in range(lanes):
         wrong = max(wrong, b[RATE * lanes + l])
@@ -327,7 +341,8 @@ def fly(  # type: ignore[no-untyped-def]
     """Fly a block from step `first` to before step `last`; returns the lanes that are alive.
 
     Args:
-      b: the block of so many lanes; `address` is that of its first number, `rate` that of the structure's function.
+      b: the block of so many lanes; `address` is that of its first number.
+      rate: address of the structure's function.
       parts: of a vehicle. joints: parts that drive a joint, in the log's order.
       h: [s]. per_sample, per_look: steps from one sample to the next, and from one look whether a
         plan is done to the next.
@@ -349,8 +364,25 @@ def fly(  # type: ignore[no-untyped-def]
         if step % per_sample == 0 and _alive(b, lanes) == 0:
             return 0
         if t >= due:
-            due = _command(b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at)
-        _look_up(b, lanes, t, programs, program_at, densities, density_at_, warmths, warmth_at)
+            due = _command(
+                b,
+                lanes,
+                t,
+                parts,
+                counts,
+                plans,
+                plan_rows,
+                periods,
+                gains,
+                guided,
+                wanted,
+                floors,
+                floor_at,
+            )
+        _look_up(
+            b, lanes, t, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
+            floors, floor_at,
+        )  # fmt: skip
         _wet(b, lanes)
         if step == 0:  # there is no step before: its rate is that of the start
             call_rate(rate, address, 0.0, t)

@@ -24,7 +24,7 @@ from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_euler, quaternion_to_matrix
 from twin.mission.controller import Schedule
 from twin.numbers import Array
-from twin.physics.steady_motion import (
+from twin.vehicle.steady_motion import (
     Trim,
     advice,
     driven,
@@ -266,7 +266,7 @@ class FossenModel:
     ) -> SteadyMotion:
         """The stable steady motion at fixed positions of the parts.
 
-        Args: see `twin.physics.steady_motion.trim_positions`. Deep, in water of the reference
+        Args: see `twin.vehicle.steady_motion.trim_positions`. Deep, in water of the reference
         density; of several stable motions the one with the smallest angle of attack. Raises
         NoSteadyState saying why when there is none and InputError outside the travel of a part.
         """

@@ -15,7 +15,7 @@ from twin.errors import NoSteadyState
 from twin.fossen.equations import mass_distribution, still_acceleration
 from twin.fossen.forces import ForceParameters, damping_wrench, pumped
 from twin.numbers import Array
-from twin.physics.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
+from twin.vehicle.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 DEEP = 1e4
 """[m] a depth at which the hull is immersed at any pitch"""

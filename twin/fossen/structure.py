@@ -24,8 +24,7 @@ from twin.compiled.portable import calls_math, portable
 from twin.errors import VehicleError
 from twin.fossen import terms
 from twin.numbers import Array
-from twin.vehicle.laws import LAWS
-from twin.vehicle.parts import PARTS, BatteryHinge
+from twin.vehicle.parts import BatteryHinge
 from twin.vehicle.vehicle import Vehicle
 
 LANES = (8, 64)
@@ -96,11 +95,11 @@ class Structure:
         return PARTS_AT + len(PART) * self.parts
 
     def rate(self, lanes: int) -> Any:
-        """The compiled function for blocks of so many lanes, as numba's CFunc: (block, g [s], t [s]) -> None.
+        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s], t [s]).
 
-        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others, at
-        the time `t`. With `g` above 0 the accelerations are those of a linearly implicit step: see
-        `twin.fossen.lanes`.
+        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others,
+        at the time `t`. With `g` above 0 the accelerations are those of a linearly implicit step:
+        see `twin.fossen.lanes`.
         """
         return _compiled(self, lanes, content.generation())
 

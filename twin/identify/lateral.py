@@ -20,9 +20,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.fossen.equations import mass_distribution
+from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.fossen.forces import ForceParameters, parameters_of
-from twin.fossen.equations import rigid_body_mass
 from twin.fossen.steady import SteadyProblem
 from twin.vehicle.parts import BatteryHinge, Fin, Part
 from twin.vehicle.vehicle import Vehicle

@@ -106,9 +106,10 @@ def _check(scenario: Scenario, vehicle: Vehicle) -> None:
             )
     found = obstacle_names(vehicle.xml)
     if found:
+        names = ", ".join(name or "a geom without a name" for name in found)
         raise InputError(
-            f"vehicle {vehicle.name!r} has obstacles ({', '.join(name or 'a geom without a name' for name in found)}), which engine='lanes' "
-            "would fly through; take engine='mujoco'"
+            f"vehicle {vehicle.name!r} has obstacles ({names}), which engine='lanes' would "
+            " fly through; take engine='mujoco'"
         )
 
 
@@ -171,7 +172,7 @@ class _Block:
                 for m in filled
             ]
         ).reshape(count, parts)
-        for name, values in {
+        columns: dict[str, Any] = {
             "now": begin,
             "command": begin,
             "low": [v.actuator_min for v in vehicles],
@@ -179,7 +180,8 @@ class _Block:
             "lag": [v.actuator_lag for v in vehicles],
             "rate": [v.actuator_rate for v in vehicles],
             "one_way": [[float(part.one_way) for part in v.parts] for v in vehicles],
-        }.items():
+        }
+        for name, values in columns.items():
             at = PARTS_AT + PART.index(name) * parts
             rows[at : at + parts] = np.reshape(values, (count, parts)).T
         self._tables(filled, begin)
@@ -249,7 +251,7 @@ class _Block:
         return ours
 
 
-def _joined(tables: Sequence[Array]) -> tuple[Array, Array]:
+def _joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
     """Tables behind each other, and where each begins; the same one only once is not needed."""
     places = np.concatenate([[0], np.cumsum([table.size for table in tables])]).astype(np.int64)
     return np.concatenate([*tables, np.zeros(0)]), places
@@ -260,7 +262,8 @@ def fly_in_lanes(
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
 
-    `single`: errors name no index of a mission. Each element is the trajectory, or the `SimulationUnstable` that ended it.
+    Each element is the trajectory, or the `SimulationUnstable` that ended it. `single`: errors name
+    no index of a mission.
 
     Raises:
       InputError and others as of `Lane`: a scenario cannot be flown so.
@@ -281,7 +284,9 @@ def fly_in_lanes(
     def fly(members: list[int]) -> None:
         block = _Block([lanes[index] for index in members])
         for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(), strict=True)):
-            results[index] = _outcome(lanes[index], rows, ours, block.counts[k], None if single else index)
+            results[index] = _outcome(
+                lanes[index], rows, ours, block.counts[k], None if single else index
+            )
 
     count = threads or os.cpu_count() or 1
     if count == 1 or len(blocks) == 1:
@@ -299,9 +304,9 @@ def _outcome(
     """What one lane flew."""
     if not math.isnan(counts[ln.FLOOR_TIME]):
         raise FloorError(
-            f"{'' if index is None else f'mission {index}: '}the vehicle came to the sea floor at {counts[ln.FLOOR_TIME]:.0f} s, "
-            "which engine='lanes' does not feel; take engine='mujoco', or turn higher above the "
-            "floor (min_altitude_m)"
+            f"{'' if index is None else f'mission {index}: '}the vehicle came to the sea floor at "
+            f"{counts[ln.FLOOR_TIME]:.0f} s, which engine='lanes' does not feel; take "
+            "engine='mujoco', or turn higher above the floor (min_altitude_m)"
         )
     try:
         return trajectory(

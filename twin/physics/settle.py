@@ -24,7 +24,7 @@ from twin.frames import (
 from twin.numbers import Array
 from twin.physics.model_block import joint_places, state
 from twin.physics.mujoco_model import compile_model, quiet_mujoco
-from twin.physics.steady_motion import (
+from twin.vehicle.steady_motion import (
     Trim,
     advice,
     driven,

@@ -66,8 +66,10 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
 
     first = run(before)
     versions = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
-    drag = before.replace("crossing[0] = -(c", "crossing[0] = -3.0 * (c")
-    drag = drag.replace("drag = (c[K_D0]", "drag = 3.0 * (c[K_D0]")
+    drag = before.replace("    drag = (c[K_D0]", "    drag = 3.0 * (c[K_D0]")
+    drag = drag.replace(
+        "square * (one * drag + s * all_drag)", "3.0 * square * (one * drag + s * all_drag)"
+    )
     assert drag.count("3.0 * ") == before.count("3.0 * ") + 2
     tripled = run(drag)
     assert tripled["ekf"] < 0.9 * first["ekf"]

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-
-from tests.fossen import (
+from fossen_terms import (
     STRIPS,
     lower,
     numbers,
@@ -16,6 +15,7 @@ from tests.fossen import (
     rotation,
     strip_immersion,
 )
+
 from twin.fossen import FossenModel
 from twin.fossen.equations import (
     actuators_after,
@@ -25,8 +25,8 @@ from twin.fossen.equations import (
     skew,
 )
 from twin.fossen.forces import damping_wrench, displaced_mass, pumped
-from twin.fossen.terms import added_mass_coriolis, impulse, rigid_body_coriolis, solved
 from twin.fossen.steady import down_axis
+from twin.fossen.terms import added_mass_coriolis, impulse, rigid_body_coriolis, solved
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.vehicle.laws.flow_frame import beyond_identified
 from twin.vehicle.vehicle import load_vehicle

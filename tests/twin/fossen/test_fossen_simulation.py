@@ -9,8 +9,8 @@ import pytest
 
 from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.fossen import FossenModel, FossenState
-from twin.fossen.forces import damping_wrench
 from twin.fossen.equations import mass_distribution, rigid_body_mass
+from twin.fossen.forces import damping_wrench
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.controller import Schedule
 from twin.vehicle.vehicle import Vehicle, load_vehicle

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from fossen_terms import STRIPS, restoring, strip_immersion
 
-from tests.fossen import STRIPS, restoring, strip_immersion
 from twin.fossen import FossenModel
 from twin.fossen.steady import down_axis
 from twin.vehicle.vehicle import load_vehicle

@@ -10,7 +10,7 @@ import pytest
 from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.fossen.steady import SteadyProblem, steady_motions
-from twin.physics.steady_motion import Trim, solve_steady_state, trim_positions
+from twin.vehicle.steady_motion import Trim, solve_steady_state, trim_positions
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 # net mass kg, block position m, rotation deg: V, alpha, beta, roll, pitch, turn rate, down.

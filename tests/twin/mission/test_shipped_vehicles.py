@@ -20,8 +20,8 @@ from twin.mission.mission_file import MISSING, VehicleLine, shipped_vehicles
 from twin.mission.segments import SawTooth
 from twin.mission.shipped_missions import load_mission_for, usual_mission
 from twin.physics.settle import trim as settle
-from twin.physics.steady_motion import trim_positions
 from twin.vehicle.presets import vehicle_names
+from twin.vehicle.steady_motion import trim_positions
 from twin.vehicle.vehicle import load_vehicle
 
 IN_USE = ("slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray")

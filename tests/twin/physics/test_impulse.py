@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fossen_terms import quaternion_rate, rotation
 
-from tests.fossen import quaternion_rate, rotation
 from twin.fossen.equations import (
     acceleration,
     mass_distribution,

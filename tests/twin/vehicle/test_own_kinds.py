@@ -26,10 +26,12 @@ plan = Mission.from_dict(
     {"name": "own", "start_depth_m": 20.0, "at_end": "hold", "duration_s": 60.0, "segments": [push]}
 )
 run = twin.simulate(vehicle=vehicle, mission=plan)
+abreast = twin.simulate(vehicle=vehicle, mission=plan, engine="lanes")
 (found,) = check_manoeuvres(vehicle, count=1, duration=120.0)
 print(json.dumps({
     "kinds": [vehicle.law.kind, *(part.kind for part in vehicle.parts)],
     "surge": float(run["true_surge"][-1]),
+    "in_lanes": float(abreast["true_surge"][-1]),
     "jet": float(run["true_jet"][-1]),
     "segments": plan.to_dict()["segments"],
     "speed": found.speed_m_s, "attitude": found.attitude_deg, "position": found.position_percent,
@@ -80,6 +82,7 @@ def test_they_fly_in_both_models(tmp_path):
     assert found["surge"] == pytest.approx(
         6.0 / 4.0 * (1.0 - 2.718281828 ** (-59.5 / 10.0)), rel=0.01
     )
+    assert found["in_lanes"] == pytest.approx(found["surge"], rel=1e-3)
     assert found["speed"] < 1e-4
     assert found["attitude"] < 0.1
     assert found["position"] < 0.3

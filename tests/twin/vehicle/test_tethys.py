@@ -23,10 +23,10 @@ from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
-from twin.physics.steady_motion import solve_steady_state
 from twin.sensors import Dvl, Surroundings
 from twin.sensors.dvl import MODES, OUTPUTS
 from twin.vehicle.consumption import Consumption
+from twin.vehicle.steady_motion import solve_steady_state
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.uniform import Uniform
 

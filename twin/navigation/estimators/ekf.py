@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.equations import skew
+from twin.fossen.forces import ForceParameters, parameters_of
 from twin.identify.start_values import net_mass
 from twin.navigation.dead_reckoning import Array, AttitudeSeries, Signals, finite_channel
 from twin.navigation.estimators.base import BodyVelocity, State, VelocityDeviation

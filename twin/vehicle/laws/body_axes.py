@@ -134,7 +134,7 @@ def _damped(kind, coefficient, first, second):  # type: ignore[no-untyped-def]
     factor = coefficient * first
     if kind == LINEAR:
         factor = coefficient
-    elif kind == SQUARE or kind == LIFT:
+    elif kind in (SQUARE, LIFT):
         factor = coefficient * abs(first)
     return factor * second
 

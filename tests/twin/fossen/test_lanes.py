@@ -1,0 +1,288 @@
+"""Lanes against the scalar Fossen model, against MuJoCo, and against limits that must hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import twin
+from twin.checks import agreement
+from twin.errors import FloorError, InputError, SimulationUnstable
+from twin.fossen import FossenModel, FossenState
+from twin.fossen.equations import mass_distribution
+from twin.fossen.structure import LANES
+from twin.mission.controller import Schedule
+from twin.physics.lanes import fly_in_lanes
+from twin.physics.stiffness import file_timestep
+from twin.vehicle.presets import vehicle_names
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.profile import Profile
+from twin.water.current.uniform import Uniform
+from twin.water.density import DensityProfile
+
+STRAIGHT = Schedule(times=[0.0], commands=[(0.02, 0.0, -200.0)])
+
+
+def scenario(**changes):
+    given = {
+        "vehicle": load_vehicle("glider"),
+        "mission": STRAIGHT,
+        "duration": 120.0,
+        "start": {"depth": 100.0, "pitch": -0.4, "v_rel": (0.35, 0.0, 0.01)},
+        "engine": "lanes",
+    }
+    return twin.Scenario(**(given | changes))
+
+
+def digest(trajectory):
+    found = hashlib.sha256(np.ascontiguousarray(trajectory.states).tobytes())
+    for name in sorted(trajectory.signals):
+        found.update(np.ascontiguousarray(trajectory[name]).tobytes())
+    return found.hexdigest()
+
+
+def fossen_of(vehicle, manoeuvre, duration, dt):
+    water = twin.Scenario(vehicle=vehicle, mission=manoeuvre.schedule, duration=duration).density
+    model = FossenModel(
+        vehicle,
+        current_program=manoeuvre.current.compile(duration),
+        density=None if water is None else (water.depth, water.values),
+    )
+    start = manoeuvre.start
+    state = FossenState(
+        position_ned=(start.north, start.east, start.depth),
+        attitude=(start.roll, start.pitch, start.heading),
+        v_rel=start.v_rel,
+        actuators=start.positions(vehicle.part_names, vehicle.rest),
+    )
+    return model.simulate(state, manoeuvre.schedule, duration, dt=dt)
+
+
+def in_lanes(vehicle, manoeuvre, duration, **changes):
+    given = scenario(
+        vehicle=vehicle, mission=manoeuvre.schedule, duration=duration, start=manoeuvre.start,
+        current=manoeuvre.current, **changes,
+    )  # fmt: skip
+    return twin.simulate(given)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_shipped_vehicle_flies_as_the_scalar_model_does(name):
+    """At its own step, through random commands in a sheared current that changes in time."""
+    vehicle, duration = load_vehicle(name), 150.0
+    manoeuvre = agreement.draw_manoeuvre(vehicle, 5, duration)
+    reference = fossen_of(vehicle, manoeuvre, duration, min(0.025, file_timestep(vehicle) / 2.0))
+    found = agreement.compare(in_lanes(vehicle, manoeuvre, duration), reference, 5)
+    assert found.speed_m_s < 3e-4
+    assert found.attitude_deg < 0.3
+    assert found.position_percent < 0.1
+
+
+def test_the_step_has_order_two():
+    """In a current that is linear in space, and with the rotary damping solved for."""
+    vehicle = load_vehicle("glider")
+    manoeuvre = agreement.draw_manoeuvre(vehicle, 1, 100.0)
+    depths = (0.0, 2000.0)
+    shear = Profile(depth=depths, north=(0.0, 4.0), east=(1.0, 0.0))
+    manoeuvre = dataclasses.replace(manoeuvre, current=shear)
+    reference = fossen_of(vehicle, manoeuvre, 100.0, 0.005)
+    errors = []
+    for step in (0.1, 0.05, 0.025):
+        flown = in_lanes(vehicle, manoeuvre, 100.0, timestep=step)
+        errors.append(float(np.abs(flown.v_rel - reference.v_rel).max()))
+    ratios = [a / b for a, b in itertools.pairwise(errors)]
+    assert all(3.3 < ratio < 4.8 for ratio in ratios), (errors, ratios)
+
+
+def test_a_long_step_is_stable_where_the_damping_of_rates_is_stiff():
+    """Twenty times the published damping: an explicit step of 0.5 s would be unstable."""
+    vehicle = load_vehicle("glider")
+    law = vehicle.flow_frame
+    stiff = vehicle.replace(
+        law=dataclasses.replace(
+            law,
+            roll_moment=(law.roll_moment[0], 20.0 * law.roll_moment[1]),
+            pitch_moment=(*law.pitch_moment[:2], 20.0 * law.pitch_moment[2]),
+            yaw_moment=(law.yaw_moment[0], 20.0 * law.yaw_moment[1]),
+        )
+    )
+    given = scenario(vehicle=stiff, duration=600.0)
+    slow = twin.simulate(dataclasses.replace(given, timestep=0.5))
+    fine = twin.simulate(dataclasses.replace(given, timestep=0.02))
+    assert np.abs(slow.v_rel - fine.v_rel)[-400:].max() < 1e-3
+
+
+def test_a_neutral_hull_at_rest_stays():
+    vehicle = load_vehicle("glider")
+    density = DensityProfile.constant(1025.0)
+    _, moment, _ = mass_distribution(FossenModel(vehicle).parameters, np.array(vehicle.rest))
+    start = {"depth": 50.0, "pitch": -math.atan2(moment[0], moment[2])}
+    rest = Schedule(times=[0.0], commands=[tuple(vehicle.rest)])
+    flown = twin.simulate(scenario(mission=rest, start=start, density=density, duration=60.0))
+    assert np.abs(flown.v_rel).max() < 1e-9
+    assert np.abs(flown["true_depth"] - 50.0).max() < 1e-9
+
+
+def test_a_uniform_current_only_moves_the_track():
+    still = twin.simulate(scenario())
+    moved = twin.simulate(scenario(current=Uniform(north=0.4, east=-0.7)))
+    np.testing.assert_allclose(moved.v_rel, still.v_rel, atol=1e-13)
+    np.testing.assert_allclose(
+        moved["true_north"] - still["true_north"], 0.4 * still.time, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        moved["true_east"] - still["true_east"], -0.7 * still.time, atol=1e-9
+    )
+
+
+def test_port_is_the_mirror_of_starboard():
+    right, left = (
+        twin.simulate(
+            scenario(mission=Schedule(times=[0.0], commands=[(0.02, side * 0.5, -200.0)]))
+        )
+        for side in (1.0, -1.0)
+    )
+    np.testing.assert_allclose(right["true_sway"], -left["true_sway"], atol=1e-13)
+    np.testing.assert_allclose(right["true_depth"], left["true_depth"], atol=1e-11)
+    assert np.abs(right["true_sway"]).max() > 1e-3
+
+
+def test_a_steady_glide_is_the_trim():
+    vehicle = load_vehicle("glider")
+    motion = FossenModel(vehicle).steady_motion(shift=0.02, net_mass=0.2)
+    pump = vehicle.pump_for_net_mass(0.2)
+    flown = twin.simulate(
+        scenario(
+            mission=Schedule(times=[0.0], commands=[(0.02, 0.0, pump)]),
+            density=DensityProfile.constant(1025.0),
+            duration=1500.0,
+        )
+    )
+    np.testing.assert_allclose(flown.v_rel[-1], motion.nu_r[:3], atol=1e-6)
+
+
+def test_the_specific_force_is_that_of_the_motion():
+    """By differences of the velocity over ground in a sheared current."""
+    shear = Profile(depth=(0.0, 500.0), north=(0.0, 2.0), east=(0.5, 0.0))
+    flown = twin.simulate(scenario(current=shear, sample_period=0.1, duration=60.0))
+    names = [f"true_velocity_{axis}" for axis in ("north", "east", "down")]
+    velocity = np.stack([flown[name] for name in names], -1)
+    rate = np.gradient(velocity, 0.1, axis=0)[200:-1]
+    still = twin.simulate(
+        dataclasses.replace(
+            scenario(current=shear, sample_period=0.1, duration=60.0), engine="mujoco"
+        )
+    )
+    for axis in "xyz":
+        name = f"true_specific_force_{axis}"
+        np.testing.assert_allclose(flown[name][200:-1], still[name][200:-1], atol=2e-3)
+    assert np.abs(rate).max() > 1e-4
+
+
+def test_the_log_is_that_of_mujoco_row_for_row():
+    given = twin.Scenario(mission=twin.load_mission("default"), duration=900.0)
+    ours = twin.simulate(given)
+    theirs = twin.simulate(dataclasses.replace(given, engine="lanes"))
+    assert list(ours.signals) == list(theirs.signals)
+    assert ours.state_columns == theirs.state_columns
+    assert ours.provenance["ended"] == theirs.provenance["ended"] == "duration"
+    np.testing.assert_array_equal(ours.time, theirs.time)
+    assert np.abs(ours["true_depth"] - theirs["true_depth"]).max() < 0.1
+    for name in ("commanded_segment", "commanded_pitch", "commanded_pump"):
+        changed = np.mean(ours[name] != theirs[name])
+        assert changed < 0.01, name  # a turn may fall on the next control tick
+
+
+def test_a_mission_without_a_duration_ends_when_it_is_flown():
+    yo = twin.Mission.from_dict(
+        {"segments": [{"kind": "saw-tooth", "min_depth_m": 5, "max_depth_m": 30, "yos": 1},
+                      {"kind": "surface", "duration_s": 60}]}
+    )  # fmt: skip
+    given = twin.Scenario(mission=yo)
+    ours, theirs = twin.simulate(given), twin.simulate(dataclasses.replace(given, engine="lanes"))
+    assert ours.provenance["ended"] == theirs.provenance["ended"] == "flown"
+    assert abs(ours.time[-1] - theirs.time[-1]) <= 30.0
+
+
+def fleet(count):
+    depths = np.linspace(60.0, 140.0, count)
+    return [
+        scenario(
+            start={"depth": float(depth), "pitch": -0.4, "v_rel": (0.35, 0.0, 0.01)},
+            current=Profile(depth=(0.0, 200.0), north=(0.3, 0.0), east=(0.0, 0.1)),
+            duration=60.0 + k % 3,
+        )
+        for k, depth in enumerate(depths)
+    ]
+
+
+def test_neither_width_nor_threads_nor_neighbours_change_a_bit():
+    scenarios = fleet(LANES[-1] + 3)
+    together = [digest(t) for t in fly_in_lanes(scenarios, threads=1)]
+    assert together == [digest(t) for t in fly_in_lanes(scenarios, threads=2)]
+    for k in (0, 17, len(scenarios) - 1):
+        assert digest(twin.simulate(scenarios[k])) == together[k]
+    few = fly_in_lanes(scenarios[20:25])
+    assert [digest(t) for t in few] == together[20:25]
+    assert len(set(together)) == len(together)
+
+
+def test_one_that_goes_unstable_leaves_the_others_alone():
+    scenarios = fleet(3)
+    wild = dataclasses.replace(scenarios[1], start={"depth": 90.0, "v_rel": (19.0, 8.0, 8.0)})
+    found = fly_in_lanes([scenarios[0], wild, scenarios[2]])
+    assert isinstance(found[1], SimulationUnstable)
+    assert [digest(found[k]) for k in (0, 2)] == [
+        digest(twin.simulate(scenarios[k])) for k in (0, 2)
+    ]
+
+
+def test_the_sea_floor_is_named_when_it_is_reached():
+    deep = scenario(floor=twin.parse_floor("depth:130"), mission=None)
+    deep = dataclasses.replace(deep, mission=STRAIGHT, duration=900.0)
+    with pytest.raises(FloorError, match=r"came to the sea floor at .* engine='mujoco'"):
+        twin.simulate(deep)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"navigate": "estimate", "mission": twin.load_mission("default")}, "navigate"),
+        ({"integrator": "implicitfast"}, "integrator"),
+        ({"centred": False}, "centred=False"),
+        ({"hydrodynamics": "ellipsoid"}, "ellipsoid"),
+        ({"timestep": 0.3}, "whole number of steps"),
+    ],
+)
+def test_what_lanes_cannot_do_is_refused_by_name(changes, said):
+    with pytest.raises((InputError, twin.errors.VehicleError), match=said):
+        twin.simulate(scenario(**changes))
+
+
+def test_a_controller_needs_mujoco():
+    with pytest.raises(InputError, match="controller needs engine='mujoco'"):
+        twin.simulate(scenario(mission=None), controller=lambda observation: twin.Command())
+    with pytest.raises(InputError, match=r"twin\.simulate"):
+        twin.Simulation(scenario())
+    with pytest.raises(InputError, match="did you mean 'lanes'"):
+        scenario(engine="lane")
+
+
+def test_the_engine_is_part_of_a_scenarios_description():
+    given = scenario()
+    assert given.describe()["engine"] == "lanes"
+    assert twin.physics.scenario.scenario_from_dict(given.describe()).engine == "lanes"
+    assert "engine" not in dataclasses.replace(given, engine="mujoco").describe()
+
+
+def test_encoder_zeros_and_ballast_are_those_of_the_real_vehicle():
+    given = scenario(encoder_zeros={"shift": 0.004}, duration=300.0)
+    ours, theirs = twin.simulate(given), twin.simulate(dataclasses.replace(given, engine="mujoco"))
+    exact = twin.simulate(scenario(duration=300.0))
+    assert abs(ours["true_pitch"][-1] - theirs["true_pitch"][-1]) < 0.05
+    assert abs(ours["true_pitch"][-1] - exact["true_pitch"][-1]) > 1.0
