@@ -1,4 +1,4 @@
-"""Elementary functions, and functions compiled once more with them in place of the C library's."""
+"""Functions compiled once more, with elementary ones in place of the C library's."""
 
 from __future__ import annotations
 
@@ -11,39 +11,9 @@ from math import tan
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from twin.compiled import elementary, generate, jit
 from twin.compiled.portable import calls_math, portable
-
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "exp", "log", "hypot", "atan2")
-RIGHT = {"sin": 2e-16, "cos": 2e-16, "tan": 7e-16, "hypot": 2.3e-16, "atan2": 5e-16}
-"""Error, beside 1 and beside the value, that the page of each function states; 3e-16 of others"""
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_elementary_functions_are_right(name: str) -> None:
-    rng = np.random.default_rng(0)
-    x = rng.uniform(-1.0, 1.0, 2000)
-    if name in ("exp", "sin", "cos", "tan"):
-        x = np.concatenate([x, rng.uniform(-700.0, 700.0, 1000)])
-    if name == "log":
-        x = 10.0 ** rng.uniform(-300.0, 300.0, 2000)
-    two = (x, rng.uniform(-1.0, 1.0, len(x))) if name in ("hypot", "atan2") else (x,)
-    function, right = getattr(elementary, name), getattr(math, name)
-    for values in zip(*two, strict=True):
-        values = tuple(map(float, values))
-        wanted = right(*values)
-        assert abs(function(*values) - wanted) <= RIGHT.get(name, 4e-16) * max(1.0, abs(wanted))
-
-
-def test_ends_of_the_power_and_the_logarithm() -> None:
-    assert elementary.exp(0.0) == 1.0
-    assert elementary.exp(-1e9) == elementary.exp(elementary.LOWEST) > 0.0
-    assert elementary.exp(1e9) == elementary.exp(elementary.HIGHEST) < math.inf
-    assert elementary.log(1.0) == 0.0
-    assert math.isnan(elementary.log(0.0))
-    assert math.isnan(elementary.log(-1.0))
 
 
 @jit
