@@ -56,6 +56,7 @@ HEAD = {
     "length": 1,
     "diameter": 1,  # [m] of the hull
     "alive": 1,  # 1: flies, 0: has ended and stands still
+    "time": 1,  # [s] since the lane's start
 }
 PART = ("now", "command", "low", "high", "lag", "rate", "one_way")
 """Of each part: its position as its encoder says, the command, its travel, lag [s], largest rate,
@@ -95,11 +96,11 @@ class Structure:
         return PARTS_AT + len(PART) * self.parts
 
     def rate(self, lanes: int) -> Any:
-        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s], t [s]).
+        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s]).
 
-        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others,
-        at the time `t`. With `g` above 0 the accelerations are those of a linearly implicit step:
-        see `twin.fossen.lanes`.
+        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others.
+        With `g` above 0 the accelerations are those of a linearly implicit step: see
+        `twin.fossen.lanes`.
         """
         return _compiled(self, lanes, content.generation())
 
@@ -126,7 +127,7 @@ def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> 
     space = {"__name__": __name__, "carray": numba.carray, **names}
     body = _ROW.sub(lambda found: str(int(found[1]) * lanes), body)
     text = (
-        f"def rate(address, g, t):\n    b = carray(address, {structure.size * lanes})\n"
+        f"def rate(address, g):\n    b = carray(address, {structure.size * lanes})\n"
         f"    for l in range({lanes}):\n{body}"
     )
     exec(compile(text, "<structure>", "exec"), space)
@@ -136,7 +137,7 @@ def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> 
     if keep and None not in stamps:
         joined = "\n".join([text, *map(str, stamps)])
         stamp = hashlib.sha256(joined.encode()).hexdigest()[:32]
-    signature = types.void(types.CPointer(types.float64), types.float64, types.float64)
+    signature = types.void(types.CPointer(types.float64), types.float64)
     return decorated(
         lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(space["rate"]),
         __name__,
@@ -357,7 +358,7 @@ def _write_flow(w: _Writer) -> None:
     """The current, linear about where it was looked up, and the water's tables."""
     looked, flow = AT["looked"], AT["flow"]
     w.add(f"dn, de = north - {row(looked)}, east - {row(looked + 1)}")
-    w.add(f"dd, tau = depth - {row(looked + 2)}, t - {row(looked + 3)}")
+    w.add(f"dd, tau = depth - {row(looked + 2)}, {row(AT['time'])} - {row(looked + 3)}")
     w.add("flow = (" + " ".join(
         f"{row(flow + i)} + tau * {row(flow + 3 + i)} + ({row(flow + 6 + 3 * i)} * dn"
         f" + {row(flow + 7 + 3 * i)} * de + {row(flow + 8 + 3 * i)} * dd),"
