@@ -102,7 +102,7 @@ def column(
     found[AT["alive"]] = 1.0
     low, high = vehicle.actuator_min, vehicle.actuator_max
     begin = np.clip(start.positions(vehicle.part_names, vehicle.rest), low, high)
-    rows = {
+    rows: dict[str, Any] = {
         "now": begin,
         "command": begin,
         "low": low,
