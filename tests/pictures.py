@@ -13,7 +13,7 @@ import pytest
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
@@ -108,7 +108,7 @@ def write_short_store(path: Path) -> Path:
     scenario = short_scenario()
     trajectory = measured(simulate(scenario))
     attributes = {"scenario": json.dumps(scenario.describe())}
-    return write_store(mission_dataset([trajectory, trajectory], attributes=attributes), path)
+    return write_store(dataset_of([trajectory, trajectory], attributes=attributes), path)
 
 
 def write_tracks(path: Path, trajectory: Trajectory) -> Path:

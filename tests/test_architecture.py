@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
 import re
 from collections import defaultdict
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 from examples import ROOT, needs_docs
+
+import twin.lazy
 
 PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
@@ -272,6 +275,32 @@ def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_loo
     assert computed == set(COMPUTED_IMPORTS)
     assert computed_imports(ast.parse("importlib.import_module('tw' + 'in')"))
     assert not computed_imports(ast.parse("importlib.import_module('twin')"))
+
+
+def below_the_faces(module: str) -> list[str]:
+    """What a command imports that is no public face and not what all commands share."""
+    return sorted(
+        other
+        for other in imported(module)
+        if modules()[other].name != "__init__.py"
+        and other not in ("twin.errors", "twin.version")
+        and not other.startswith("twin.cli.")
+    )
+
+
+def test_commands_of_twin_call_public_faces_and_nothing_below() -> None:
+    commands = [module for module in modules() if module.startswith("twin.commands.")]
+    assert commands
+    assert {module: found for module in commands if (found := below_the_faces(module))} == {}
+    assert below_the_faces("twin.show.check_page")
+
+
+def test_a_lazy_face_shows_no_name_of_a_module_beside_it() -> None:
+    """`from twin.records import store` would give the name or the module, by what came before."""
+    for package, path in modules().items():
+        if "attach(__name__" in path.read_text(encoding="utf-8"):
+            beside = {each.stem for each in path.parent.iterdir()} - {"errors"}
+            assert not beside & set(twin.lazy.places(importlib.import_module(package).__name__))
 
 
 @pytest.mark.parametrize("package", PACKAGES)

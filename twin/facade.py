@@ -105,36 +105,18 @@ def simulate(
       InputError and its kinds: a name or value that cannot be used; nothing was flown.
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
+    given = dict(locals())
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r}: give a function of an Observation")
     if scenario is None:
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
         scenario = scenario_of(
-            vehicle=vehicle,
-            mission=mission,
-            current=current,
-            density=density,
-            ballast_at=ballast_at,
-            mass=mass,
-            compressibility=compressibility,
-            floor=floor,
-            duration=duration,
-            start=start,
-            origin=origin,
-            engine=engine,
-            hydrodynamics=hydrodynamics,
-            timestep=timestep,
-            integrator=integrator,
-            sample_period=sample_period,
-            sensors=sensors,
-            seed=seed,
-            bottom_depth=bottom_depth,
-            navigate=navigate,
+            **{name: given[name] for name in given.keys() & _OF_A_SCENARIO},
             commanded=controller is not None,
         )
     else:
-        _refuse_beside(scenario, locals())
+        _refuse_beside(scenario, given)
         if isinstance(scenario.navigate, Navigation) and (
             sensors is not None or seed != 0 or bottom_depth is not None
         ):
@@ -238,6 +220,10 @@ def scenario_of(
     if isinstance(density, str | Path):
         scenario = in_water(scenario, str(density))
     return scenario
+
+
+_OF_A_SCENARIO = inspect.signature(scenario_of).parameters.keys()
+"""Arguments that `simulate` hands on"""
 
 
 def _named(trajectory: Trajectory, scenario: Scenario) -> Trajectory:

@@ -92,10 +92,10 @@ def _small_file(inputs: Path) -> Write:
 
 
 def _simulate(inputs: Path) -> Write:
-    from twin.records.mission_dataset import mission_dataset
+    from twin.records.mission_dataset import dataset_of
     from twin.records.store import write_store
 
-    data = {variant: mission_dataset([one]) for variant, one in _flights().items()}
+    data = {variant: dataset_of([one]) for variant, one in _flights().items()}
 
     def write(path: Path, variant: str) -> None:
         write_store(data[variant], path, overwrite=True)

@@ -13,8 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.other_kind import OtherKind
-from factory.importing.tally import Tally, summarise
+from factory.importing.tally import OtherKind, Tally, summarise
 from twin.errors import InputError
 
 Array = NDArray[np.float64]

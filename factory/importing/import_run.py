@@ -24,6 +24,7 @@ from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, Tally, summarise
 from twin.errors import InputError
+from twin.plugins import imported
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY, made_at
 
 if TYPE_CHECKING:
@@ -141,7 +142,9 @@ def _read(
     importer: Importer, paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
     try:
-        return importer.read(paths, options, tally)
+        read = imported(importer.read) if isinstance(importer.read, str) else importer.read
+        logs: list[DeploymentLog] = read(paths, options, tally)
+        return logs
     except ModuleNotFoundError as error:
         if importer.extra is None:
             raise

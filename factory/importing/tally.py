@@ -12,8 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from twin.errors import InputError
+
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
+
+
+class OtherKind(InputError):
+    """A file without logs of this kind; a folder is read without it, and that is not an error."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,15 +3,23 @@
 Against logs a vehicle file is flown in closed loop on the targets of the real vehicle.
 """
 
-from twin.checks.log_comparison import check_logs
-from twin.checks.log_figures import PhaseFigures
-from twin.checks.log_result import LogCheck, PhaseComparison
-from twin.checks.log_turns import Oscillation
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "LogCheck",
-    "Oscillation",
-    "PhaseComparison",
-    "PhaseFigures",
-    "check_logs",
-]
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.checks.agreement import ATTITUDE_LIMIT as ATTITUDE_LIMIT
+    from twin.checks.agreement import DURATION as DURATION
+    from twin.checks.agreement import POSITION_LIMIT as POSITION_LIMIT
+    from twin.checks.agreement import SPEED_LIMIT as SPEED_LIMIT
+    from twin.checks.log_comparison import check_logs as check_logs
+    from twin.checks.log_figures import PhaseFigures as PhaseFigures
+    from twin.checks.log_result import LogCheck as LogCheck
+    from twin.checks.log_result import PhaseComparison as PhaseComparison
+    from twin.checks.log_turns import Oscillation as Oscillation
+    from twin.checks.passivity import LARGEST_GAIN as LARGEST_GAIN
+    from twin.checks.passivity import check_still_water as check_still_water
+    from twin.checks.published import ANGLES as ANGLES
+    from twin.checks.step_cost import bench as bench
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

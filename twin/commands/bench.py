@@ -28,7 +28,7 @@ class Bench(JsonOption):
         import os
 
         from twin import load_vehicle
-        from twin.checks.step_cost import bench
+        from twin.checks import bench
         from twin.errors import InputError
 
         if self.threads < 0 or self.rounds < 1:

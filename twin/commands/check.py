@@ -61,8 +61,8 @@ class CheckModels(JsonOption):
         from twin.checks import check_logs
         from twin.cli.options import parse_rows
         from twin.errors import InputError
-        from twin.show.check_page import build_page, table
-        from twin.show.figures.page_layout import check_page_target
+        from twin.show import log_check_rows, write_log_check
+        from twin.show.figures import check_page_target
 
         if self.vehicle is None:
             raise InputError(
@@ -72,24 +72,32 @@ class CheckModels(JsonOption):
         if self.page is not None:
             check_page_target(self.page)
         found = check_logs(store, self.vehicle, missions=parse_rows(self.missions or "all"))
-        console.table(table(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives")
+        console.table(
+            log_check_rows(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives"
+        )
         for text in found.notes:
             console.note(text)
         console.answer(**found.describe())
         if self.page is not None:
             rows = "" if self.missions is None else f" --missions {self.missions}"
             command = f"twin check --logs {store} --vehicle {self.vehicle}{rows}"
-            path = build_page(self.page, found, command)
+            path = write_log_check(self.page, found, command)
             console.say(f"page: {path}")
             console.answer(page=path)
         return _verdict(console, found.beyond)
 
     def _models(self, console: Console) -> int:
         """The two models, the published motions and still water."""
-        from twin import load_vehicle
-        from twin.checks import agreement as check
-        from twin.checks import passivity
-        from twin.checks.published import ANGLES
+        from twin import check_manoeuvres, check_published, load_vehicle
+        from twin.checks import (
+            ANGLES,
+            ATTITUDE_LIMIT,
+            DURATION,
+            LARGEST_GAIN,
+            POSITION_LIMIT,
+            SPEED_LIMIT,
+            check_still_water,
+        )
         from twin.errors import InputError
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
@@ -101,7 +109,7 @@ class CheckModels(JsonOption):
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
         sources: dict[str, int] = {}
-        published = check.check_published(None if self.vehicle is None else vehicle)
+        published = check_published(None if self.vehicle is None else vehicle)
         for motion, model, trim in published:
             violations = motion.violations(trim)
             broken += [f"{motion.vehicle}, {motion.source}, {model}: {v}" for v in violations]
@@ -130,31 +138,29 @@ class CheckModels(JsonOption):
                 console.item(f"source {number}: {source}")
         else:
             console.say(f"no published motion of {vehicle.name!r} is on record")
-        decays = passivity.check_still_water(None if self.vehicle is None else vehicle)
+        decays = check_still_water(None if self.vehicle is None else vehicle)
         broken += [decay.text(one) for one, decay in decays if not decay.ok]
         console.say()
         console.table(
             [
                 {
                     "vehicle": one.name, "model": decay.model, "gains %": 100.0 * decay.gain,
-                    "limit %": 100.0 * passivity.LARGEST_GAIN, "ok": "yes" if decay.ok else "no",
+                    "limit %": 100.0 * LARGEST_GAIN, "ok": "yes" if decay.ok else "no",
                 }
                 for one, decay in decays
             ],
             title="Energy from still water, the most of ahead, astern, sideways and tumbling",
         )  # fmt: skip
-        differences = check.check_manoeuvres(
-            vehicle, count=count, seed=seed, timestep=self.timestep
-        )
+        differences = check_manoeuvres(vehicle, count=count, seed=seed, timestep=self.timestep)
         broken += [f"manoeuvre {d.seed} exceeds a limit" for d in differences if not d.ok]
         largest = {
             name: max(getattr(d, name) for d in differences)
             for name in ("speed_m_s", "attitude_deg", "position_percent")
         }
         limits = {
-            "speed_m_s": check.SPEED_LIMIT,
-            "attitude_deg": check.ATTITUDE_LIMIT,
-            "position_percent": check.POSITION_LIMIT,
+            "speed_m_s": SPEED_LIMIT,
+            "attitude_deg": ATTITUDE_LIMIT,
+            "position_percent": POSITION_LIMIT,
         }
         console.say()
         console.table(
@@ -163,7 +169,7 @@ class CheckModels(JsonOption):
                 for name in largest
             ],
             title=f"MuJoCo against Fossen, {len(differences)} manoeuvres of "
-            f"{check.DURATION:.0f} s in sheared current",
+            f"{DURATION:.0f} s in sheared current",
         )
         console.answer(
             **largest,

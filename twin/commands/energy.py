@@ -11,7 +11,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.logs.energy_use import EnergyUse
+    from twin.logs import EnergyUse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +42,8 @@ class AccountEnergy(JsonOption):
         """Fit, try, say, write."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError
-        from twin.identify.vehicle_file import write_consumption
-        from twin.logs.energy_use import energy_use, second_half
+        from twin.identify import write_consumption
+        from twin.logs import energy_used, second_half
 
         left = self.energy_left_kwh
         if left is not None and not 0.0 < left <= 1e4:
@@ -53,7 +53,7 @@ class AccountEnergy(JsonOption):
         if self.out is not None and self.out.exists() and not self.overwrite:
             raise InputError(f"{self.out} exists already; use --overwrite or another --out")
         rows = parse_rows(self.missions)
-        found = energy_use(self.store, self.vehicle, missions=rows)
+        found = energy_used(self.store, self.vehicle, missions=rows)
         _say(console, found)
         days = None
         if left is not None:

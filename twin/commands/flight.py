@@ -47,9 +47,8 @@ class EstimateFlight(JsonOption):
         """Fly, write, say."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError, quoted
-        from twin.logs import estimate_flight, write_flight
-        from twin.logs.flight_dataset import check_target
-        from twin.records.reader import MissionStore
+        from twin.logs import check_target, estimate_flight, write_flight
+        from twin.records import MissionStore
 
         check_target(self.out, overwrite=self.overwrite)
         if self.plots is not None and self.plots.is_file():
@@ -101,9 +100,9 @@ class EstimateFlight(JsonOption):
         console.say(str(self.out))
         pictures: list[Path] = []
         if self.plots is not None:
-            from twin.show.flight_figures import write_figures
+            from twin.show import write_flight_figures
 
-            pictures, missing = write_figures(found, self.plots)
+            pictures, missing = write_flight_figures(found, self.plots)
             for path in pictures:
                 console.say(str(path))
             for reason in missing:

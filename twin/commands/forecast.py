@@ -11,12 +11,11 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from twin import Vehicle
     from twin.forecast import Forecast as Found
-    from twin.forecast import Known
-    from twin.forecast.request import Request
+    from twin.forecast import Known, Request
     from twin.mission import Mission
-    from twin.vehicle.vehicle import Vehicle
-    from twin.water.current.base import Current
+    from twin.water.current import Current
 
 
 USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
@@ -89,17 +88,17 @@ class ForecastSurfacings(JsonOption):
 
         self._check()
         if self.out is not None:
-            from twin.show.forecast_page import check_folder
+            from twin.show import check_forecast_target
 
-            check_folder(self.out)
+            check_forecast_target(self.out)
         if self.watch is None:
             self._once(console, self.logs)
             return 0
-        from twin.forecast.request import arrivals
+        from twin.forecast import arrivals
 
         if self.json:
             raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
-        from twin.forecast.request import check_watched
+        from twin.forecast import check_watched
 
         check_watched(self.watch)
         console.note(f"watching {self.watch}; Ctrl-C ends it")
@@ -160,20 +159,17 @@ class ForecastSurfacings(JsonOption):
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
         from twin import Origin
         from twin.errors import InputError
-        from twin.forecast import Request, known_from_logs, known_without_logs
-        from twin.forecast.request import FIELD_ERROR
-        from twin.physics.start import parse_place, utc_text
-        from twin.records.coordinates import unix_seconds
+        from twin.forecast import FIELD_ERROR, Request, known_from_logs, known_without_logs
+        from twin.physics import parse_place, utc_text
+        from twin.records import unix_seconds
 
         vehicle = self._vehicle(console, logs)
         mission = self._mission(vehicle)
         known = None
         if logs is not None:
             console.note(f"reading {logs}")
-            from twin.identify.start_values import other_kind
-            from twin.identify.vehicle_draws import identified
-            from twin.identify.vehicle_file import with_consumption
-            from twin.logs.energy_use import counted_energy
+            from twin.identify import identified, other_kind, with_consumption
+            from twin.logs import counted_energy
 
             if warning := other_kind(logs, vehicle):
                 console.warn(warning)
@@ -216,7 +212,7 @@ class ForecastSurfacings(JsonOption):
 
     def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
         from twin import load_vehicle
-        from twin.identify.start_values import start_vehicle
+        from twin.identify import start_vehicle
 
         if self.vehicle is not None or logs is None:
             return load_vehicle(USUAL_VEHICLE if self.vehicle is None else self.vehicle)
@@ -228,7 +224,7 @@ class ForecastSurfacings(JsonOption):
         import math
 
         from twin.forecast import mission_to
-        from twin.mission.shipped_missions import load_mission_for
+        from twin.mission import load_mission_for
 
         if self.mission is not None:
             return load_mission_for(vehicle, self.mission)
@@ -247,7 +243,7 @@ class ForecastSurfacings(JsonOption):
     def _field(self) -> Current | None:
         if self.current is None:
             return None
-        from twin.water.current.current_text import parse_field
+        from twin.water.current import parse_field
 
         return parse_field(self.current)
 
@@ -287,7 +283,7 @@ class _Shows:
 
     def write(self, found: Found, *, ended: bool = False) -> Path:
         """The folder; `ended`: no more members follow."""
-        from twin.show.forecast_page import write_forecast
+        from twin.show import write_forecast
 
         assert self._command.out is not None
         reload_s = None
@@ -303,12 +299,12 @@ class _Shows:
 
     def all(self, found: Found) -> None:
         """The answer."""
-        from twin.show.forecast_page import row
+        from twin.show import forecast_row
 
         console = self._console
         console.answer(**found.describe())
         if found.surfacings:
-            console.table([row(found, one) for one in found.surfacings])
+            console.table([forecast_row(found, one) for one in found.surfacings])
             console.say("semi-axes: from the middle of an ellipse to its edge")
         elif not found.left_out:
             console.say(f"no surfacing within {found.request.hours:g} h")
@@ -328,7 +324,7 @@ def _near(found: Found) -> dict[str, str]:
     """The next surfacing in a few words."""
     if not found.surfacings:
         return {}
-    from twin.forecast.surfacing import NINETY
+    from twin.forecast import NINETY
 
     one = found.surfacings[0]
     return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}

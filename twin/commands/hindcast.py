@@ -49,15 +49,15 @@ class HindcastSurfacings(JsonOption):
     def run(self, console: Console) -> int:
         """Walk, score, say."""
         from twin.forecast import hindcast
-        from twin.records.logged import LogStore
+        from twin.records import LogStore
 
         if self.out is not None:
-            from twin.show.figures.page_layout import check_page_target
+            from twin.show.figures import check_page_target
 
             check_page_target(self.out)
         field = None
         if self.current is not None:
-            from twin.water.current.current_text import parse_field
+            from twin.water.current import parse_field
 
             field = parse_field(self.current)
         total = 0
@@ -85,7 +85,7 @@ class HindcastSurfacings(JsonOption):
         for one in found.deployments:
             console.note(f"{one.name}: {_told(one)}")
         if self.out is not None:
-            from twin.show.hindcast_page import build_page
+            from twin.show import write_hindcast
 
             words = " ".join(str(path) for path in self.stores)
             command = f"twin hindcast {words}"
@@ -93,7 +93,7 @@ class HindcastSurfacings(JsonOption):
                 command += f" --train-fraction {self.train_fraction:g}"
             if self.current is not None:
                 command += f" --current {self.current}"
-            console.say(str(build_page(self.out, found, command)))
+            console.say(str(write_hindcast(self.out, found, command)))
         console.answer(
             surfacing=found.surfacing.describe(),
             current=found.current.describe(),

@@ -15,9 +15,7 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin.cli.progress import Progress
-    from twin.identify import Identification
-    from twin.identify.handling import Handling
-    from twin.identify.rollout import Refinement
+    from twin.identify import Handling, Identification, Refinement
 
 
 UNUSUAL = 2.0
@@ -78,11 +76,16 @@ class Identify(JsonOption):
         """Fit, report, write."""
         from twin.cli.options import check_plot_path, parse_numbers, parse_rows
         from twin.errors import InputError
-        from twin.identify import identify, load_calibration, load_logs
-        from twin.identify.answer import confused
-        from twin.identify.conventions import read_figures, write_figures
-        from twin.identify.start_values import start_vehicle
-        from twin.identify.unknowns import with_known
+        from twin.identify import (
+            confused,
+            identify,
+            load_calibration,
+            load_logs,
+            read_figures,
+            start_vehicle,
+            with_known,
+            write_figures,
+        )
 
         check_plot_path(self.plot)
         if self.out is not None and self.out.suffix.lower() != ".xml":
@@ -129,12 +132,12 @@ class Identify(JsonOption):
                 progress=report.of("fit"),
             )
             if self.model == "twin":
-                from twin.identify.rollout import refine
+                from twin.identify import refine
 
                 refined = refine(logs, found, progress=report.of("refine"))
                 found = refined.identification
             if not self.no_handling:
-                from twin.identify.handling import handle
+                from twin.identify import handle
 
                 handling = handle(
                     logs, found, proof=self.out is not None, progress=report.of("handle")
@@ -158,9 +161,8 @@ class Identify(JsonOption):
                     f"{self.out} is not written, the vehicle does not fly as its log: "
                     + "; ".join(handling.failures)
                 )
-            from twin.identify.answer import provenance_of
-            from twin.identify.vehicle_file import write_vehicle
-            from twin.logs.energy_use import counted_energy
+            from twin.identify import provenance_of, write_vehicle
+            from twin.logs import counted_energy
 
             used = counted_energy(self.store, found.calibration.vehicle)
             if used is not None:
@@ -177,8 +179,8 @@ class Identify(JsonOption):
             kind = write_figures(found.calibration, self.export)
             console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
-            from twin.records.storage.whole import whole_file
-            from twin.show.identification_figure import residual_figure
+            from twin.records import whole_file
+            from twin.show import residual_figure
 
             with whole_file(self.plot) as place:
                 residual_figure(found, logs).savefig(place)
@@ -349,8 +351,7 @@ def _degrees(value: float | None) -> float | None:
 
 def _remark(console: Console, found: Identification) -> None:
     """Say which estimates are unlike the vehicle file's; trim and drag are every vehicle's own."""
-    from twin.identify.fit import ALWAYS
-    from twin.identify.unknowns import NAMES
+    from twin.identify import ALWAYS, NAMES
 
     for one in found.estimates:
         away = abs(one.value - one.nominal) / one.spread

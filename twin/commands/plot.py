@@ -11,13 +11,13 @@ import tyro
 
 from twin.cli.console import Console
 from twin.errors import InputError, UnknownName
-from twin.show.figures.base import FIGURES, LOG, OVERVIEW
+from twin.show.figures import FIGURES, LOG, OVERVIEW
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from twin.records.tracks import NamedTrack
-    from twin.records.trajectory import Trajectory
+    from twin import Trajectory
+    from twin.records import NamedTrack
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that matplotlib writes here."""
@@ -67,7 +67,7 @@ class PlotMission:
 
     def run(self, console: Console) -> int:
         """Draw and save; says which files were written."""
-        from twin.records.presence import is_flight
+        from twin.records import is_flight
 
         if is_flight(self.store):
             return self._run_flight(console)
@@ -80,7 +80,7 @@ class PlotMission:
         trajectory, caption = self._read(console)
         tracks: list[NamedTrack] = []
         if self.tracks is not None:
-            from twin.records.tracks import choose_tracks, read_tracks
+            from twin.records import choose_tracks, read_tracks
 
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
         drawers = {
@@ -92,8 +92,8 @@ class PlotMission:
 
     def _run_flight(self, console: Console) -> int:
         """Figures of what `twin flight` wrote."""
-        from twin.show.flight_figures import FIGURES as OF_FLIGHTS
-        from twin.show.flight_figures import caption_of, read_flight
+        from twin.show import FLIGHT_FIGURES as OF_FLIGHTS
+        from twin.show import flight_caption, read_flight
 
         given = {"--vehicle": self.vehicle, "--tracks": self.tracks, "--missions": self.missions}
         for option, value in given.items():
@@ -106,7 +106,7 @@ class PlotMission:
         flight = read_flight(self.store)
         chosen = OF_FLIGHTS if name == ALL else {name: OF_FLIGHTS[name]}
         drawers = {each: lambda draw=draw: draw(flight) for each, draw in chosen.items()}
-        self._save_all(drawers, out, caption_of(flight, self.store), console)
+        self._save_all(drawers, out, flight_caption(flight, self.store), console)
         return 0
 
     def _names(self, name: str) -> Iterable[str]:
@@ -155,9 +155,8 @@ class PlotMission:
 
     def _read(self, console: Console) -> tuple[Trajectory, str]:
         """The mission, or the dives of a log as one, and the caption."""
-        from twin.records.reader import MissionStore
-        from twin.records.store import read_trajectory
-        from twin.show.figures.page_layout import mission_caption, missions_caption
+        from twin.records import MissionStore, read_trajectory
+        from twin.show.figures import mission_caption, missions_caption
 
         with MissionStore(self.store) as store:
             store.check_filled()
@@ -179,7 +178,7 @@ class PlotMission:
                 chosen = list(range(len(store))) if rows is None else rows
             if self.figure == LOG and len(chosen) == 1:  # needs no flight model
                 return read_trajectory(self.store, chosen[0]), mission_caption(store, chosen[0])
-            from twin.logs.logged_mission import logged_trajectory
+            from twin.logs import logged_trajectory
 
             trajectory = logged_trajectory(self.store, chosen, self.vehicle)
             if trajectory.unflown:
@@ -190,7 +189,7 @@ class PlotMission:
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: list[NamedTrack]) -> Figure:
         """One figure; raises InputError when the mission lacks a signal that it shows."""
-        from twin.show.figures.base import figure, suited
+        from twin.show.figures import figure, suited
 
         takes = suited(trajectory, name).takes_tracks
         if tracks and not takes and self.figure != ALL:
@@ -204,8 +203,8 @@ class PlotMission:
             raise InputError(f"{which} of {self.store}: {error}") from error
 
     def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
-        from twin.records.storage.whole import whole_file
-        from twin.show.figures.page_layout import add_caption
+        from twin.records import whole_file
+        from twin.show.figures import add_caption
 
         add_caption(figure, caption)
         with whole_file(path) as place:

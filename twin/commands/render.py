@@ -13,8 +13,7 @@ from twin.cli.console import Console, JsonOption
 from twin.errors import FloorError, InputError
 
 if TYPE_CHECKING:
-    from twin.show.render.film import Subject
-    from twin.show.render.shot import Shot
+    from twin.show.render import Shot, Subject
 
 
 OUT, SIZE = Path("mission.mp4"), "1280x720"
@@ -84,9 +83,8 @@ class Render(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and write the file."""
-        from twin.show.render.encode import STILL_FORMATS, VIDEO_FORMATS
-        from twin.show.render.shot import Shot
-        from twin.show.web.page import ENDINGS
+        from twin.show.render import STILL_FORMATS, VIDEO_FORMATS, Shot
+        from twin.show.web import ENDINGS
 
         out = self._target()
         suffix = out.suffix.lower()
@@ -146,8 +144,7 @@ class Render(JsonOption):
 
     def _subject(self, console: Console) -> Subject:
         """What is drawn, with notes about what it lacks."""
-        from twin.show.render.canvas import OTHER_TRACKS
-        from twin.show.render.subject import read_subject
+        from twin.show.render import OTHER_TRACKS, read_subject
 
         read = functools.partial(
             read_subject,
@@ -177,7 +174,7 @@ class Render(JsonOption):
     def _write_page(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
         import time
 
-        from twin.show.web.page import save_page
+        from twin.show.web import save_page
 
         begun = time.perf_counter()
         size = save_page(out, subject, shot, self.time)
@@ -189,8 +186,7 @@ class Render(JsonOption):
     def _draw(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
         import time
 
-        from twin.show.render.encode import STILL_FORMATS
-        from twin.show.render.film import default_workers, save_still, save_video
+        from twin.show.render import STILL_FORMATS, default_workers, save_still, save_video
 
         begun = time.perf_counter()
         if out.suffix.lower() in STILL_FORMATS:
@@ -216,7 +212,7 @@ class Render(JsonOption):
         if self.missions is None:
             return None
         from twin.cli.options import parse_rows
-        from twin.records.reader import MissionStore
+        from twin.records import MissionStore
 
         if self.tracks is not None:
             raise InputError("--tracks are of one mission; give --mission in place of --missions")

@@ -12,8 +12,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.physics.scenario import Scenario
-    from twin.records.trajectory import Trajectory
+    from twin import Scenario, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +91,7 @@ class Simulate(JsonOption):
         import twin
         from twin.cli.options import check_plot_path
         from twin.errors import InputError, SimulationUnstable
-        from twin.records.store import check_target
+        from twin.records import check_target
 
         if self.sensors is None and self.seed != 0 and self.navigate == "truth":
             raise InputError("--seed is for the sensors: give --sensors too, such as field")
@@ -148,15 +147,14 @@ class Simulate(JsonOption):
         return 0
 
     def _write(self, trajectory: Trajectory) -> None:
-        from twin.records.mission_dataset import mission_dataset
-        from twin.records.store import write_store
+        from twin.records import dataset_of, write_store
 
         assert self.out is not None
-        dataset = mission_dataset([trajectory], attributes=trajectory.provenance)
+        dataset = dataset_of([trajectory], attributes=trajectory.provenance)
         write_store(dataset, self.out, overwrite=self.overwrite)
 
     def _draw(self, trajectory: Trajectory) -> None:
-        from twin.records.storage.whole import whole_file
+        from twin.records import whole_file
         from twin.show.figures import overview_figure
 
         assert self.plot is not None
@@ -165,7 +163,7 @@ class Simulate(JsonOption):
             figure.savefig(place)
 
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
-        from twin.records.mission_dataset import summarise
+        from twin.records import summarise
 
         figures = summarise(trajectory)
         console.answer(

@@ -10,7 +10,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.vehicle.vehicle import Vehicle
+    from twin import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class TrimVehicle(JsonOption):
         from twin import load_vehicle
         from twin.cli.options import parse_numbers
         from twin.errors import InputError
-        from twin.vehicle.steady_motion import positions_text, trim_positions
+        from twin.vehicle import positions_text, trim_positions
 
         vehicle = load_vehicle(self.vehicle)
         net_mass, shift = self.net_mass, self.shift
@@ -114,7 +114,7 @@ def _usual_dive(vehicle: Vehicle) -> tuple[float, float]:
       InputError: the vehicle does not glide; says what to give instead.
     """
     from twin.errors import InputError
-    from twin.mission.glide_balance import steady_glide
+    from twin.mission import steady_glide
     from twin.vehicle.parts import BatterySlide, Pump
 
     pitch, net_mass = vehicle.usual_glide

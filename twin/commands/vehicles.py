@@ -21,7 +21,7 @@ class Vehicles(JsonOption):
         """Print one line for each, then what each is and where its numbers are from."""
         from dataclasses import asdict
 
-        from twin.mission.mission_file import shipped_vehicles
+        from twin.mission import shipped_vehicles
 
         lines = shipped_vehicles()
         console.table(

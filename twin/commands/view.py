@@ -14,9 +14,8 @@ from twin.cli.endings import Ended
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from twin.physics.scenario import Scenario
-    from twin.show.render.film import Subject
-    from twin.show.render.shot import Shot
+    from twin import Scenario
+    from twin.show.render import Shot, Subject
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +84,11 @@ class ViewMission:
 
     def _open(self, console: Console) -> int:
         """The window."""
-        from twin.show.render.context import require_screen
+        from twin.show.render import require_screen
 
         require_screen()
         os.environ["MUJOCO_GL"] = "glfw"  # a window: MuJoCo must not look for EGL's functions
-        from twin.show.render.subject import Live, RenderedFlight, Replay
-        from twin.show.render.window import KEYS, Window
+        from twin.show.render import KEYS, Live, RenderedFlight, Replay, Window
 
         shot = self._shot()
         flight: RenderedFlight
@@ -110,9 +108,7 @@ class ViewMission:
         """The page, until Ctrl-C or for `seconds`."""
         import threading
 
-        from twin.show.web.live_source import LiveMission
-        from twin.show.web.page import assemble, page
-        from twin.show.web.server import PORT, PageServer
+        from twin.show.web import PORT, LiveMission, PageServer, assemble, page_text
 
         shot, live = self._shot(), None
         # the port first: a taken one is told before the mission is read or flown
@@ -125,7 +121,7 @@ class ViewMission:
                 text = assemble(live.mission, connect="'self'")
             else:
                 subject = self._stored(self.store)
-                text = page(subject, shot)
+                text = page_text(subject, shot)
             server.show(text, live)
             console.say(f"{subject.title}: open {server.address} in a browser; Ctrl-C ends it")
             console.note(
@@ -148,7 +144,7 @@ class ViewMission:
         return CHASE_SPEED_UP if self.camera == "chase" else SPEED_UP
 
     def _shot(self) -> Shot:
-        from twin.show.render.shot import Shot
+        from twin.show.render import Shot
 
         return Shot(
             camera=self.camera,
@@ -159,7 +155,7 @@ class ViewMission:
         )
 
     def _stored(self, store: Path) -> Subject:
-        from twin.show.render.subject import read_subject
+        from twin.show.render import read_subject
 
         return read_subject(
             store, self.mission, vehicle=self.vehicle, tracks=self.tracks, names=self.only
@@ -168,8 +164,8 @@ class ViewMission:
     def _live(self) -> tuple[Subject, Scenario]:
         """Flown once without a picture, which takes a moment, to know how large the sea must be."""
         import twin
-        from twin.physics.lookup_tables import floor_table
-        from twin.show.render.film import Subject
+        from twin.physics import floor_table
+        from twin.show.render import Subject
 
         if self.tracks is not None:
             raise InputError("--tracks needs a store: dead-reckoned tracks belong to its missions")

@@ -6,36 +6,28 @@ found = hindcast(["real.zarr"])
 found.surfacing.mean["forecast"], found.surfacing.mean["persistence"]
 """
 
-from twin.forecast.deployment_hindcast import DeploymentHindcast, Hindcast, hindcast
-from twin.forecast.known import Known, known_from_logs, known_without_logs
-from twin.forecast.request import Request, mission_to
-from twin.forecast.scores import METHODS, Scores, scores_of
-from twin.forecast.surfacing import Surfacing
-from twin.forecast.surfacing_forecast import Forecast, forecast
-from twin.forecast.walk import HindcastSurfacing, Judged, Priors, walk
-from twin.logs.logged_leg import LoggedLeg, legs_of
-from twin.navigation.dead_reckoning import Ellipse
-
-__all__ = [
-    "METHODS",
-    "DeploymentHindcast",
-    "Ellipse",
-    "Forecast",
-    "Hindcast",
-    "HindcastSurfacing",
-    "Judged",
-    "Known",
-    "LoggedLeg",
-    "Priors",
-    "Request",
-    "Scores",
-    "Surfacing",
-    "forecast",
-    "hindcast",
-    "known_from_logs",
-    "known_without_logs",
-    "legs_of",
-    "mission_to",
-    "scores_of",
-    "walk",
-]
+from twin.forecast.deployment_hindcast import DeploymentHindcast as DeploymentHindcast
+from twin.forecast.deployment_hindcast import Hindcast as Hindcast
+from twin.forecast.deployment_hindcast import hindcast as hindcast
+from twin.forecast.known import Known as Known
+from twin.forecast.known import known_from_logs as known_from_logs
+from twin.forecast.known import known_without_logs as known_without_logs
+from twin.forecast.request import FIELD_ERROR as FIELD_ERROR
+from twin.forecast.request import Request as Request
+from twin.forecast.request import arrivals as arrivals
+from twin.forecast.request import check_watched as check_watched
+from twin.forecast.request import mission_to as mission_to
+from twin.forecast.scores import METHODS as METHODS
+from twin.forecast.scores import Scores as Scores
+from twin.forecast.scores import scores_of as scores_of
+from twin.forecast.surfacing import NINETY as NINETY
+from twin.forecast.surfacing import Surfacing as Surfacing
+from twin.forecast.surfacing_forecast import Forecast as Forecast
+from twin.forecast.surfacing_forecast import forecast as forecast
+from twin.forecast.walk import HindcastSurfacing as HindcastSurfacing
+from twin.forecast.walk import Judged as Judged
+from twin.forecast.walk import Priors as Priors
+from twin.forecast.walk import walk as walk
+from twin.logs.logged_leg import LoggedLeg as LoggedLeg
+from twin.logs.logged_leg import legs_of as legs_of
+from twin.navigation.dead_reckoning import Ellipse as Ellipse

@@ -5,26 +5,41 @@ found = identify(logs, load_calibration("graver-2005"))
 speed = estimate(logs[0], found.calibration).speed
 """
 
-from twin.identify.answer import Identification, IdentifiedParameter
-from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.fit import identify
-from twin.identify.logged import Log, load_logs
-from twin.identify.speed import SpeedEstimate, density_of, estimate, estimate_speed, motion_of
-from twin.identify.translation import Translation, fly
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Calibration",
-    "Identification",
-    "IdentifiedParameter",
-    "Log",
-    "SpeedEstimate",
-    "Translation",
-    "density_of",
-    "estimate",
-    "estimate_speed",
-    "fly",
-    "identify",
-    "load_calibration",
-    "load_logs",
-    "motion_of",
-]
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.identify.answer import Identification as Identification
+    from twin.identify.answer import IdentifiedParameter as IdentifiedParameter
+    from twin.identify.answer import confused as confused
+    from twin.identify.answer import provenance_of as provenance_of
+    from twin.identify.calibration import Calibration as Calibration
+    from twin.identify.calibration import load_calibration as load_calibration
+    from twin.identify.conventions import read_figures as read_figures
+    from twin.identify.conventions import write_figures as write_figures
+    from twin.identify.fit import ALWAYS as ALWAYS
+    from twin.identify.fit import identify as identify
+    from twin.identify.handling import Handling as Handling
+    from twin.identify.handling import handle as handle
+    from twin.identify.logged import Log as Log
+    from twin.identify.logged import load_logs as load_logs
+    from twin.identify.rollout import Refinement as Refinement
+    from twin.identify.rollout import refine as refine
+    from twin.identify.speed import SpeedEstimate as SpeedEstimate
+    from twin.identify.speed import density_of as density_of
+    from twin.identify.speed import estimate as estimate
+    from twin.identify.speed import estimate_speed as estimate_speed
+    from twin.identify.speed import motion_of as motion_of
+    from twin.identify.start_values import other_kind as other_kind
+    from twin.identify.start_values import start_vehicle as start_vehicle
+    from twin.identify.translation import Translation as Translation
+    from twin.identify.translation import fly as fly
+    from twin.identify.unknowns import NAMES as NAMES
+    from twin.identify.unknowns import with_known as with_known
+    from twin.identify.vehicle_draws import identified as identified
+    from twin.identify.vehicle_file import with_consumption as with_consumption
+    from twin.identify.vehicle_file import write_consumption as write_consumption
+    from twin.identify.vehicle_file import write_vehicle as write_vehicle
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -5,27 +5,21 @@ found.summary().w_deviation
 flight_dataset(found)["w_water"]
 """
 
-from twin.logs.corrected_track import Drift, corrected_track, linear_track
-from twin.logs.depth_averaged_current import DiveCurrent
-from twin.logs.fix import Fixes
-from twin.logs.flight_dataset import flight_dataset, write_flight
-from twin.logs.flight_estimate import Flight, MissionFlight, estimate_flight
-from twin.logs.flight_summary import FlightSummary
-from twin.logs.logged_mission import logged_trajectory
-from twin.logs.thermal_lag import ThermalLag
-
-__all__ = [
-    "DiveCurrent",
-    "Drift",
-    "Fixes",
-    "Flight",
-    "FlightSummary",
-    "MissionFlight",
-    "ThermalLag",
-    "corrected_track",
-    "estimate_flight",
-    "flight_dataset",
-    "linear_track",
-    "logged_trajectory",
-    "write_flight",
-]
+from twin.logs.corrected_track import Drift as Drift
+from twin.logs.corrected_track import corrected_track as corrected_track
+from twin.logs.corrected_track import linear_track as linear_track
+from twin.logs.depth_averaged_current import DiveCurrent as DiveCurrent
+from twin.logs.energy_use import EnergyUse as EnergyUse
+from twin.logs.energy_use import counted_energy as counted_energy
+from twin.logs.energy_use import energy_used as energy_used
+from twin.logs.energy_use import second_half as second_half
+from twin.logs.fix import Fixes as Fixes
+from twin.logs.flight_dataset import check_target as check_target
+from twin.logs.flight_dataset import flight_dataset as flight_dataset
+from twin.logs.flight_dataset import write_flight as write_flight
+from twin.logs.flight_estimate import Flight as Flight
+from twin.logs.flight_estimate import MissionFlight as MissionFlight
+from twin.logs.flight_estimate import estimate_flight as estimate_flight
+from twin.logs.flight_summary import FlightSummary as FlightSummary
+from twin.logs.logged_mission import logged_trajectory as logged_trajectory
+from twin.logs.thermal_lag import ThermalLag as ThermalLag

@@ -1,6 +1,6 @@
 """Energy use: what electronics, pump, drives, payload and thruster of a deployment take.
 
-use = energy_use("real.zarr")
+use = energy_used("real.zarr")
 use.terms, use.consumption, use.power
 
 The counter of charge, times the voltage, is a line of known times and moves:
@@ -111,7 +111,7 @@ class EnergyUse:
 def counted_energy(
     store: str | StorePath, vehicle: str | Path | Vehicle, *, newest: bool = False
 ) -> EnergyUse | None:
-    """`energy_use`; None where the store has not counted its energy, or holds no logs.
+    """`energy_used`; None where the store has not counted its energy, or holds no logs.
 
     With `newest` of the deployment that began last alone.
     """
@@ -123,12 +123,12 @@ def counted_energy(
         with LogStore(store) as logs:
             missions = logs.missions_of(logs.deployments[int(np.argmax(logs.starts))])
     try:
-        return energy_use(store, vehicle, missions=missions)
+        return energy_used(store, vehicle, missions=missions)
     except NotCounted:
         return None
 
 
-def energy_use(
+def energy_used(
     store: str | StorePath,
     vehicle: str | Path | Vehicle | None = None,
     *,

@@ -2,6 +2,7 @@
 
 from twin.mission.glide_balance import SteadyGlide as SteadyGlide
 from twin.mission.glide_balance import steady_glide as steady_glide
+from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
 from twin.mission.plan import Mission as Mission
 from twin.mission.segments import Circle as Circle
 from twin.mission.segments import Hold as Hold
@@ -14,4 +15,5 @@ from twin.mission.segments import Surface as Surface
 from twin.mission.segments import Transect as Transect
 from twin.mission.segments import Waypoint as Waypoint
 from twin.mission.shipped_missions import load_mission as load_mission
+from twin.mission.shipped_missions import load_mission_for as load_mission_for
 from twin.mission.shipped_missions import mission_names as mission_names

@@ -1,1 +1,22 @@
 """Records: what a mission was, in memory and in stores."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.records.coordinates import unix_seconds as unix_seconds
+    from twin.records.logged import LogStore as LogStore
+    from twin.records.mission_dataset import dataset_of as dataset_of
+    from twin.records.mission_dataset import summarise as summarise
+    from twin.records.presence import is_flight as is_flight
+    from twin.records.reader import MissionStore as MissionStore
+    from twin.records.storage.whole import whole_file as whole_file
+    from twin.records.store import check_target as check_target
+    from twin.records.store import read_trajectory as read_trajectory
+    from twin.records.store import write_store as write_store
+    from twin.records.tracks import NamedTrack as NamedTrack
+    from twin.records.tracks import choose_tracks as choose_tracks
+    from twin.records.tracks import read_tracks as read_tracks
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

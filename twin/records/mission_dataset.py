@@ -43,7 +43,7 @@ up; SI, rad, cm3)."""
 STATE_ATTRIBUTES = {"units": "1", "long_name": "exact MuJoCo state, for replay and rendering"}
 
 
-def mission_dataset(
+def dataset_of(
     trajectories: Sequence[Trajectory],
     *,
     parameters: Sequence[Mapping[str, float]] | None = None,

@@ -22,7 +22,7 @@ from twin.records.coordinates import (
     unix_milliseconds,
     unix_seconds,
 )
-from twin.records.mission_dataset import STATES, mission_dataset, signal_names, stored_columns
+from twin.records.mission_dataset import STATES, dataset_of, signal_names, stored_columns
 from twin.records.schema import MISSION, TIME, variable
 from twin.records.storage.store_arrays import check_mission
 from twin.records.storage.whole import whole_file
@@ -70,7 +70,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise InputError(f"cannot save {path.name!r}: the name must end in {' or '.join(ENDINGS)}")
-    dataset = mission_dataset([trajectory], attributes=_plain(trajectory))
+    dataset = dataset_of([trajectory], attributes=_plain(trajectory))
     if ending == ".zarr":
         return write_store(dataset, path, overwrite=overwrite)
     with whole_file(path, overwrite=overwrite) as place:

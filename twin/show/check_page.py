@@ -30,7 +30,7 @@ UNITS = {
 """How people read the figures"""
 
 
-def table(found: LogCheck) -> list[dict[str, object]]:
+def log_check_rows(found: LogCheck) -> list[dict[str, object]]:
     """A row for each figure of each phase: log, twin, and how they differ."""
     rows: list[dict[str, object]] = []
     for phase in PHASES:
@@ -51,7 +51,7 @@ def table(found: LogCheck) -> list[dict[str, object]]:
     return rows
 
 
-def build_page(folder: Path, found: LogCheck, command: str = "") -> Path:
+def write_log_check(folder: Path, found: LogCheck, command: str = "") -> Path:
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
     Raises:
@@ -65,7 +65,7 @@ def build_page(folder: Path, found: LogCheck, command: str = "") -> Path:
     )
     page.points(found.beyond or ["All figures are within their limits."])
     page.section("By phase")
-    page.table(table(found), "Means away from inflections and the surface.", first=False)
+    page.table(log_check_rows(found), "Means away from inflections and the surface.", first=False)
     if found.notes:
         page.points(found.notes)
     page.section("Dives")

@@ -65,7 +65,7 @@ def read_flight(path: str | Path) -> xr.Dataset:
         raise StoreError(f"flight {path} cannot be read: {' '.join(str(error).split())}") from error
 
 
-def caption_of(flight: xr.Dataset, path: Path) -> str:
+def flight_caption(flight: xr.Dataset, path: Path) -> str:
     """One line that names a flight: deployments, missions, dates, vehicle."""
     names = []
     if DEPLOYMENT in flight:
@@ -238,11 +238,11 @@ def _unix(flight: xr.Dataset) -> Array:
     )
 
 
-FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
+FLIGHT_FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
 """By the name of their files"""
 
 
-def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
+def write_flight_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
     """Draw all figures into a folder; returns their files, and why others are missing.
 
     Raises:
@@ -250,14 +250,14 @@ def write_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
     """
     dataset = flight_dataset(flight)
     written, missing = [], []
-    for name, draw in FIGURES.items():
+    for name, draw in FLIGHT_FIGURES.items():
         try:
             figure = draw(dataset)
         except InputError as error:
             missing.append(f"no {name} figure: {error}")
             continue
         path = folder / f"{name}.png"
-        add_caption(figure, caption_of(dataset, folder))
+        add_caption(figure, flight_caption(dataset, folder))
         with whole_file(path) as place:
             figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)

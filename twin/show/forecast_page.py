@@ -79,7 +79,7 @@ map.addEventListener("pointermove", event => {
 """
 
 
-def check_folder(folder: Path) -> None:
+def check_forecast_target(folder: Path) -> None:
     """Refuse, before anything is flown, a folder that a forecast cannot be written to.
 
     Raises:
@@ -139,7 +139,7 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
 
 
 def _table(found: Forecast) -> str:
-    rows = [row(found, one) for one in found.surfacings]
+    rows = [forecast_row(found, one) for one in found.surfacings]
     note = f"<p>{_text(found.left_out)}</p>" if found.left_out else ""
     if not rows:
         return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
@@ -151,7 +151,7 @@ def _table(found: Forecast) -> str:
     return f'<div class="scroll"><table><tr>{head}</tr>{"".join(lines)}</table></div>{note}'
 
 
-def row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
+def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
     """A surfacing as cells of a table, by their headings."""
     return {
         "surfacing": f"{one.number}",

@@ -168,7 +168,7 @@ MOST_ROWS = 60
 """Surfacings in the table, the last ones"""
 
 
-def build_page(folder: Path, found: Hindcast, command: str = "") -> Path:
+def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
     Raises:

@@ -1,1 +1,11 @@
 """The vehicle: a hull with its parts, read by name from an MJCF file."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.vehicle.steady_motion import positions_text as positions_text
+    from twin.vehicle.steady_motion import trim_positions as trim_positions
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory import seams
-from factory.importing.other_kind import OtherKind
+from factory.importing.tally import OtherKind
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
 from twin.registry import Registry, instance_of
@@ -55,7 +55,7 @@ It raises `WrongFormat` for a file of another kind and `InputError` for one that
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Importer:
-    """One kind of log. Heavy libraries belong inside `read`: help texts show the other fields."""
+    """One kind of log; help texts show all but `read`."""
 
     name: str
     """What the user types: `factory import NAME FILES`."""
@@ -72,8 +72,8 @@ class Importer:
     mapping says what they are."""
     period: float
     """[s] Default period of the store: about half the usual spacing of the logs."""
-    read: Reader
-    """The reader."""
+    read: Reader | str
+    """The reader, or its place `module:function`, which is imported when it reads."""
     name_words: frozenset[str] = frozenset()
     """Words between the dots of a file's name that make it a log whatever its ending."""
     first_bytes: tuple[bytes, ...] = ()
@@ -108,8 +108,11 @@ class Importer:
                 f"importer {self.name!r}: period must be within {SHORTEST:g} to {LONGEST:g} s, "
                 f"not {self.period:g}"
             )
-        if not callable(self.read):
-            raise InputError(f"importer {self.name!r}: read must be a function, not {self.read!r}")
+        if not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
+            raise InputError(
+                f"importer {self.name!r}: read must be a function or its place `module:function`, "
+                f"not {self.read!r}"
+            )
 
     def accepts(self, path: Path) -> bool:
         """Whether the file's name is that of such a log."""

@@ -36,10 +36,9 @@ from factory.importing.deployment_log import (
     each_file,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.other_kind import OtherKind
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.seawater import ctd_channels, pressure_of
-from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
 
 if TYPE_CHECKING:

@@ -256,6 +256,17 @@ def test_resume_with_other_settings_is_refused_with_the_difference(
     assert GeneratedStore(paper_store).seed == 0
 
 
+def test_a_store_of_a_factory_with_other_parameters_is_read_and_not_flown_again(
+    paper_store: Path,
+) -> None:
+    """Its columns would be taken for others."""
+    run = GeneratedStore(paper_store)
+    assert run.parameters(0)
+    run.distributions["tide.age"] = next(iter(run.distributions.values()))
+    with pytest.raises(StoreError, match=r"with other parameters \(tide\.age\)"):
+        run.parameters(0)
+
+
 @contextmanager
 def largest_file(size: int) -> Iterator[None]:
     """Writing more than `size` bytes into a file fails, as on a full disk."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
+import gsw
 import netCDF4
 import numpy as np
 import pytest
@@ -22,6 +23,14 @@ from logs import (
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
 from factory.importing.columns import column_names, read_table, tidy
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
+from factory.importing.dives.dive_store import with_depth
 from factory.importing.plausibility import unreachable
 from factory.importing.tally import Tally
 from twin.errors import InputError
@@ -333,3 +342,23 @@ def test_cut_files_are_named_in_one_line(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match="cut_flight") as caught:
         import_logs(kind, [cut])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "fixes", [NO_FIXES, LoggedFixes(np.zeros(1), np.full(1, 5.0), np.zeros(1))]
+)
+def test_depth_is_of_the_latitude_where_the_log_was_made(fixes: LoggedFixes) -> None:
+    """Gravity grows toward the poles: by its fixes, without any by the track of the vehicle."""
+    time, pressure = np.arange(3.0), np.array([0.0, 500.0, 1000.0])
+    log = DeploymentLog(
+        deployment="north",
+        platform="any",
+        channels={"measured_pressure": Channel(time, pressure)},
+        fixes=fixes,
+        magnetic_variation=EMPTY,
+        auxiliary={"latitude": Channel(time, np.full(3, 70.0))},
+    )
+    depth = with_depth(log, Tally()).channel("measured_depth").values
+    expected = -gsw.z_from_p(pressure, 5.0 if len(fixes) else 70.0)
+    np.testing.assert_allclose(depth, expected, atol=1e-9)
+    assert abs(gsw.z_from_p(1000.0, 70.0) - gsw.z_from_p(1000.0, 5.0)) > 1.0

@@ -80,13 +80,13 @@ def test_every_importer_has_logs_that_these_tests_write() -> None:
 
 
 def test_every_format_that_lies_in_the_folder_is_registered() -> None:
-    """A format is a file or a folder; files that begin with its name belong to it."""
+    """A format is a folder, or files that begin with its name; its reader lies there."""
     folder = ROOT / "factory" / "importing" / "formats"
-    files = {path.stem for path in folder.glob("*.py")} - {"__init__", "base"}
+    files = {path.stem for path in folder.glob("*.py")} - {"__init__", "base", "kinds"}
     folders = {path.parent.name for path in folder.glob("*/__init__.py")}
-    names = set(IMPORTERS.names())
-    assert {name.partition("_")[0] for name in files} | folders == names
-    assert names <= files | folders
+    assert {name.partition("_")[0] for name in files} | folders == set(IMPORTERS.names())
+    for name, importer in IMPORTERS.items():
+        assert str(importer.read).startswith(f"factory.importing.formats.{name}")
 
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)

@@ -80,3 +80,10 @@ def test_durations_must_be_durations() -> None:
         plan_missions(parse_distribution("uniform(-1, 1)"), hours=50.0, seed=0)
     with pytest.raises(InputError, match=r"mission\.duration_h"):
         plan_missions(parse_distribution("short"), hours=5.0, seed=0)
+
+
+def test_a_seed_plans_the_same_missions_in_every_version() -> None:
+    """A recipe that is kept makes its store again; lengths and splits have streams of their own."""
+    plan = plan_missions(HALF_TO_ONE, hours=4.0, seed=1)
+    assert plan.durations_s == (3387.0, 3410.0, 2165.5, 2502.0, 2935.5)
+    assert plan.splits == (2, 0, 0, 1, 0)

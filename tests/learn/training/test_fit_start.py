@@ -2,6 +2,7 @@
 
 import errno
 import json
+import shlex
 import shutil
 import signal
 import subprocess
@@ -436,3 +437,19 @@ def test_killed_workers_leave_nothing_to_read(tmp_path):
     words = [sys.executable, str(program), str(tmp_path / "begun")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
     assert done.stderr == ""
+
+
+def test_the_command_is_kept_as_it_was_typed(here, capsys, monkeypatch):
+    """As one line that a shell reads again, with every word of it."""
+    kept = []
+
+    def stop(*_: object, history: str, **__: object) -> None:
+        kept.append(history)
+        raise InputError("enough")
+
+    monkeypatch.setattr("learn.api.train_and_finish", stop)
+    words = ["fit", "my store.zarr", "--name", "mine", *QUICK]
+    monkeypatch.setattr(sys, "argv", ["learn", *map(str, words)])
+    (here / "s.zarr").rename(here / "my store.zarr")
+    assert call(capsys, *words)[0] == 2
+    assert [shlex.split(line) for line in kept] == [["learn", *map(str, words)]]

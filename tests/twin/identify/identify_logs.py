@@ -6,7 +6,7 @@ from twin.mission import Mission
 from twin.mission.segments import SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.sensors import SensorSuite
 from twin.water.density import DensityProfile
@@ -85,7 +85,7 @@ def add_pitch_offset(trajectory, offset_deg):
 
 def stored(path, trajectories):
     """The measured signals as a store."""
-    dataset = mission_dataset(trajectories)
+    dataset = dataset_of(trajectories)
     if "measured_density" not in dataset:
         values = np.full(dataset["measured_depth"].shape, np.nan, np.float32)
         for k, trajectory in enumerate(trajectories):

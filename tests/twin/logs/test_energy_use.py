@@ -13,7 +13,7 @@ import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
 from twin.logs.energy_timeline import NotCounted, settled
-from twin.logs.energy_use import counted_energy, energy_use, second_half
+from twin.logs.energy_use import counted_energy, energy_used, second_half
 from twin.records.store import write_store
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
@@ -70,7 +70,7 @@ def store(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFacto
 
 
 def test_the_consumers_of_a_known_log_are_found_again(store: Path) -> None:
-    found = energy_use(store, "slocum-200")
+    found = energy_used(store, "slocum-200")
     terms = {one.name: one for one in found.terms}
     for name, right in (
         ("hotel", HOTEL), ("surface", SURFACE), ("payload", PAYLOAD), ("pump", 1.0 / EFFICIENCY),
@@ -105,7 +105,7 @@ def test_a_counter_that_starts_again_is_left_out_and_counted(
     half = len(table["time"]) // 2
     charge = table["m_coulomb_amphr_total"].copy()
     charge[half:] -= charge[half]
-    found = energy_use(stored(tmp_path, {**table, "m_coulomb_amphr_total": charge}), "slocum-200")
+    found = energy_used(stored(tmp_path, {**table, "m_coulomb_amphr_total": charge}), "slocum-200")
     assert found.resets == 1
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
 
@@ -124,7 +124,7 @@ def test_counters_of_two_vehicles_are_not_one(
         fixes = {**gps, "time": gps["time"] + moved}
         files.append(write_csv(tmp_path / f"{name}_gps.csv", fixes))
     path = write_store(import_logs("slocum", files)[0], tmp_path / "both.zarr")
-    found = energy_use(path, "slocum-200")
+    found = energy_used(path, "slocum-200")
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
     newest = counted_energy(path, "slocum-200", newest=True)
     assert newest is not None
@@ -135,7 +135,9 @@ def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_pat
     """A reading in ten minutes: an equation goes from one to the next."""
     charge = columns["m_coulomb_amphr_total"].copy()
     charge[np.arange(len(charge)) % 150 != 0] = np.nan
-    found = energy_use(stored(tmp_path, {**columns, "m_coulomb_amphr_total": charge}), "slocum-200")
+    found = energy_used(
+        stored(tmp_path, {**columns, "m_coulomb_amphr_total": charge}), "slocum-200"
+    )
     assert found.hours / found.equations > 1 / 6
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.2)
 
@@ -146,7 +148,7 @@ def test_a_log_that_does_not_count_says_so(
     table = {n: v for n, v in columns.items() if n not in ("m_coulomb_amphr_total", "m_battery")}
     path = stored(tmp_path, table)
     with pytest.raises(NotCounted, match="lacks measured_charge and measured_voltage"):
-        energy_use(path)
+        energy_used(path)
     assert counted_energy(path, "slocum-200") is None
     assert PROGRAM.main(["energy", str(path)]) == 2
     assert "m_coulomb_amphr_total" in capsys.readouterr().err

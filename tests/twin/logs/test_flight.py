@@ -22,9 +22,10 @@ from twin.identify.speed import motion_of
 from twin.logs import estimate_flight, flight_dataset
 from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
+from twin.logs.logged_leg import flown_velocities
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
-from twin.show.flight_figures import FIGURES, write_figures
+from twin.show.flight_figures import FLIGHT_FIGURES, write_flight_figures
 
 CURRENT = (0.07, -0.04, -0.01)
 """[m/s] north, east, down: the water rises"""
@@ -174,11 +175,11 @@ def test_its_corrected_track_is_drawn_beside_others(flight, tmp_path: Path, endi
 
 
 def test_all_figures_have_data(flight, tmp_path: Path) -> None:
-    for draw in FIGURES.values():
+    for draw in FLIGHT_FIGURES.values():
         drawn = draw(flight_dataset(flight))
         assert all(axes.has_data() for axes in drawn.axes if axes.axison)
-    written, missing = write_figures(flight, tmp_path / "plots")
-    assert [path.stem for path in written] == list(FIGURES)
+    written, missing = write_flight_figures(flight, tmp_path / "plots")
+    assert [path.stem for path in written] == list(FLIGHT_FIGURES)
     assert missing == []
 
 
@@ -273,3 +274,18 @@ def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> N
     summary = estimate_flight(path, found.calibration).summary()
     assert abs(summary.w_mean_dive - summary.w_mean_climb) < 0.003
     assert summary.w_deviation < 0.01
+
+
+def test_velocities_of_a_forecast_are_those_of_every_dive_that_the_model_flies(
+    store: Path, flight
+) -> None:
+    found = flown_velocities(store, None)
+    assert list(found) == [
+        one.dive.mission for one in flight.missions if one.dive.motion is not None
+    ]
+    assert list(found) == [0]
+    deep = truth(store, "depth") > 5.0
+    over_ground = [truth(store, f"velocity_{name}") for name in ("north", "east")]
+    for column, ground in enumerate(over_ground):
+        error = found[0][:, column] - (ground - CURRENT[column])
+        assert np.sqrt(np.mean(error[deep] ** 2)) < 0.01

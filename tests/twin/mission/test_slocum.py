@@ -277,3 +277,12 @@ def test_the_command_flies_it(tmp_path, capsys):
     said = capsys.readouterr()
     assert "tack_upwind: this behavior is not flown" in said.err
     assert "1800 s" in said.out
+
+
+@pytest.mark.parametrize("stop", ["7", "5"])
+def test_only_a_list_that_ends_otherwise_than_by_distance_is_told(tmp_path, stop):
+    change = ("list_stop_when(enum)    7", f"list_stop_when(enum)    {stop}")
+    notes = read_slocum(written(tmp_path, goto_l10=[change])).notes
+    told = [note for note in notes if "list_stop_when" in note]
+    assert len(told) == (stop != "7")
+    assert all("list_stop_when 5 is flown as 7, by distance" in note for note in told)

@@ -117,3 +117,15 @@ def test_half_a_turn_stays_on_its_side():
         )  # fmt: skip
         rotations.append(command[1])
     assert len({math.copysign(1.0, r) for r in rotations}) == 1
+
+
+@pytest.mark.parametrize(("pitch", "net_mass"), [(-26, 0.15), (-33, 0.4), (30, -0.45)])
+def test_the_loop_is_as_strong_on_every_way_as_on_the_usual_one(pitch, net_mass):
+    """Where a way turns more for the same position its loop is weaker, and the other way round."""
+    gain, target = load_vehicle("glider").usual_glide
+    usual = steady(PRINTED, -math.degrees(gain), target)
+    here = steady(PRINTED, pitch, net_mass)
+    turned = turn_per_position(PRINTED, here)
+    assert turned != pytest.approx(turn_per_position(PRINTED, usual), rel=0.1)
+    looped = turn_factor(PRINTED, here) * turned
+    assert looped == pytest.approx(turn_per_position(PRINTED, usual), rel=1e-3)

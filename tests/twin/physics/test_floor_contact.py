@@ -278,3 +278,15 @@ def test_sensors_see_the_floor_and_nothing_else_beside_it():
     assert "measured_altitude" not in twin.simulate(mission=YO, sensors="ideal")
     near = twin.simulate(mission=yo(min_altitude_m=10.0), floor=SLOPE, sensors="field")
     assert (near["measured_dvl_mode"] == 1).mean() > 0.5  # the Doppler log sees the same bottom
+
+
+def test_the_plane_under_the_hull_is_turned_as_the_slope():
+    """z of the plane along the floor's normal, by a quaternion of length 1."""
+    simulation = Simulation(Scenario(mission=YO, floor=SLOPE))
+    mujoco.mj_step(simulation.model, simulation.data, nstep=10)
+    (turn,) = simulation.data.mocap_quat
+    assert np.linalg.norm(turn) == pytest.approx(1.0, abs=1e-12)
+    normal = np.zeros(3)
+    mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), turn)
+    # x is north and y is west: the floor rises by 0.15 to the north and by 0.1 to the west
+    np.testing.assert_allclose(normal / normal[2], [-0.15, -0.1, 1.0], atol=1e-6)

@@ -10,6 +10,7 @@ from twin.errors import InputError, VehicleError
 from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
 from twin.physics.ballast import Ballast, weighed
+from twin.physics.native.hydrodynamics import immersion
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
@@ -144,3 +145,14 @@ def test_a_compressible_hull_flies_in_water_that_is_compressed_too():
     kept = Scenario(vehicle=deep, density=constant, duration=1.0, mission=scenario.mission)
     assert kept.density is constant
     assert Scenario(vehicle=VEHICLE, duration=1.0, mission=None).density is None
+
+
+@pytest.mark.parametrize("share", [-0.9, -0.5, -0.2, 0.0, 0.3, 0.6, 0.95])
+def test_a_level_hull_awash_is_wet_by_the_segment_of_its_circle(share):
+    """The chords of the circle below the surface, summed, over those of all of it."""
+    heights = (np.arange(200_000) + 0.5) / 100_000 - 1.0  # above the axis, in radii
+    chords = np.sqrt(1.0 - heights**2)
+    expected = chords[heights < share].sum() / chords.sum()
+    mean, arm = immersion(VEHICLE.hull_length, 0.2, share * 0.1, 0.0)
+    assert mean == pytest.approx(expected, abs=1e-6)
+    assert arm == pytest.approx(0.0, abs=1e-12)

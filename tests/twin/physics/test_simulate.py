@@ -16,7 +16,7 @@ from twin.physics.fleet import Fleet
 from twin.physics.model_block import state
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate, simulate_many
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import open_store, read_trajectory, write_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.vehicle import load_vehicle
@@ -210,7 +210,7 @@ def test_samples_are_at_exact_multiples_of_their_period(tmp_path):
     """MuJoCo's clock drifts by nanoseconds; `sel(time=...)` finds whole seconds all the same."""
     for period in (0.5, 0.1):
         run = simulate(dive(duration=120.0, sample_period=period))
-        store = write_store(mission_dataset([run]), tmp_path / f"{period}.zarr")
+        store = write_store(dataset_of([run]), tmp_path / f"{period}.zarr")
         with open_store(store) as data:
             exact = data.sel(time=np.arange(121))
             step = round(1 / period)
@@ -271,7 +271,7 @@ def test_a_described_scenario_replays_bit_for_bit():
 
 def test_store_round_trip(tmp_path):
     flown = [simulate(dive()), simulate(dive(duration=30.0))]
-    path = write_store(mission_dataset(flown), tmp_path / "run.zarr")
+    path = write_store(dataset_of(flown), tmp_path / "run.zarr")
     for index, trajectory in enumerate(flown):
         back = read_trajectory(path, index)
         np.testing.assert_array_equal(back.states, trajectory.states)

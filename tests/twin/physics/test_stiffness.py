@@ -16,6 +16,7 @@ from twin.mission import Mission
 from twin.mission.controller import Schedule
 from twin.mission.segments import SawTooth
 from twin.physics.model_block import header
+from twin.physics.native.hydrodynamics import add_rotary_damping
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
@@ -207,3 +208,17 @@ def test_a_run_that_became_too_fast_for_its_step_says_so():
     (told,) = [text for text in twin.remarks(scenario, run) if "too long" in text]
     assert told.startswith("from 0 s on the timestep 0.1 s is too long at 1.4")
     assert math.isclose(stiffness(vehicle, 0.35).rest / STABLE, 4.0, rel_tol=0.2)
+
+
+def test_a_rotary_damping_enters_the_mass_matrix_in_axes_to_port_and_up():
+    """FRD to the axes of MuJoCo's free joint: products of roll with pitch or yaw change sign."""
+    damping = np.array([[5.0, 0.3, -0.7], [0.3, 20.0, 1.1], [-0.7, 1.1, 17.0]])
+    flip = np.diag([1.0, -1.0, -1.0])
+    rows, columns = np.tril_indices(6)
+    mass = np.zeros(21)
+    add_rotary_damping(tuple(damping[np.tril_indices(3)]), 0.2, mass)
+    whole = np.zeros((6, 6))
+    whole[rows, columns] = mass
+    expected = np.zeros((6, 6))
+    expected[3:, 3:] = np.tril(0.2 * flip @ damping @ flip)
+    np.testing.assert_allclose(whole, expected, atol=1e-15)

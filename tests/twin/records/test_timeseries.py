@@ -14,7 +14,7 @@ import twin
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError
 from twin.mission import Mission, SawTooth
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.records.timeseries import FROM_THE_START
 
@@ -41,7 +41,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         for length, time in ((90.0, NEXT), (240.0, DAY))
     ]
-    return write_store(mission_dataset(runs), tmp_path_factory.mktemp("series") / "runs.zarr")
+    return write_store(dataset_of(runs), tmp_path_factory.mktemp("series") / "runs.zarr")
 
 
 @pytest.fixture(scope="module")

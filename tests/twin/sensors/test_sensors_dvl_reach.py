@@ -136,3 +136,18 @@ def test_a_wrong_beam_reports_the_velocity_of_its_neighbour():
     nearest = [np.abs(sample - possible).max(axis=1) for sample in velocity]
     assert np.max(np.min(nearest, axis=1)) < 1e-12
     assert np.mean(np.argmin(nearest, axis=1) > 0) > 0.4  # some pings are drawn twice, some never
+
+
+@pytest.mark.parametrize(("pitch", "expected"), [(-34.0, BOTTOM), (-37.0, NONE)])
+def test_a_beam_that_looks_too_far_aside_sees_no_bottom_however_near(pitch, expected):
+    """At 20 m the aft beams of 37 deg of pitch are 42 m long, and 61.7 deg from the vertical."""
+    assert AT_THE_CB.max_beam_angle_deg == 60.0
+    assert mode_of(AT_THE_CB, altitude=20.0, angles={**LEVEL, "pitch": pitch}) == expected
+
+
+@pytest.mark.parametrize(("side", "expected"), [(1.0, BOTTOM), (-1.0, NONE)])
+def test_an_instrument_that_a_roll_lifts_out_of_the_water_sees_nothing(side, expected):
+    """Half a metre deep and rolled 30 deg, 2 m to starboard: 1.5 m deep, or 0.5 m in the air."""
+    dvl = dataclasses.replace(AT_THE_CB, lever_arm=(0.0, 2.0, 0.0))
+    rolled = {**LEVEL, "roll": 30.0 * side}
+    assert mode_of(dvl, depth=0.5, altitude=20.0, angles=rolled) == expected

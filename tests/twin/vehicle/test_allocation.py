@@ -45,7 +45,7 @@ def x_tail() -> Vehicle:
     return vehicle
 
 
-def two_screws() -> Vehicle:
+def two_screws(starboard: float = 0.3) -> Vehicle:
     """The torpedo with its screw 0.3 m to port and a second one to starboard."""
     text = TORPEDO.read_text()
     text = text.replace(
@@ -54,14 +54,15 @@ def two_screws() -> Vehicle:
     screw = parse_vehicle(text, TORPEDO).part("propeller")
     numbers = {"diameter": 0.14, "thrust_coefficient": 0.0045, "zero_thrust_advance": 0.16}
     return with_part(
-        parse_vehicle(text, TORPEDO), "starboard_screw", kind="propeller", place=(-0.8, 0.3, 0.0),
-        travel=(screw.low, screw.high), lag=screw.lag, rate=screw.rate,
+        parse_vehicle(text, TORPEDO), "starboard_screw", kind="propeller",
+        place=(-0.8, starboard, 0.0), travel=(screw.low, screw.high), lag=screw.lag,
+        rate=screw.rate,
         numbers={**numbers, "torque_coefficient": -0.0002},
     )  # fmt: skip
 
 
-def six_fins() -> Vehicle:
-    """Two rudders and two elevators more, of other sizes and arms."""
+def six_fins(aft: float = 0.3) -> Vehicle:
+    """Two rudders and two elevators more, of other sizes and arms; travel of those aft [rad]."""
     vehicle = load_vehicle(TORPEDO)
     for name, axis, x in (
         ("rudder_2", (0.0, 0.0, 1.0), -0.5),
@@ -71,9 +72,14 @@ def six_fins() -> Vehicle:
     ):
         vehicle = with_part(
             vehicle, name, kind="fin", place=(x, 0.0, 0.0), numbers={"axis": axis, **BLADE},
-            **TRAVEL,
+            **TRAVEL if x > 0.0 else {**TRAVEL, "travel": (-aft, aft)},
         )  # fmt: skip
     return vehicle
+
+
+def fins_of_unequal_travel() -> Vehicle:
+    """Those aft turn half as far: they take less of the work."""
+    return six_fins(aft=0.15)
 
 
 def moments(vehicle: Vehicle, position: np.ndarray) -> np.ndarray:
@@ -85,7 +91,7 @@ def moments(vehicle: Vehicle, position: np.ndarray) -> np.ndarray:
     return total
 
 
-@pytest.mark.parametrize("make", [x_tail, six_fins])
+@pytest.mark.parametrize("make", [x_tail, six_fins, fins_of_unequal_travel])
 @pytest.mark.parametrize(("control", "row"), [("pitch", 4), ("heading", 5)])
 def test_fins_together_make_the_moment_that_is_asked_and_no_other(make, control, row):
     vehicle = make()
@@ -154,6 +160,17 @@ def test_two_screws_drive_straight_and_share_the_thrust():
     assert flight.trim.speed_m_s == pytest.approx(1.5, abs=0.01)
     assert abs(flight.held["rudder"]) < 1e-6
     assert abs(moments(vehicle, position)[5]) < 1e-9
+
+
+def test_screws_at_unequal_arms_turn_nothing():
+    """The one nearer the axis pushes more: the yaw moments of small ways cancel."""
+    vehicle = two_screws(starboard=0.2)
+    (follower,) = vehicle.followers
+    lead, mate = (vehicle.part(name).effectiveness() for name in (follower.lead, follower.part))
+    together = lead + follower.weight * mate
+    assert follower.weight == pytest.approx(1.5, rel=1e-6)
+    assert abs(together[5]) < 1e-9 * abs(lead[5])
+    assert together[0] == pytest.approx(2.5 * lead[0], rel=1e-6)
 
 
 def test_a_second_screw_turns_in_a_mission():

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ from twin.physics.model_block import header
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
 from twin.physics.start import Start
+from twin.physics.true_signals import part_variables
 from twin.vehicle import laws, parts
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.laws import LAWS, BodyAxes
@@ -547,3 +549,18 @@ def test_a_part_whose_own_fields_never_reach_its_kernels_is_refused():
 
     with pytest.raises(VehicleError, match=r"only half there: it lacks `values`: by it neutral"):
         PARTS.add(Silent)
+
+
+@pytest.mark.parametrize(
+    ("unit", "limits", "known"),
+    [("m", None, True), ("furlong", (0.0, 8.0), True), ("furlong", None, False)],
+)
+def test_a_quantity_needs_limits_where_its_unit_has_none(unit, limits, known):
+    quantity = Quantity(unit=unit, scale=1.0, long_name="way", limits=limits)
+    part = SimpleNamespace(name="probe", kind="probe", quantity=quantity)
+    vehicle = SimpleNamespace(name="one", path=Path("one.xml"), parts=(part,))
+    if known:
+        assert part_variables(vehicle)["true_probe"].limits == limits
+    else:
+        with pytest.raises(VehicleError, match="'furlong' and no `limits`"):
+            part_variables(vehicle)

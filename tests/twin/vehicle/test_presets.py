@@ -8,7 +8,7 @@ import pytest
 import twin
 from twin.__main__ import PROGRAM
 from twin.errors import VehicleError
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.vehicle.presets import apply_preset, asset_path, preset_names, split_preset, vehicle_names
@@ -70,7 +70,7 @@ def test_a_preset_of_an_own_file(tmp_path):
 def test_a_store_of_a_preset_needs_nothing_else(tmp_path):
     run = twin.simulate(vehicle="tethys:gazebo", mission="survey", duration=5.0)
     path = tmp_path / "run.zarr"
-    write_store(mission_dataset([run], attributes=run.provenance), path)
+    write_store(dataset_of([run], attributes=run.provenance), path)
     with MissionStore(path) as store:
         flown = store.vehicle
     assert flown.name == "tethys:gazebo"

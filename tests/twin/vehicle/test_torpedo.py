@@ -41,11 +41,11 @@ def survey(torpedo):
 
 @pytest.fixture(scope="module")
 def store(survey, tmp_path_factory):
-    from twin.records.mission_dataset import mission_dataset
+    from twin.records.mission_dataset import dataset_of
     from twin.records.store import write_store
 
     path = tmp_path_factory.mktemp("torpedo") / "survey.zarr"
-    return write_store(mission_dataset([survey], attributes=survey.provenance), path)
+    return write_store(dataset_of([survey], attributes=survey.provenance), path)
 
 
 def call(capsys, *words):
@@ -166,7 +166,7 @@ def test_the_survey_is_flown_and_summarised(capsys, survey):
 
 @pytest.mark.parametrize("command", ["simulate", "view"])
 def test_the_gliders_mission_names_the_one_that_suits(capsys, command, monkeypatch):
-    monkeypatch.setattr("twin.show.render.context.require_screen", lambda: None)
+    monkeypatch.setattr("twin.show.render.require_screen", lambda: None)
     chosen = ("default",) if command == "simulate" else ("--plan", "default")
     code, _, err = call(capsys, command, *chosen, "--vehicle", TORPEDO)
     assert code == 2

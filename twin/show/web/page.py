@@ -43,13 +43,13 @@ def save_page(path: Path, subject: Subject, shot: Shot, at: float | None = None)
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"page {path.name}: the ending must be {ENDINGS[0]}")
     check_file_target(path)
-    content = page(subject, shot, at).encode()
+    content = page_text(subject, shot, at).encode()
     with whole_file(path) as place:
         place.write_bytes(content)
     return len(content)
 
 
-def page(subject: Subject, shot: Shot, at: float | None = None, largest: int = LARGEST) -> str:
+def page_text(subject: Subject, shot: Shot, at: float | None = None, largest: int = LARGEST) -> str:
     """The HTML text, thinned until it has at most `largest` bytes; see `channels.thin`.
 
     Raises:

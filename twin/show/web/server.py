@@ -91,6 +91,8 @@ class _Server(ThreadingHTTPServer):
     """A browser that goes away in the middle of an answer is no error."""
 
     daemon_threads = True
+    request_queue_size = 128
+    """Connections that may wait for their turn: the system holds back more, for seconds each."""
 
     def __init__(self, port: int):
         super().__init__((HOST, port), BaseHTTPRequestHandler)

@@ -14,6 +14,7 @@ from twin.water.current.base import current_from_dict as current_from_dict
 from twin.water.current.base import still_water as still_water
 from twin.water.current.current_text import current_help as current_help
 from twin.water.current.current_text import parse_current as parse_current
+from twin.water.current.current_text import parse_field as parse_field
 from twin.water.current.ekman import Ekman as Ekman
 from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
 from twin.water.current.geostrophic import Geostrophic as Geostrophic

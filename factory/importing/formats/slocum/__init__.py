@@ -1,4 +1,4 @@
-"""Slocum: what the import knows of Teledyne's Slocum gliders."""
+"""Slocum: files of Teledyne's gliders; binary ones go to one reader, tables to another."""
 
 from __future__ import annotations
 
@@ -6,36 +6,32 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.formats.base import TABLES, Importer, ReadOptions
 from factory.importing.formats.slocum.caches import BINARY, CACHES
+from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
+    from factory.importing.formats.base import ReadOptions
     from factory.importing.tally import Tally
 
 
-def _read(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    from factory.importing.formats.slocum.reader import read_slocum
+def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """Logs of all the files; binary files and tables become deployments of their own.
 
-    return read_slocum(paths, options, tally)
+    Raises:
+      InputError: as the two readers.
+    """
+    from factory.importing.formats.slocum.binary import read_slocum_binary
+    from factory.importing.formats.slocum.sensor_tables import read_slocum_tables
 
-
-SLOCUM = Importer(
-    name="slocum",
-    vehicle="Slocum glider",
-    files=".dbd .ebd .sbd .tbd .mbd .nbd with their .cac (beside the files, or `--cache FOLDER`); "
-    "tables (csv, csv.gz, parquet) with the vehicle's own sensor names",
-    channels="attitude, ballast or oil volume, battery, rudder, CTD, GPS, on-board track, reported "
-    "current, thruster, batteries; `U_dvl_ms` becomes `true_speed`",
-    suffixes=BINARY | CACHES | TABLES,
-    marks=frozenset(
-        {"m_depth", "m_pressure", "m_pitch", "U_dvl_ms", "og_north_m", "sci_water_pressure",
-         "m_gps_lat", "m_water_vx", "mag_var_rad"}
-    ),
-    first_bytes=(b"dbd_label",),
-    period=2.0,
-    read=_read,
-    extra="slocum",
-    takes_cache=True,
-    lacks=frozenset({"measured_rotation"}),
-)  # fmt: skip
+    binary = [p for p in paths if p.suffix.lower() in BINARY]
+    caches = [p for p in paths if p.suffix.lower() in CACHES]
+    tables = [p for p in paths if p not in binary and p not in caches]
+    if not binary and not tables:
+        raise InputError("only cache files (.cac) are named; add the .dbd and .ebd files")
+    logs: list[DeploymentLog] = []
+    if binary:
+        logs += read_slocum_binary(binary, options, tally, caches=caches)
+    if tables:
+        logs += read_slocum_tables(tables, options, tally)
+    return logs

@@ -18,7 +18,7 @@ from pictures import (
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.physics.simulation import simulate
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import read_trajectory, write_store
 from twin.records.tracks import NamedTrack
 from twin.show.figures import (
@@ -214,7 +214,7 @@ def test_a_mission_without_sensors_says_so(capsys, tmp_path, trajectory, monkeyp
     monkeypatch.setattr("twin.commands.plot.FIGURES", few)
     names = [n for n in trajectory.signals if not n.startswith(("measured", "true_current"))]
     bare = dataclasses.replace(trajectory, signals={n: trajectory[n] for n in names})
-    path = write_store(mission_dataset([bare]), tmp_path / "bare.zarr")
+    path = write_store(dataset_of([bare]), tmp_path / "bare.zarr")
     code, _, err = call(capsys, "plot", path, "--figure", "all", "--out", tmp_path / "all")
     assert code == 0
     assert "this trajectory has no measured signals" in err

@@ -332,18 +332,17 @@ def test_a_flight_is_drawn_from_its_file_and_named_elsewhere(
 
 def test_the_flight_s_map_is_the_file_s(dives: Path, tmp_path: Path) -> None:
     from twin.logs import write_flight
-    from twin.show.flight_figures import FIGURES as OF_FLIGHTS
-    from twin.show.flight_figures import read_flight
+    from twin.show.flight_figures import FLIGHT_FIGURES, read_flight
 
     write_flight(estimate_flight(dives), tmp_path / "a.nc")
     dataset = read_flight(tmp_path / "a.nc")
-    axes: Axes = OF_FLIGHTS["map"](dataset).axes[0]
+    axes: Axes = FLIGHT_FIGURES["map"](dataset).axes[0]
     tracks = [line for line in axes.lines if len(line.get_xdata()) > 20]
     count = int(dataset["n_samples"][0])
     np.testing.assert_allclose(tracks[0].get_ydata(), dataset["latitude"].values[0, :count])
     (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
     np.testing.assert_allclose(arrows.V, dataset["dac_north"].values)
-    bar = OF_FLIGHTS["w_section"](dataset).axes[0].collections[-1]
+    bar = FLIGHT_FIGURES["w_section"](dataset).axes[0].collections[-1]
     low, high = bar.get_clim()
     assert low == -high
     assert bar.get_cmap().name == "balance"
@@ -351,13 +350,12 @@ def test_the_flight_s_map_is_the_file_s(dives: Path, tmp_path: Path) -> None:
 
 def test_dives_without_vertical_velocity_are_seen(dives: Path, tmp_path: Path) -> None:
     from twin.logs import write_flight
-    from twin.show.flight_figures import FIGURES as OF_FLIGHTS
-    from twin.show.flight_figures import read_flight
+    from twin.show.flight_figures import FLIGHT_FIGURES, read_flight
 
     write_flight(estimate_flight(dives), tmp_path / "a.nc")
     dataset = read_flight(tmp_path / "a.nc")
     still = 1e-6 * np.sign(dataset["w_water"])  # the white of the map
-    figure = OF_FLIGHTS["w_section"](dataset.assign(w_water=still + 0.0 * dataset["w_water"]))
+    figure = FLIGHT_FIGURES["w_section"](dataset.assign(w_water=still + 0.0 * dataset["w_water"]))
     figure.axes[0].collections[-1].set_clim(-0.05, 0.05)
     figure.axes[0].set_axis_off()
     figure.axes[1].remove()

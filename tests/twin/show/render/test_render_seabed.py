@@ -9,7 +9,7 @@ import twin
 from twin.__main__ import main
 from twin.errors import FloorError
 from twin.mission import Mission, SawTooth
-from twin.records.mission_dataset import mission_dataset
+from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.show.render import seabed
 from twin.show.render.shot import Shot
@@ -86,7 +86,7 @@ def test_a_bathymetry_file_that_is_gone_is_told(run, tmp_path, monkeypatch, caps
         "twin.show.render.subject._floor",
         lambda store: Bathymetry(path="gone.nc").compile(1.0, twin.Origin()),
     )
-    write_store(mission_dataset([run], attributes=dict(run.provenance)), tmp_path / "run.zarr")
+    write_store(dataset_of([run], attributes=dict(run.provenance)), tmp_path / "run.zarr")
     with pytest.raises(FloorError, match=r"no bathymetry file gone\.nc"):
         read_subject(tmp_path / "run.zarr")
     arguments = ["render", str(tmp_path / "run.zarr"), "--size", "320x180"]

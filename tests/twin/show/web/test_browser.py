@@ -29,7 +29,7 @@ from twin.show.render.film import Subject
 from twin.show.render.playback import poses
 from twin.show.render.shot import Shot
 from twin.show.web.live_source import LiveMission
-from twin.show.web.page import assemble, page
+from twin.show.web.page import assemble, page_text
 from twin.show.web.server import PageServer
 from twin.vehicle.vehicle import load_vehicle
 
@@ -185,7 +185,7 @@ def test_currents_and_tracks_are_drawn(browser, tmp_path):
         title="tracks",
     )
     out = tmp_path / "tracks.html"
-    out.write_text(page(with_tracks, Shot(camera="map")), encoding="utf-8")
+    out.write_text(page_text(with_tracks, Shot(camera="map")), encoding="utf-8")
     browser.open(out)
     browser.run("page.seek(300)")
     picture = scene(browser).astype(int)
@@ -226,7 +226,9 @@ def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
     plan = load_mission_for(vehicle, None)
     trajectory = simulate(Scenario(vehicle=vehicle, mission=plan, duration=400.0))
     out = tmp_path / "parts.html"
-    out.write_text(page(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8")
+    out.write_text(
+        page_text(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8"
+    )
     browser.open(out)
     found = browser.run("page.scene.vehicle.poses(page.recording.at(350))")
     pose = poses(trajectory, np.array([350.0]))

@@ -35,7 +35,7 @@ from twin.show.render.film import Subject
 from twin.show.render.playback import poses
 from twin.show.render.shot import Shot
 from twin.show.web.channels import read_channels, thin
-from twin.show.web.page import LARGEST, ROWS, page
+from twin.show.web.page import LARGEST, ROWS, page_text
 from twin.show.web.scene import describe
 from twin.show.web.solid import pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
@@ -150,7 +150,7 @@ def test_a_page_loads_nothing(store, dives, tmp_path):
 def test_the_page_of_a_long_log_stays_small():
     subject = month()
     time, depth = subject.trajectory.time, subject.trajectory["true_depth"]
-    text = page(subject, Shot())
+    text = page_text(subject, Shot())
     assert len(text.encode()) <= LARGEST
     mission = mission_of(text)
     rows = channel(mission, "time")
@@ -163,7 +163,7 @@ def test_the_page_of_a_long_log_stays_small():
     assert said is not None
     away = np.abs(np.interp(time, rows, channel(mission, "depth")) - depth).max()
     assert away <= float(said[1]) + 0.06
-    assert len(page(subject, Shot(), largest=1_000_000).encode()) <= 1_000_000
+    assert len(page_text(subject, Shot(), largest=1_000_000).encode()) <= 1_000_000
 
 
 def test_a_part_and_a_moment_are_kept(store):

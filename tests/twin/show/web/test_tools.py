@@ -22,7 +22,7 @@ from twin.records.store import read_trajectory, write_store
 from twin.records.trajectory import Trajectory
 from twin.show.render.film import Subject
 from twin.show.render.shot import Shot
-from twin.show.web.page import page
+from twin.show.web.page import page_text
 from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_browser
@@ -158,7 +158,7 @@ def test_the_scale_says_where_it_is_clipped(browser, tmp_path):
         )
         out = tmp_path / f"{clipped}.html"
         subject = Subject(trajectory=part, vehicle=load_vehicle("glider"))
-        out.write_text(page(subject, Shot()), encoding="utf-8")
+        out.write_text(page_text(subject, Shot()), encoding="utf-8")
         browser.open(out)
         low, high = browser.run("page.mission.scale.ends")
         assert high.startswith("≥ ") == clipped
@@ -230,7 +230,7 @@ def test_detail_that_is_left_out_is_not_seen(browser, tmp_path):
     subject = Subject(
         trajectory=subject.trajectory, vehicle=subject.vehicle, tracks=(track,), title="a month"
     )
-    out.write_text(page(subject, Shot()), encoding="utf-8")
+    out.write_text(page_text(subject, Shot()), encoding="utf-8")
     browser.open(out)
     drawn = (
         "(() => { let sum = 0; const draw = page.scene.renderer.drawPath;"
