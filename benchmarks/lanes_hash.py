@@ -25,7 +25,7 @@ from typing import Any
 
 import twin
 from twin.cli.text_table import format_table
-from twin.fossen.structure import LANES, Arithmetic, _loop
+from twin.fossen.structure import LANES, Arithmetic
 from twin.physics.lanes import Lane, fly_in_lanes
 from twin.records.trajectory import Trajectory
 
@@ -107,9 +107,8 @@ def hashes(vehicle: str) -> dict[str, str]:
 
 
 def arithmetic(vehicle: str, lanes: int = LANES[-1]) -> Arithmetic:
-    """Of the vehicle's compiled equations, compiled anew: the cache keeps no text."""
-    structure = Lane(fleet(vehicle, 1)[0]).structure
-    return Arithmetic.of(_loop(structure, structure.text, lanes, keep=False))
+    """Of the vehicle's compiled equations."""
+    return Lane(fleet(vehicle, 1)[0]).structure.arithmetic(lanes)
 
 
 def on_processor(

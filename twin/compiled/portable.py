@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from types import CellType, FunctionType, ModuleType
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 from twin.compiled import content, elementary
@@ -56,14 +56,12 @@ def _elementary(name: str) -> Any:
 def _again(function: Compiled) -> FunctionType:
     """The Python function with other globals: what it calls is what `_other` says."""
     source: Any = function.py_func
-    code = source.__code__
+    code, names = source.__code__, _names(source.__code__)
     space = {
-        name: _other(value, code.co_names)
-        for name, value in source.__globals__.items()
-        if name in code.co_names
+        name: _other(value, names) for name, value in source.__globals__.items() if name in names
     }
     closure = source.__closure__ and tuple(
-        CellType(_other(cell.cell_contents, code.co_names)) for cell in source.__closure__
+        CellType(_other(cell.cell_contents, names)) for cell in source.__closure__
     )
     # numba keeps compiled code by the function's name: the two must not have one
     name = f"portable_{source.__name__}"
@@ -74,7 +72,13 @@ def _again(function: Compiled) -> FunctionType:
     return again
 
 
-def _other(value: Any, names: tuple[str, ...]) -> Any:
+def _names(code: CodeType) -> frozenset[str]:
+    """What it and the functions in it call by name, and the attributes that they take."""
+    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
+    return frozenset(code.co_names).union(*inner)
+
+
+def _other(value: Any, names: frozenset[str]) -> Any:
     """What a name stands for in portable code."""
     if value is math:
         return _MATH if any(map(_elementary, names)) else math
@@ -90,7 +94,7 @@ def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> 
     if function in above or function.__module__ == elementary.__name__:
         return False  # `above`: those that call it
     source: Any = function.py_func
-    names = source.__code__.co_names
+    names = _names(source.__code__)
     used = [value for name, value in source.__globals__.items() if name in names]
     used += [cell.cell_contents for cell in source.__closure__ or ()]
     return any(

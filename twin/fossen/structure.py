@@ -104,6 +104,10 @@ class Structure:
         """
         return _compiled(self, lanes, content.generation())
 
+    def arithmetic(self, lanes: int) -> Arithmetic:
+        """What that function does, by compiling it anew: the cache keeps no text of it."""
+        return Arithmetic.of(_loop(self, self.text, lanes, keep=False))
+
 
 @functools.lru_cache(maxsize=64)
 def _compiled(structure: Structure, lanes: int, _: int) -> Any:
