@@ -37,6 +37,7 @@ from twin.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, 
 from twin.forecast.scores import bootstrap
 from twin.forecast.walk import Pair
 from twin.logs.logged_leg import REPORTED
+from twin.navigation.current import Reaches
 from twin.navigation.current.models import BESIDE, FIELD, FILTER
 from twin.navigation.current.pool import Prior
 from twin.records.presence import is_store
@@ -130,7 +131,7 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
 
     def reach(which: str) -> Pair:
         distances = [j.distance for one in taught for j in judged(one, which)]
-        half, ninety = np.quantile(distances, [0.5, 0.9])
+        half, ninety = Reaches.of(distances).now
         return float(f"{half:.2g}"), float(f"{ninety:.2g}")
 
     return Priors(

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from learn.data.dataset import SPLITS, Selection, any_channel
-from learn.evaluation.deviation import Coverage
+from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Watch, evaluate
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
 from twin.navigation.estimators.baseline import Estimate
+from twin.records.coordinates import START_LATITUDE
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 
@@ -30,7 +34,10 @@ def evaluate_run(
     """
     logged = is_log_store(store)
     showcase, coverage = Showcase(), Coverage(run.error_model())
+    at_fixes = None if logged else _consistency(run, store)
     seeing = watches if logged else (showcase.add, coverage.add, *watches)
+    if at_fixes is not None:
+        seeing = (at_fixes.add, *seeing)
 
     def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
         for see in seeing:
@@ -48,7 +55,21 @@ def evaluate_run(
     found = {"run": str(run.folder), **evaluation.to_json()}
     if not logged:
         found["uncertainty"] = coverage.figures()
+    if at_fixes is not None:
+        found["fixes"] = at_fixes.figures()
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:
+    """None for a store that does not say where its missions are."""
+    from learn.networks.network_estimator import network_deviation
+
+    with MissionStore(store) as reader:
+        if START_LATITUDE not in reader.dataset:
+            return None
+        latitude = float(np.median(reader.dataset[START_LATITUDE].to_numpy()))
+        stated = network_deviation(run, reader.vehicle)
+    return FixConsistency(stated, math.degrees(run.error_model().heading_sd), latitude)
 
 
 def is_log_store(store: str | StorePath) -> bool:

@@ -127,6 +127,10 @@ class StepTooLong(InputError, SimulationUnstable):
         SimulationUnstable.__init__(self, message, mission=0, time_s=0.0)
 
 
+class InaccurateStep(UserWarning):
+    """A step with which a run is off by a millimetre per second or more, told before the flight."""
+
+
 def shortened(text: str) -> str:
     """A message without its middle where it has more than `MOST_LETTERS` characters."""
     if len(text) <= MOST_LETTERS:

@@ -7,6 +7,8 @@ deviation s and correlation time T. Its integral has the variance (Papoulis 1991
 
 s^2 t^2 while t << T (a bias) and 2 s^2 T t for t >> T (a random walk). A heading error moves the
 position across the distance made good, and a fix resets everything to its own accuracy.
+
+Fixes after dives judge what a navigator states of the networks and the current together.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.navigation.current import Leg, consistency_of
 from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
     Array,
@@ -27,6 +30,8 @@ from twin.navigation.dead_reckoning import (
     horizontal_velocity,
     integrate,
 )
+from twin.navigation.estimators.base import VelocityDeviation
+from twin.navigation.estimators.baseline import SHALLOW_DEPTH
 
 if TYPE_CHECKING:
     from learn.evaluation.score import MissionScore, ReferenceVelocity
@@ -137,6 +142,58 @@ class Coverage:
             "position_sd_m_mean": float(deviations.mean()),
             "within_2sd": float((errors <= 2.0 * deviations).mean()),
         }
+
+
+class FixConsistency:
+    """Judges by fixes after dives what a navigator states of the networks; its `add` is a watch.
+
+    Dives are those from fix to fix that went deeper than `SHALLOW_DEPTH`; their way through the
+    water is the networks', by measured attitude.
+    """
+
+    def __init__(self, stated: VelocityDeviation, compass: float, latitude: float) -> None:
+        """Before the first mission.
+
+        Args:
+          stated: of the networks' velocities.
+          compass: [degree] stated deviation of the compass.
+          latitude: [degree] of the missions.
+        """
+        self._stated, self._compass, self._latitude = stated, compass, latitude
+        self._records: list[list[Leg]] = []
+
+    def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
+        """See one mission; the estimate called `network` is judged."""
+        period, depth = reference.mission.period, reference.mission.signals["measured_depth"]
+        track = reference.track(estimates["network"], reference.measured)
+        self._records.append(
+            [
+                Leg(
+                    start=dive.start * period,
+                    duration=dive.seconds(period),
+                    over_ground=_pair(dive.end_fix - dive.start_fix),
+                    through_water=_pair(track[dive.end] - track[dive.start]),
+                )
+                for dive in reference.dives
+                if np.max(depth[dive.span]) > SHALLOW_DEPTH
+            ]
+        )
+
+    def figures(self) -> dict[str, float | int | None]:
+        """See `twin.navigation.current.Consistency`."""
+        found = consistency_of(
+            self._records,
+            latitude=self._latitude,
+            speed_scale=self._stated.scale,
+            compass=self._compass,
+            noise=self._stated.noise,
+            memory=self._stated.memory,
+        )
+        return dataclasses.asdict(found)
+
+
+def _pair(metres: Array) -> tuple[float, float]:
+    return float(metres[0]), float(metres[1])
 
 
 def position_sd(

@@ -228,6 +228,13 @@ def verdicts(evaluation: Figures) -> list[str]:
         sentence = _dive_verdict(evaluation, knowledge)
         if sentence:
             sentences.append(sentence)
+    if (fixes := evaluation.get("fixes")) and fixes["fixes"]:
+        sentences.append(
+            f"Mean squared normalised innovation of a navigator on the networks, by "
+            f"{counted(fixes['fixes'], 'dive')} that a fix ended: {fixes['nis']:.2f} (2: it errs "
+            f"as it states); the ellipse of 50 % held {100 * fixes['in_50']:.0f} %, that of 90 % "
+            f"{100 * fixes['in_90']:.0f} %."
+        )
     if columns := _columns_lost(evaluation):
         sentences.append(f"A baseline has the lower figure in {'; '.join(columns)}.")
     return sentences

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import factory
+import learn
 from benchmarks import navigator_consistency
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.mission_water import build_current, origin
 from factory.sampling.parameters import declared, parameter_table
+from learn.report.result_tables import verdicts
 from twin.navigation.current import Leg, consistency_of
 from twin.vehicle.vehicle import load_vehicle
 
@@ -78,14 +80,50 @@ def test_70_simulated_missions_are_as_surely_known_as_the_filter_says() -> None:
     assert found.later_m <= 0.95 * found.later_persistence_m
 
 
-def test_the_benchmark_prints_what_it_finds(tmp_path, capsys) -> None:
-    store = tmp_path / "field.zarr"
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Missions of preset field that surface."""
+    path = tmp_path_factory.mktemp("stores") / "field.zarr"
     factory.generate(
-        store, preset="field", hours=2.0, seed=5, workers=1,
+        path, preset="field", hours=3.5, seed=5, workers=1,
         changes={"mission.duration_h": "0.7", "mission.max_depth_m": "60", "mission.yos": "1"},
     )  # fmt: skip
-    assert navigator_consistency.main([str(store), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["fixes"] >= 3
+    return path
+
+
+def printed(capsys, *words: object) -> dict[str, float]:
+    assert navigator_consistency.main([*map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_benchmark_prints_what_it_finds(store, capsys) -> None:
+    found = printed(capsys, store)
+    assert found["fixes"] == 10  # two after each of five launches: none is lost between samples
     assert found["first_dive_m"] == pytest.approx(found["first_dive_no_current_m"])
     assert 0.0 < found["nis"] < 10.0
+    told = printed(capsys, store, "--learn", store)  # what they tell is another
+    assert told["fixes"] == found["fixes"]
+    assert told["later_persistence_m"] == pytest.approx(found["later_persistence_m"])
+    assert told["nis"] != found["nis"]
+
+
+def test_networks_are_judged_by_the_benchmark_and_by_their_report(
+    store, tmp_path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    run = learn.fit(
+        store, folder=tmp_path / "run", features=("sin_pitch", "depth_rate"), network="mlp",
+        hidden=6, layers=1, epochs=2, members=1,
+    )  # fmt: skip
+    networks, steady = printed(capsys, store, "--run", run.folder), printed(capsys, store)
+    assert networks["fixes"] == steady["fixes"]
+    assert networks["first_dive_m"] != steady["first_dive_m"]  # another way through the water
+    figures = learn.evaluate(run, store, split="all", baselines=()).figures
+    report = figures["fixes"]
+    assert report["fixes"] == networks["fixes"]
+    # the navigator straightens the compass by the gyros, the report does not
+    assert report["first_dive_m"] == pytest.approx(networks["first_dive_m"], rel=0.1)
+    assert 0.0 < report["nis"] < 10.0
+    (line,) = [one for one in verdicts(figures) if "innovation" in one]
+    assert f"{report['fixes']} dives" in line
+    assert f"{report['nis']:.2f}" in line

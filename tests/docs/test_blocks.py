@@ -47,7 +47,7 @@ RUN = {
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 16},
     "docs/howto/flight.md": {HERE: 3},
     "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},
-    "docs/howto/identify.md": {HERE: 1},
+    "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_tables.md": {
         "tests/factory/importing/test_csv.py": 1,

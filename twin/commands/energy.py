@@ -45,19 +45,16 @@ class AccountEnergy(JsonOption):
         from twin.identify import write_consumption
         from twin.logs import energy_used, second_half
 
-        left = self.energy_left_kwh
-        if left is not None and not 0.0 < left <= 1e4:
-            raise InputError(f"--energy-left-kwh {left:g} must be above 0, at most 10000")
         if self.out is not None and self.out.suffix.lower() != ".xml":
             raise InputError(f"--out {str(self.out)!r} must end in .xml")
         if self.out is not None and self.out.exists() and not self.overwrite:
             raise InputError(f"{self.out} exists already; use --overwrite or another --out")
         rows = parse_rows(self.missions)
         found = energy_used(self.store, self.vehicle, missions=rows)
+        left = self.energy_left_kwh
+        days = None if left is None else found.days_left(left)
         _say(console, found)
-        days = None
-        if left is not None:
-            days = left * 1e3 / found.power / 24.0
+        if days is not None:
             console.say(f"{days:.1f} days left at this power")
         tried = second_half(self.store, found.vehicle, missions=rows)
         if tried is None:

@@ -40,6 +40,8 @@ class EstimateFlight(JsonOption):
     track: Literal["smoother", "linear"] = "smoother"
     """correction of the track at the fixes: smoother (with the current, by all fixes of a
     deployment), or linear (each dive's misclosure spread in time, for comparison)"""
+    energy_left_kwh: float | None = None
+    """energy left in the batteries [kW h], for the days left by the log's counter of charge"""
     no_thermal_lag: bool = False
     """take the CTD's salinity and density as stored, without looking for its thermal lag"""
 
@@ -47,13 +49,23 @@ class EstimateFlight(JsonOption):
         """Fly, write, say."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError, quoted
-        from twin.logs import check_target, estimate_flight, write_flight
+        from twin.logs import (
+            check_target,
+            counted_energy,
+            energy_used,
+            estimate_flight,
+            write_flight,
+        )
         from twin.records import MissionStore
 
         check_target(self.out, overwrite=self.overwrite)
         if self.plots is not None and self.plots.is_file():
             raise InputError(f"--plots {self.plots} is a file; name a folder")
         rows = parse_rows(self.missions)
+        left, used, days = self.energy_left_kwh, None, None
+        if left is not None:  # says what the log lacks before the flight
+            used = energy_used(self.store, self.vehicle, missions=rows)
+            days = used.days_left(left)
         with MissionStore(self.store) as store:
             total = len(store) if rows is None else len(rows)
         with console.progress(total=total, label="flight", unit="missions") as progress:
@@ -89,6 +101,11 @@ class EstimateFlight(JsonOption):
                 "currents": f"of {len(found.currents)} dives between fixes",
             }
         )
+        if used is None:
+            used = counted_energy(self.store, found.calibration.vehicle, newest=True)
+        if used is not None:
+            lasts = "" if days is None else f", {days:.1f} days left"
+            console.say(f"power by the log's counter of charge: {used.power:.2f} W{lasts}")
         if summary.suspect:
             console.warn(
                 f"vertical water velocity is {100 * summary.w_mean_dive:.1f} cm/s in dives and "
@@ -118,6 +135,8 @@ class EstimateFlight(JsonOption):
             samples=summary.samples,
             currents=len(found.currents),
             plots=pictures,
+            power_w=None if used is None else used.power,
+            days_left=days,
             **summary.describe(),
         )
         return 0

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import SimulationUnstable
+from twin.errors import InaccurateStep, SimulationUnstable
 from twin.facade import in_water
 from twin.forecast.draws import (
     INTERVAL,
@@ -239,7 +239,7 @@ def fly(
     for chunk in chunks:
         with quiet_mujoco(), warnings.catch_warnings():
             # a millimetre per second is little beside what is not known of the current
-            warnings.filterwarnings("ignore", "timestep .* is too long", UserWarning)
+            warnings.simplefilter("ignore", InaccurateStep)
             results = Fleet(chunk, threads=threads).run()
         yield [
             result if isinstance(result, SimulationUnstable) else told(result, scenario)

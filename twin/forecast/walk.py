@@ -26,7 +26,7 @@ from twin.forecast.schedule import Schedule, middle, usual_duration
 from twin.forecast.way import WayPool, plain_velocity
 from twin.geodesy import position
 from twin.logs.logged_leg import LoggedLeg
-from twin.navigation.current import Leg, models
+from twin.navigation.current import Leg, Reaches, models
 from twin.navigation.current.models import CurrentPool, TidalFit
 from twin.navigation.current.pool import Prior
 from twin.navigation.dead_reckoning import Array
@@ -36,10 +36,6 @@ FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
 """North, east [m/s] that a field foretells, mean over a dive: by the leg for its begin, a leg for
 its depths, the way through the water [m] and the duration [s]"""
 
-PARTS = (0.5, 0.9)
-"""[1] of the fixes that the two ellipses shall hold"""
-FOLLOWING = 0.3
-"""[1] gain by which the logarithm of an ellipse's squared reach follows whether it held"""
 HOUR = 3600.0
 """[s]"""
 RIVAL_DAYS = 5.0
@@ -135,25 +131,6 @@ class Walked:
     """[m/h] mean error of each model of the current alone, over the scored dives"""
 
 
-class Reaches:
-    """Squared distances of two ellipses, which follow how many fixes they held (adaptive conformal
-    inference, Gibbs and Candes 2021, NeurIPS 34)."""
-
-    def __init__(self, first: Pair):
-        self._logarithms = [math.log(value) for value in first]
-
-    @property
-    def now(self) -> Pair:
-        """Of 50 and 90 %, the second at least the first."""
-        half, ninety = (math.exp(value) for value in self._logarithms)
-        return half, max(half, ninety)
-
-    def learn(self, judged: Judged) -> None:
-        """Take whether a forecast's ellipses held."""
-        for k, (part, held) in enumerate(zip(PARTS, judged.held, strict=True)):
-            self._logarithms[k] += FOLLOWING * (part - float(held))
-
-
 def walk(
     legs: Sequence[LoggedLeg],
     *,
@@ -197,7 +174,7 @@ def walk(
             judged = _judge(legs[:k], one, leg, (pool, ways, ends, tide), reaches, field)
             found.append(dataclasses.replace(judged, scored=k >= train))
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
-                reach.learn(each)
+                reach.learn(each.distance)
             if k >= train:
                 off = [model.expect(leg)[0] - leg.current for model in pool.models.values()]
                 alone.append(HOUR * np.hypot(*np.array(off).T))

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from twin.identify.handling import handle as handle
     from twin.identify.logged import Log as Log
     from twin.identify.logged import load_logs as load_logs
+    from twin.identify.residuals import DiveResiduals as DiveResiduals
+    from twin.identify.residuals import dive_residuals as dive_residuals
+    from twin.identify.residuals import noise_of_dives as noise_of_dives
     from twin.identify.rollout import Refinement as Refinement
     from twin.identify.rollout import refine as refine
     from twin.identify.speed import SpeedEstimate as SpeedEstimate

@@ -1,6 +1,7 @@
 """Fit: parameters of a vehicle from its own logs, by robust least squares with what is known.
 
-Each parameter has its nominal value and spread beside what the logs say (`twin.identify.problem`),
+Each parameter has its nominal value and spread beside what the logs say
+(`twin.identify.comparison`),
 so that what a log cannot tell stays where it was.
 """
 
@@ -17,9 +18,9 @@ from scipy.optimize import least_squares
 from twin.errors import InputError
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
-from twin.identify.choice import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, gain_of
+from twin.identify.comparison import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, Noise, gain_of
+from twin.identify.depth_rates import LEAST_PAIRS, DepthRates
 from twin.identify.logged import Log, gliding
-from twin.identify.problem import LEAST_PAIRS, Problem
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
@@ -36,7 +37,7 @@ ALWAYS = ("neutral_density", "drag")
 PASSES = 3
 """Fits between which weights, deviation and autocorrelation time are taken again."""
 COARSE: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-2, "ftol": 1e-2}
-FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5, "x_scale": "jac"}
+FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5}
 """Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""
 AT_BOUND = 1e-3
 """Spreads from its bound at which a parameter is called bounded."""
@@ -78,7 +79,7 @@ def identify(
       logs: missions of one vehicle, of one sample period.
       nominal: vehicle file to start from, with the sensors' known errors.
       parameters: names to estimate; by default all that the logs may determine, and a pitch offset
-        where left-out dives are predicted better with it (`twin.identify.choice`).
+        where left-out dives are predicted better with it (`twin.identify.comparison`).
       known: names whose nominal value is known; not estimated.
       model: "flight", with inertia; "steady", forces in balance. Both are compared with the log
         where pump and pitch rest: an inflection says more about the pump than about the hull.
@@ -95,7 +96,7 @@ def identify(
         nominal = _centred(logs, nominal)
     choose(list(known))
     notes: dict[str, str] = {}
-    problem = Problem(logs, nominal, (), model, fixes)
+    problem = DepthRates(logs, nominal, (), model, fixes=fixes)
     samples = sum(int(mask.sum()) for mask in problem.masks)
     if samples < LEAST_SAMPLES:
         raise InputError(
@@ -118,7 +119,7 @@ def identify(
     report(0.05)
     start = _start(logs, nominal, free, model)
     report(0.15)
-    first = Problem(logs, nominal, free, model, fixes)
+    first = DepthRates(logs, nominal, free, model, fixes=fixes)
     x, covariance, _ = _solve(first, start, PASSES - 1, lambda part: report(0.15 + 0.5 * part))
     deviation = np.sqrt(np.diag(covariance))
     loose = [
@@ -132,28 +133,30 @@ def identify(
     kept = tuple(p for p in free if p.name not in loose)
     offsets = dict(zip(free, x, strict=True))
     for candidate in judged:
-        tight = Problem(logs, nominal, kept, model, fixes)
+        tight = DepthRates(logs, nominal, kept, model, fixes=fixes)
         at = np.array([offsets[p] for p in kept])
         tight.reweight(at)
         notes[candidate.name] = _unsupported(tight, at, candidate)
         if not notes[candidate.name]:
             offsets[candidate] = 0.0
             kept = tuple(p for p in PARAMETERS if p in (*kept, candidate))
-    final = Problem(logs, nominal, kept, model, fixes)
+    final = DepthRates(logs, nominal, kept, model, fixes=fixes)
     x = np.array([offsets[p] for p in kept])
-    x, covariance, (scale, time) = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
-    found = _result(final, x, covariance, wanted, notes, before, scale, time)
-    _check_residual(final, found, powered)
+    x, covariance, noise = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
+    found = _result(final, x, covariance, wanted, notes, before, noise)
+    _check_residual(final, x, found, powered)
     return dataclasses.replace(found, powered=powered)
 
 
-def _check_residual(problem: Problem, found: Identification, powered: tuple[int, ...]) -> None:
+def _check_residual(
+    problem: DepthRates, x: Array, found: Identification, powered: tuple[int, ...]
+) -> None:
     """Refuse a fit that says that something else than the vehicle made the depth rate."""
     name = found.nominal.vehicle.name
     usual = next((cm for kind, cm in USUAL_RMSE.items() if name.startswith(kind)), OTHERS_RMSE)
     if 100.0 * found.depth_rate_rmse <= BAD * usual:
         return
-    residuals = problem.depth_rates(found.calibration, problem.motions(found.calibration))
+    residuals = problem.missed(x)["depth_rate"]
     way = {"dives": 1.0, "climbs": -1.0}
     sides = []
     for side, sign in way.items():
@@ -203,7 +206,7 @@ def _neutral_pump(logs: Sequence[Log]) -> float:
 
 
 def _lacking(
-    parameter: UnknownParameter, logs: Sequence[Log], problem: Problem, *, asked: bool
+    parameter: UnknownParameter, logs: Sequence[Log], problem: DepthRates, *, asked: bool
 ) -> str:
     """Why the logs cannot tell anything about a parameter; empty when they may."""
     channel = parameter.channel
@@ -220,7 +223,7 @@ def _lacking(
     return ""
 
 
-def _unsupported(problem: Problem, x: Array, candidate: UnknownParameter) -> str:
+def _unsupported(problem: DepthRates, x: Array, candidate: UnknownParameter) -> str:
     """Why left-out dives do not support a parameter; empty when they do."""
     if len(problem.logs) < LEAST_DIVES:
         return f"{len(problem.logs)} dives: from {LEAST_DIVES} on, left-out dives judge it"
@@ -258,7 +261,7 @@ def _start(
     if not pair:
         return np.zeros(len(free))
     longest = sorted(logs, key=lambda log: -int(log.use.sum()))[:START_LOGS]
-    problem = Problem(longest, nominal, pair, model, False)
+    problem = DepthRates(longest, nominal, pair, model)
     best, cost = np.zeros(len(pair)), np.inf
     for factor in START_FACTORS:
         x = np.array([np.log(factor) if p.name == "drag" else 0.0 for p in pair])
@@ -279,35 +282,23 @@ def _start(
 
 
 def _solve(
-    problem: Problem, x: Array, passes: int, report: Callable[[float], None]
-) -> tuple[Array, Array, tuple[float, float]]:
-    """Robust fit; offsets, their covariance and (deviation [m/s], correlation time [s])."""
-    statistics = problem.reweight(x)
-    for k in range(passes):
-        found = least_squares(
-            problem.residual,
-            np.maximum(x, problem.lowest),
-            jac=problem.jacobian,
-            bounds=(problem.lowest, np.inf),
-            **FINE,
-        )
-        x = found.x
-        statistics = problem.reweight(x)
-        report((k + 1) / passes)
+    problem: DepthRates, x: Array, passes: int, report: Callable[[float], None]
+) -> tuple[Array, Array, Noise]:
+    """Robust fit; offsets, their covariance and the noise of the depth rate."""
+    x, noise = problem.fit(x, passes, progress=report, **FINE)
     jacobian = problem.jacobian(x)
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
-    return x, covariance, statistics
+    return x, covariance, noise["depth_rate"]
 
 
 def _result(
-    problem: Problem,
+    problem: DepthRates,
     x: Array,
     covariance: Array,
     wanted: tuple[UnknownParameter, ...],
     notes: Mapping[str, str],
     before: Mapping[str, float],
-    scale: float,
-    time: float,
+    noise: Noise,
 ) -> Identification:
     calibration, nominal = problem.calibration(x), problem.nominal
     deviation = np.sqrt(np.diag(covariance))
@@ -335,8 +326,8 @@ def _result(
                 note=notes[parameter.name],
             )
         estimates.append(estimate)
-    rates, changes = _unweighted(problem, calibration)
-    rates0, changes0 = _unweighted(problem, nominal)
+    rates, changes = _unweighted(problem, x)
+    rates0, changes0 = _unweighted(problem, np.zeros_like(x))
     samples = len(rates)
     return Identification(
         calibration=calibration,
@@ -346,8 +337,8 @@ def _result(
         correlation=covariance / np.outer(deviation, deviation),
         depth_rate_rmse=float(np.sqrt(np.mean(rates**2))),
         nominal_depth_rate_rmse=float(np.sqrt(np.mean(rates0**2))),
-        robust_deviation=scale,
-        correlation_time=time,
+        robust_deviation=noise.deviation,
+        correlation_time=noise.samples * problem.logs[0].period,
         samples=samples,
         hours=samples * problem.logs[0].period / 3600.0,
         missions=len(problem.logs),
@@ -356,8 +347,8 @@ def _result(
     )
 
 
-def _unweighted(problem: Problem, calibration: Calibration) -> tuple[Array, float | None]:
-    motions = problem.motions(calibration)
-    changes = problem.current_changes(calibration, motions).reshape(-1, 2)
+def _unweighted(problem: DepthRates, x: Array) -> tuple[Array, float | None]:
+    missed = problem.missed(x)
+    changes = np.reshape(missed["current"], (-1, 2))
     median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
-    return np.concatenate(problem.depth_rates(calibration, motions)), median
+    return np.concatenate(missed["depth_rate"]), median

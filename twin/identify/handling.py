@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from twin.errors import InputError, MissionError, NoSteadyState
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
+from twin.identify.comparison import Fitted
 from twin.identify.fit import UNDETERMINED
 from twin.identify.gains import Phase, with_gains
 from twin.identify.logged import Log, gliding
-from twin.identify.pitch import PITCHING, Balance, balanced, pump_of
-from twin.identify.problem import bootstrap
+from twin.identify.pitch import PITCHING, balanced, pump_of
 from twin.identify.proof import failures
-from twin.identify.turning_fit import Turns, turned
-from twin.identify.turning_residuals import channel_of
+from twin.identify.turning import channel_of, turned
 from twin.identify.turning_windows import windows_of
 from twin.identify.unknowns import UnknownParameter
 from twin.mission.glide_balance import steady_glide
@@ -58,7 +57,8 @@ class Handling:
     pitch_deviation: float | None
     """[rad] of the steady pitches from the log's; None: not fitted"""
     turn_deviation: float | None
-    """[rad/s] of the yaw rates, means of a minute; None: not fitted"""
+    """[rad/s] root mean square of the yaw rates' residuals, means of up to a minute and a half;
+    None: not fitted"""
     yaw_bias: float | None
     """[rad] sideslip of the asymmetry that turns it at no roll and no rudder"""
     roll_offset: float | None
@@ -103,15 +103,15 @@ def handle(
     if turns is None:
         notes.append("turns: too few steady parts in dives and climbs of these logs")
     else:
-        calibration = turns.calibration
-        identification = _with(identification, turns)
+        calibration = turns.fitted.calibration
+        identification = _with(identification, turns.fitted)
         if turns.apart > UNEVEN:
             notes.append(
                 f"asymmetry: to go straight, dives and climbs of these logs want the "
                 f"{channel_of(calibration)} {math.degrees(turns.apart):.0f} deg apart; the mean of "
                 "the two is flown"
             )
-        if channel_of(calibration) is not None and turns.roll_deviation is None:
+        if channel_of(calibration) is not None and "roll" not in turns.fitted.deviation:
             channel = channel_of(calibration)
             if any(group.position is None for group in turns.groups):
                 notes.append(
@@ -135,10 +135,10 @@ def handle(
     return Handling(
         identification=dataclasses.replace(identification, calibration=calibration),
         phases=phases,
-        pitch_deviation=None if balance is None else balance.deviation,
-        turn_deviation=None if turns is None else turns.rate_deviation,
-        yaw_bias=None if turns is None else turns.biases[0],
-        roll_offset=None if turns is None else turns.biases[1],
+        pitch_deviation=None if balance is None else balance.deviation["pitch"],
+        turn_deviation=None if turns is None else turns.fitted.deviation["yaw_rate"],
+        yaw_bias=None if turns is None else turns.asymmetry[0],
+        roll_offset=None if turns is None else turns.asymmetry[1],
         neutral=None if turns is None else turns.neutral,
         failures=lacking,
         notes=tuple(notes),
@@ -240,9 +240,9 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
     return calibration.replace(vehicle=vehicle.replace(**changes)) if changes else calibration
 
 
-def _with(identification: Identification, fitted: Balance | Turns) -> Identification:
+def _with(identification: Identification, fitted: Fitted) -> Identification:
     """The identification with the estimates of a fit that came after."""
-    covariance = bootstrap(fitted.jacobian, fitted.residual, fitted.blocks)
+    covariance = fitted.covariance
     size = len(fitted.parameters)
     deviation = np.sqrt(np.diag(covariance))
     estimates = [

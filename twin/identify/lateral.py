@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.steady import SteadyProblem
-from twin.vehicle.parts import BatteryHinge, Fin, Part
+from twin.vehicle.parts import BatteryHinge, Fin
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def exponential(matrix: Array) -> Array:
     return out
 
 
-def turning_part(vehicle: Vehicle) -> Part | None:
+def turning_part(vehicle: Vehicle) -> BatteryHinge | Fin | None:
     """The hinge or rudder that guidance turns it with; None: it has neither."""
     part = vehicle.steered("heading")
     return part if isinstance(part, BatteryHinge | Fin) else None

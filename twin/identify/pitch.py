@@ -20,12 +20,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from twin.errors import VehicleError
 from twin.identify.calibration import Calibration
+from twin.identify.comparison import Channel, Comparison, Fitted, Noise
 from twin.identify.logged import Log
-from twin.identify.problem import OUTLIER, robust_scale
 from twin.identify.speed import motion_of, steady_parts
 from twin.identify.unknowns import UnknownParameter
 from twin.vehicle.parts import Pump
@@ -40,10 +39,10 @@ LEAST_PITCH = np.deg2rad(0.5)
 """[rad] that the pitch is off at least"""
 INDEPENDENT = 600.0
 """[s] that one observation stands for: drifts of density and trim last that long"""
-STEP = 1e-3
-"""Spreads of the finite differences"""
-PASSES = 3
+PASSES = 4
 """Fits between which weights are taken again"""
+FIRST_DEVIATION = np.deg2rad(3.0)
+"""[rad] of pitch that a search starts with"""
 LEAST_OBSERVATIONS = 4
 """of dives and of climbs each, below which nothing is said about pitch"""
 
@@ -126,18 +125,19 @@ PITCHING = (
     ),
 )
 """What a twin needs to pitch as the log does."""
+NAMES = tuple(p.name for p in PITCHING)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class PitchObservations:
-    """Steady parts of the logs, each (observations,): means over `LENGTH`."""
+    """Steady parts of a log, each (observations,): means over `LENGTH`."""
 
     pitch: Array
-    """[rad] true"""
+    """[rad] as the sensor has it"""
     roll: Array
-    """[rad]"""
+    """[rad] magnitude"""
     rotation: Array
-    """[rad] of the battery"""
+    """[rad] of the battery, magnitude"""
     shift: Array
     """[m]"""
     pump: Array
@@ -146,47 +146,30 @@ class PitchObservations:
     """[m2/s2] speed squared"""
     alpha: Array
     """[rad]"""
-    block: NDArray[np.int_]
-    """Number of the dive"""
 
 
-def observations(logs: Sequence[Log], calibration: Calibration) -> PitchObservations | None:
-    """Steady parts in which the battery's position is known; None where there are too few."""
-    rows: list[list[float]] = []
-    for number, log in enumerate(logs):
-        if log.shift is None:
-            continue
-        steady = log.use & steady_parts(log)
+def observations(log: Log, calibration: Calibration) -> PitchObservations:
+    """Steady parts of a log; none where the battery's position is not known."""
+    columns = [np.zeros(0)] * 7
+    length = max(round(LENGTH / log.period), 2)
+    steady = log.use & steady_parts(log)
+    whole = len(steady) // length * length
+    chosen = steady[:whole].reshape(-1, length).all(axis=1)
+    if log.shift is not None and chosen.any():
         motion = motion_of(log, calibration)
-        pitch = calibration.true_pitch(log.pitch)
-        rotation = np.zeros_like(pitch) if log.rotation is None else log.rotation
-        columns = (
-            pitch, np.abs(log.roll), np.abs(rotation), log.shift, log.pump,
+        rotation = np.zeros_like(log.pitch) if log.rotation is None else log.rotation
+        every = (
+            log.pitch, np.abs(log.roll), np.abs(rotation), log.shift, log.pump,
             motion.speed**2, motion.angle_of_attack,
         )  # fmt: skip
-        length = max(round(LENGTH / log.period), 2)
-        for first in range(0, len(pitch) - length + 1, length):
-            part = slice(first, first + length)
-            if steady[part].all():
-                rows.append([*(float(np.mean(column[part])) for column in columns), number])
-    table = np.array(rows).reshape(-1, 8)
-    if min((table[:, 0] < 0.0).sum(), (table[:, 0] > 0.0).sum()) < LEAST_OBSERVATIONS:
-        return None
-    return PitchObservations(
-        pitch=table[:, 0],
-        roll=table[:, 1],
-        rotation=table[:, 2],
-        shift=table[:, 3],
-        pump=table[:, 4],
-        square=table[:, 5],
-        alpha=table[:, 6],
-        block=table[:, 7].astype(int),
-    )
+        columns = [one[:whole].reshape(-1, length).mean(axis=1)[chosen] for one in every]
+    names = [field.name for field in dataclasses.fields(PitchObservations)]
+    return PitchObservations(**dict(zip(names, columns, strict=True)))
 
 
 def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
     """Pitch [rad] at which the moments balance, (observations,)."""
-    vehicle = calibration.vehicle
+    vehicle, pitch = calibration.vehicle, calibration.true_pitch(seen.pitch)
     pump = pump_of(calibration)
     constant, slope, _ = vehicle.flow_frame.pitch_moment
     munk = 0.0
@@ -200,74 +183,57 @@ def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
     first = first - pump.position[0] * pumped
     raised = battery.mass * battery.eccentricity * (1.0 - np.cos(seen.rotation))
     righting = vehicle.mass * righting_arm(calibration) - raised
-    turned = water / (vehicle.gravity * np.cos(seen.pitch)) - np.cos(seen.roll) * first
+    turned = water / (vehicle.gravity * np.cos(pitch)) - np.cos(seen.roll) * first
     return np.arctan(turned / righting)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Balance:
-    """What the steady pitches of a log say."""
+class Pitches(Comparison):
+    """Channel "pitch" [rad]: the pitch at which the moments balance, in the steady parts."""
 
-    calibration: Calibration
-    parameters: tuple[UnknownParameter, ...]
-    centres: Array
-    offsets: Array
-    """in spreads"""
-    jacobian: Array
-    residual: Array
-    """(observations + parameters,), weighted"""
-    blocks: NDArray[np.int_]
-    """Dive of each residual; -1: what was known before."""
-    deviation: float
-    """[rad] of the pitch"""
+    def __init__(
+        self,
+        logs: Sequence[Log],
+        nominal: Calibration,
+        parameters: tuple[UnknownParameter, ...],
+    ):
+        self.logs = logs
+        self.seen = [observations(log, nominal) for log in logs]
+        # speeds are the flight model's, which these alone do not change
+        self.flies = any(p.name not in NAMES for p in parameters)
+        channel = Channel(unit="rad", least=float(LEAST_PITCH), samples=INDEPENDENT / LENGTH)
+        super().__init__(nominal, parameters, {"pitch": channel}, {"pitch": range(len(logs))})
+
+    @property
+    def enough(self) -> bool:
+        """Whether dives and climbs say something about pitch."""
+        pitch = np.concatenate([self.nominal.true_pitch(one.pitch) for one in self.seen])
+        return min((pitch < 0.0).sum(), (pitch > 0.0).sum()) >= LEAST_OBSERVATIONS
+
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less log."""
+        calibration, seen = self.calibration(x), self.seen
+        if self.flies:
+            seen = [observations(log, calibration) for log in self.logs]
+        return {
+            "pitch": [
+                balanced_pitch(one, calibration) - calibration.true_pitch(one.pitch) for one in seen
+            ]
+        }
 
 
-def balanced(logs: Sequence[Log], nominal: Calibration) -> Balance | None:
+def balanced(logs: Sequence[Log], nominal: Calibration) -> Fitted | None:
     """Battery zero, righting arm, pump position and pitch moment of the steady parts.
 
     None where the logs have no battery positions, or too little steady flight of a phase.
     """
-    seen = observations(logs, nominal)
-    if seen is None:
-        return None
     # without a CTD the change of buoyancy with depth is unknown, and this would take it up
     blind = any(log.density is None for log in logs)
     parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
-    centres = np.array([p.get(nominal) for p in parameters])
-
-    def calibrated(x: Array) -> Calibration:
-        out = nominal
-        for parameter, centre, offset in zip(parameters, centres, x, strict=True):
-            out = parameter.at(out, float(centre), float(offset))
-        return out
-
-    def missed(x: Array) -> Array:
-        return balanced_pitch(seen, calibrated(x)) - seen.pitch
-
-    def residual(x: Array) -> Array:
-        return np.concatenate([missed(x) * weights, x])
-
-    def jacobian(x: Array) -> Array:
-        steps = STEP * np.eye(len(x))
-        return np.stack([(residual(x + s) - residual(x - s)) / (2 * STEP) for s in steps], axis=1)
-
-    count = np.sqrt(LENGTH / INDEPENDENT)
-    x, scale = np.zeros(len(parameters)), float(np.deg2rad(3.0))
+    pitches = Pitches(logs, nominal, parameters)
+    if not pitches.enough:
+        return None
     # the battery's zero first: from far off every pitch is near 90 deg and says nothing
-    weights = np.full(len(seen.pitch), 1.0 / scale)
-    for _ in range(PASSES):
-        x = least_squares(residual, x, jac=jacobian, x_scale="jac", max_nfev=50).x
-        off = missed(x)
-        scale = max(robust_scale(off), float(LEAST_PITCH))
-        weights = count / (scale * np.sqrt(1.0 + (off / (OUTLIER * scale)) ** 2))
-    x = least_squares(residual, x, jac=jacobian, x_scale="jac", max_nfev=50).x
-    return Balance(
-        calibration=calibrated(x),
-        parameters=parameters,
-        centres=centres,
-        offsets=x,
-        jacobian=jacobian(x),
-        residual=residual(x),
-        blocks=np.concatenate([seen.block, np.full(len(x), -1)]),
-        deviation=float(np.sqrt(np.mean(missed(x) ** 2))),
-    )
+    x = np.zeros(pitches.size)
+    first = {"pitch": Noise(deviation=float(FIRST_DEVIATION), samples=1.0)}
+    x, _ = pitches.fit(x, PASSES, first=first, max_nfev=50)
+    return pitches.fitted(x)

@@ -13,6 +13,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.lateral import Glide
 from twin.identify.logged import Log
 from twin.identify.speed import density_of, motion_of, steady_parts
+from twin.identify.translation import Translation
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,7 @@ SPEED_BINS = 3
 """Glides of a phase, by speed, that turns are linearised about."""
 ENOUGH_IN_BIN = 6
 """Windows for which a glide of their own is worth while."""
+GLIDE = ("surge", "heave", "pitch", "net_mass")
 MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
 
@@ -50,18 +52,27 @@ class TurningWindow:
     """Number of the dive"""
 
 
+def _flight(log: Log, calibration: Calibration) -> tuple[Translation, Array, Array]:
+    """Velocities, true pitch [rad] and net mass [kg] of a log."""
+    net = calibration.net_mass(
+        density_of(log, calibration),
+        np.maximum(log.depth, 0.0),
+        log.pump,
+        log.hull_warming(calibration.thermal_lag),
+    )
+    return motion_of(log, calibration), calibration.true_pitch(log.pitch), net
+
+
+def _glide(motion: Translation, pitch: Array, net: Array, part: slice) -> Glide:
+    columns = (motion.surge, motion.heave, pitch, net)
+    return Glide(**{n: float(np.median(one[part])) for n, one in zip(GLIDE, columns, strict=True)})
+
+
 def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWindow]:
     """Steady parts of the logs, each of one phase."""
     found: list[TurningWindow] = []
     for number, log in enumerate(logs):
-        motion = motion_of(log, calibration)
-        net = calibration.net_mass(
-            density_of(log, calibration),
-            np.maximum(log.depth, 0.0),
-            log.pump,
-            log.hull_warming(calibration.thermal_lag),
-        )
-        pitch = calibration.true_pitch(log.pitch)
+        motion, pitch, net = _flight(log, calibration)
         steady = log.use & steady_parts(log) & (log.depth > LEAST_DEPTH)
         steady &= (np.abs(log.roll) < MOST_ROLL) & (np.sign(pitch) == -np.sign(net))
         steady &= motion.surge > 0.05
@@ -81,12 +92,7 @@ def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWin
                         part=part,
                         climbing=bool(phase[first] > 0.0),
                         speed=float(np.median(motion.speed[part])),
-                        glide=Glide(
-                            surge=float(np.median(motion.surge[part])),
-                            heave=float(np.median(motion.heave[part])),
-                            pitch=float(np.median(pitch[part])),
-                            net_mass=float(np.median(net[part])),
-                        ),
+                        glide=_glide(motion, pitch, net, part),
                         block=number,
                     )
                 )
@@ -97,6 +103,7 @@ def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWin
 class Group:
     """Windows that share a glide; arrays are (samples, windows), padded at the end."""
 
+    windows: tuple[TurningWindow, ...]
     glide: Glide
     climbing: bool
     period: float
@@ -105,19 +112,26 @@ class Group:
     slope: Array
     """[rad/s] of the roll"""
     position: Array | None
-    """[rad] of the turning part, its mean taken off; None: the log has none"""
+    """[rad] of the turning part from its neutral position; None: the log has none"""
     rate: Array
     """[rad/s] yaw rate, about the body's axis"""
     used: NDArray[np.bool_]
     """what is compared: (averages, windows)"""
     count: int
     """Samples of a mean"""
-    blocks: NDArray[np.int_]
-    """(windows,) numbers of the dives"""
+
+    def reglided(self, calibration: Calibration) -> Group:
+        """About the glides that another calibration has in its windows."""
+        flights = {w.log.index: w.log for w in self.windows}
+        flown = {index: _flight(log, calibration) for index, log in flights.items()}
+        glides = [_glide(*flown[w.log.index], w.part) for w in self.windows]
+        return dataclasses.replace(self, glide=_median(glides))
 
 
-def groups_of(windows: Sequence[TurningWindow], channel: str | None) -> list[Group]:
-    """The windows by phase and speed."""
+def groups_of(
+    windows: Sequence[TurningWindow], channel: str | None, neutral: float = 0.0
+) -> list[Group]:
+    """The windows by phase and speed; `neutral` position [rad] of the turning part."""
     logs = list({w.log.index: w.log for w in windows}.values())
     average = min(max(SPACINGS * spacing(logs), LEAST_AVERAGE), MOST_AVERAGE)
     count = max(round(average / logs[0].period), 1)
@@ -128,11 +142,17 @@ def groups_of(windows: Sequence[TurningWindow], channel: str | None) -> list[Gro
             continue
         bins = max(1, min(SPEED_BINS, len(phase) // ENOUGH_IN_BIN))
         for chosen in np.array_split(np.arange(len(phase)), bins):
-            found.append(_group([phase[k] for k in chosen], channel, count))
+            found.append(_group([phase[k] for k in chosen], channel, count, neutral))
     return found
 
 
-def _group(windows: Sequence[TurningWindow], channel: str | None, count: int) -> Group:
+def _median(glides: Sequence[Glide]) -> Glide:
+    return Glide(**{n: float(np.median([getattr(g, n) for g in glides])) for n in GLIDE})
+
+
+def _group(
+    windows: Sequence[TurningWindow], channel: str | None, count: int, neutral: float
+) -> Group:
     period = windows[0].log.period
     length = max(w.part.stop - w.part.start for w in windows)
     skip = round(SETTLE / period)
@@ -151,11 +171,10 @@ def _group(windows: Sequence[TurningWindow], channel: str | None, count: int) ->
         rate[:n, k] = r
         used[skip : n - log.window // 2, k] = True
         if not lacking and channel is not None:
-            position[:n, k] = getattr(log, channel)[part]
-    names = ("surge", "heave", "pitch", "net_mass")
-    glide = Glide(**{n: float(np.median([getattr(w.glide, n) for w in windows])) for n in names})
+            position[:n, k] = getattr(log, channel)[part] - neutral
     return Group(
-        glide=glide,
+        windows=tuple(windows),
+        glide=_median([w.glide for w in windows]),
         climbing=windows[0].climbing,
         period=period,
         roll=roll,
@@ -164,7 +183,6 @@ def _group(windows: Sequence[TurningWindow], channel: str | None, count: int) ->
         rate=rate,
         used=np.asarray(averaged(used.astype(float), count) == 1.0),
         count=count,
-        blocks=np.array([w.block for w in windows]),
     )
 
 

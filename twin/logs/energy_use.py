@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.identify.start_values import start_vehicle
 from twin.logs.energy_timeline import (
     CHARGE,
@@ -45,6 +46,8 @@ ALWAYS = 0.97
 """of the time: what is on for longer cannot be told from the electronics"""
 DOUBTFUL = 0.5
 """deviation over value from which a factor is not determined"""
+MOST_KWH = 1e4
+"""[kW h] of batteries"""
 LEAST_EQUATIONS = 3
 """for each factor"""
 
@@ -86,6 +89,18 @@ class EnergyUse:
     def power(self) -> float:
         """[W] mean."""
         return self.charge * self.voltage / self.hours
+
+    def days_left(self, energy_left_kwh: float) -> float:
+        """[d] that so much energy [kW h] lasts at this power.
+
+        Raises:
+          InputError: an energy that no battery of a vehicle has.
+        """
+        if not 0.0 < energy_left_kwh <= MOST_KWH:
+            raise InputError(
+                f"--energy-left-kwh {energy_left_kwh:g} must be above 0, at most {MOST_KWH:g}"
+            )
+        return energy_left_kwh * 1e3 / self.power / 24.0
 
     def describe(self) -> dict[str, object]:
         """Plain values, as `--json` prints them."""

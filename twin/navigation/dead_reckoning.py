@@ -183,19 +183,15 @@ def horizontal_error(track: Array, truth: Array) -> Array:
     return np.hypot(*(np.asarray(track) - np.asarray(truth)).T)
 
 
-def chi_squared(part: float, degrees: float = math.inf) -> float:
-    """Squared Mahalanobis distance within which a part of the points of a plane lies.
+def chi_squared(part: float) -> float:
+    """Squared Mahalanobis distance within which a part of the normal points of a plane lies.
 
-    Of normal points the quantile of chi-squared with two degrees of freedom, -2 ln(1 - part); of
-    Student's t with the same covariance (degrees - 2) ((1 - part)^(-2 / degrees) - 1).
+    The quantile of chi-squared with two degrees of freedom, -2 ln(1 - part).
 
     Args:
       part: [1] from 0 to below 1.
-      degrees: [1] of freedom of Student's t, above 2.
     """
-    if math.isinf(degrees):
-        return -2.0 * math.log1p(-part)
-    return (degrees - 2.0) * math.expm1(-2.0 / degrees * math.log1p(-part))
+    return -2.0 * math.log1p(-part)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, SimulationUnstable, StepTooLong, TwinError
+from twin.errors import InaccurateStep, InputError, SimulationUnstable, StepTooLong, TwinError
 from twin.frames import flip_quaternion, flip_vector
 from twin.mission import Mission
 from twin.mission.controller import Command, Controller, Observation
@@ -342,7 +342,7 @@ def _check_step(stiff: Stiffness | None, model: mujoco.MjModel) -> None:
         return
     if timestep * stiff.rest > STABLE:
         raise StepTooLong(stiff.too_long(timestep))
-    warnings.warn(stiff.too_long(timestep), stacklevel=3)
+    warnings.warn(stiff.too_long(timestep), InaccurateStep, stacklevel=3)
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:

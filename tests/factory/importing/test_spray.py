@@ -7,10 +7,12 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, write_ngdac, write_spray
+from logs import Flight, write_ngdac, write_og1, write_spray
 
 from factory.importing import import_logs, sniff
 from twin.errors import InputError
+from twin.identify.start_values import start_vehicle
+from twin.records.store import write_store
 
 FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)
 
@@ -68,3 +70,61 @@ def test_other_files_and_shapes_are_refused(tmp_path: Path) -> None:
     good = write_spray(tmp_path / "b.nc", FLIGHT)
     with pytest.raises(InputError, match="leave --payload out"):
         import_logs("spray", [good], payload=("oxygen=doxy",))
+
+
+def test_a_spray_s_og1_file_in_the_published_layout_is_read(tmp_path: Path) -> None:
+    """OG1.0 of a glider without attitude: CTD, its fixes and its own depth-averaged currents.
+
+    The layout: one dimension, names in capitals, a sensor each with its variables, the platform by
+    its name, model and maker, fixes with times of their own (OceanGliders OG1.0, the format's
+    page of mandatory and recommended variables).
+    """
+    path = write_og1(tmp_path / "sp031_20261124T1200_delayed.nc", FLIGHT)
+    state = FLIGHT.state(FLIGHT.time)
+    with netCDF4.Dataset(path, "a") as file:
+        file.setncatts(
+            {
+                "title": "OceanGliders trajectory file",
+                "platform": "sub-surface gliders",
+                "platform_vocabulary": "https://vocab.nerc.ac.uk/collection/L06/current/27/",
+                "Conventions": "CF-1.10, ACDD-1.3, OG-1.0",
+                "id": "sp031_20261124T1200_delayed",
+                "start_date": "20261124T1200",
+                "rtqc_method": "none",
+                "contributor_name": "Scripps",
+                "contributing_institutions": "Scripps Institution of Oceanography",
+            }
+        )
+        for name in ("PITCH", "HEADING"):  # these gliders send none
+            file.renameVariable(name, f"LEFT_OUT_{name}")
+            file[f"LEFT_OUT_{name}"][:] = np.nan
+        for name, values, unit in (
+            ("TEMP", 15.0 - 0.02 * state["depth"], "degree_Celsius"),
+            ("PSAL", 33.0 + 0.0 * state["depth"], "1e-3"),
+            ("PRES", 1.0065 * state["depth"], "dbar"),
+        ):
+            variable = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
+            variable.setncatts({"units": unit, "coordinates": "TIME LONGITUDE LATITUDE DEPTH"})
+            variable[:] = values
+        for name, text in (
+            ("PLATFORM_MODEL", "Scripps Institution of Oceanography Spray glider"),
+            ("PLATFORM_NAME", "sp031"),
+            ("PLATFORM_SERIAL_NUMBER", "sp031"),
+            ("PLATFORM_MAKER", "Scripps Institution of Oceanography"),
+        ):
+            file.createVariable(name, str, ())[...] = text
+    assert sniff(path) == "og1"
+    dataset, report = import_logs("og1", [path])
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    for dive in range(FLIGHT.dives):
+        moved = FLIGHT.displacement(*FLIGHT.dive_times(dive))
+        row = dataset.isel(mission=dive)
+        assert float(row["displacement_north"]) == pytest.approx(moved[0], abs=30.0)
+        assert float(row["displacement_east"]) == pytest.approx(moved[1], abs=30.0)
+    depth, warm = dataset["measured_depth"].values, dataset["measured_temperature"].values
+    known = np.isfinite(depth) & np.isfinite(warm)
+    assert known.sum() > 100
+    np.testing.assert_allclose(warm[known], 15.0 - 0.02 * depth[known], atol=0.1)
+    assert "measured_pitch" not in dataset or not np.isfinite(dataset["measured_pitch"]).any()
+    store = write_store(dataset, tmp_path / "spray.zarr")
+    assert start_vehicle(store).name == "spray"

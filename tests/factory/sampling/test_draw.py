@@ -228,3 +228,16 @@ def test_a_net_mass_that_the_user_gives_is_taken_as_it_is() -> None:
         preset="field", vehicle="graver-2005", changes={"mission.net_mass_kg": "uniform(0.1, 0.4)"}
     )
     assert recipe.distributions["mission.net_mass_kg"] == Uniform(0.1, 0.4)
+
+
+@pytest.mark.parametrize("name", ["slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray"])
+def test_missions_of_a_glider_in_use_hold_its_usual_glide(name: str) -> None:
+    vehicle = load_vehicle(name)
+    pitch, net_mass = vehicle.usual_glide
+    usual = {"pitch_deg": math.degrees(pitch), "net_mass_kg": net_mass}
+    for preset in ("paper", "field"):
+        rows = declared(preset, parameter_table(vehicle))
+        for what, value in usual.items():
+            for climb in ("", "climb_"):
+                drawn = rows[f"mission.{climb}{what}"]
+                assert drawn.low <= value <= drawn.high, (preset, climb, what)

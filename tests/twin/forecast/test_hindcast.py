@@ -15,8 +15,8 @@ from logs import SHARED, START, Flight, write_slocum
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
-from twin.forecast import METHODS, Judged, hindcast, legs_of, scores_of, walk
-from twin.forecast.walk import Reaches
+from twin.forecast import METHODS, hindcast, legs_of, scores_of, walk
+from twin.navigation.current import Reaches
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
@@ -126,15 +126,10 @@ def test_ellipses_follow_how_many_fixes_they_held() -> None:
     rng = np.random.default_rng(2)
     reaches = Reaches((1.0, 1.0))  # of normal errors the second shall become 4.6 and the first 1.4
     held = []
-    for missed in 2.0 * rng.standard_normal((600, 2)):
-        one = Judged(
-            hours=1.0,
-            missed={"forecast": tuple(missed)},
-            covariance=4.0 * np.eye(2),
-            reach=reaches.now,
-        )
-        held.append(one.held)
-        reaches.learn(one)
+    for missed in rng.standard_normal((600, 2)):
+        distance = float(missed @ missed)
+        held.append(reaches.held(distance))
+        reaches.learn(distance)
     half, ninety = np.mean(held, axis=0)
     assert half == pytest.approx(0.5, abs=0.03)
     assert ninety == pytest.approx(0.9, abs=0.02)

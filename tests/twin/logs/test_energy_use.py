@@ -203,3 +203,62 @@ def test_charge_of_later_dives_of_real_gliders(
     assert len(tried.dives) == dives
     assert errors["model_per_dive"] < 0.10
     assert errors["model_per_dive"] < 0.5 * errors["per_hour_per_dive"]
+
+
+def test_a_flight_tells_power_and_days_left(
+    store: Path,
+    columns: dict[str, np.ndarray],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["--vehicle", "slocum-200", "--estimator", "steady", "--overwrite", "--json"]
+    words += ["--out", str(tmp_path / "flight.nc")]
+    used = energy_used(store, "slocum-200")
+    left = ["--energy-left-kwh", "1.2"]
+    assert PROGRAM.main(["flight", str(store), *words, *left]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["power_w"] == pytest.approx(used.power)
+    assert told["days_left"] == pytest.approx(1200.0 / used.power / 24.0)
+    assert PROGRAM.main(["flight", str(store), *words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["power_w"] == pytest.approx(used.power)
+    assert told["days_left"] is None
+    assert PROGRAM.main(["flight", str(store), *words, "--energy-left-kwh", "-1"]) == 2
+    assert "--energy-left-kwh -1 must be above 0" in capsys.readouterr().err
+    table = {n: v for n, v in columns.items() if n not in ("m_coulomb_amphr_total", "m_battery")}
+    silent = str(stored(tmp_path, table))
+    assert PROGRAM.main(["flight", silent, *words, *left]) == 2
+    assert "lacks measured_charge and measured_voltage" in capsys.readouterr().err
+
+
+def test_a_forecast_takes_the_power_that_the_log_has_counted(
+    store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = ["--goto", "49.6,-57.9", "--vehicle", "slocum-200", "--members", "10", "--hours", "1"]
+    words = ["forecast", *place, "--json", "--energy-left-kwh", "1.2"]
+    told = []
+    for more in (["--logs", str(store)], ["--from", "49.55,-57.97,2026-11-24T12:00:00"]):
+        assert PROGRAM.main([*words, *more]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    counted, shipped = told
+    mine = energy_used(store, "slocum-200").consumption
+    kept = Consumption.of(load_vehicle("slocum-200"))
+    steady = [one.hotel_power + one.payload_power for one in (mine, kept)]
+    assert steady[0] - steady[1] > 0.1  # the log's vehicle takes more than the shipped one
+    assert counted["power_W"] - shipped["power_W"] > 0.5 * (steady[0] - steady[1])
+    assert counted["days_left"] == pytest.approx(1200.0 / counted["power_W"] / 24.0)
+
+
+def test_an_identified_vehicle_takes_what_its_log_has_counted(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("twin.identify.fit.BAD", np.inf)  # this log's flight is kinematic
+    out = tmp_path / "mine.xml"
+    words = ["identify", str(store), "--vehicle", "slocum-200", "--out", str(out)]
+    assert PROGRAM.main([*words, "--no-handling", "--parameters", "drag"]) == 0
+    losses = Consumption.of(load_vehicle(out))
+    assert losses.hotel_power == pytest.approx(HOTEL, rel=0.05)
+    assert losses.surface_power == pytest.approx(SURFACE, rel=0.05)
+    assert losses.payload_power == pytest.approx(PAYLOAD, rel=0.08)
+    assert losses.pump_efficiency == pytest.approx(EFFICIENCY, rel=0.06)
+    assert losses.hull_vacuum == pytest.approx(VACUUM_INHG * 3386.389, rel=1e-4)

@@ -12,6 +12,7 @@ import warnings
 import numpy as np
 import pytest
 
+from twin.errors import InaccurateStep
 from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
 from twin.physics.model_block import header
@@ -58,7 +59,7 @@ def fly(
 ):
     """`solved` overrules whether rotary damping is solved for or extrapolated."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "timestep 0.4 s is too long")
+        warnings.simplefilter("ignore", InaccurateStep)
         simulation = Simulation(
             Scenario(
                 vehicle=vehicle,

@@ -10,7 +10,7 @@ import pytest
 
 import twin
 from twin.checks.agreement import draw_manoeuvre
-from twin.errors import InputError
+from twin.errors import InaccurateStep, InputError
 from twin.fossen import FossenModel
 from twin.mission import Mission
 from twin.mission.controller import Schedule
@@ -163,7 +163,7 @@ def test_the_eigenvalues_are_those_of_the_free_motion():
     assert found.rest < 0.5 * found.whole
 
 
-@pytest.mark.parametrize(("step", "kind"), [(0.2, UserWarning), (0.5, InputError)])
+@pytest.mark.parametrize(("step", "kind"), [(0.2, InaccurateStep), (0.5, InputError)])
 def test_a_step_that_is_too_long_is_told_before_the_flight(step, kind):
     scenario = Scenario(
         vehicle=load_vehicle("rogue"), timestep=step, duration=60.0, sample_period=1.0

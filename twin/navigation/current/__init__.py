@@ -4,7 +4,7 @@ tuned = tune(legs, latitude=31.5)
 found = CurrentFilter(tuned.parameters, latitude=31.5)
 """
 
-from twin.navigation.current.consistency import Consistency, consistency_of
+from twin.navigation.current.consistency import Consistency, Reaches, consistency_of
 from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
 from twin.navigation.current.modes import Innovation
@@ -21,6 +21,7 @@ __all__ = [
     "CurrentParameters",
     "Innovation",
     "Leg",
+    "Reaches",
     "SmoothedTrack",
     "Tuned",
     "begin_leg",

@@ -233,7 +233,6 @@ class CurrentFilter:
             distance=distance,
             duration=self._since,
             inflation=self.inflation,
-            degrees=self.degrees,
         )
         if self._since >= LEAST_LEG:
             self._scale(distance)
@@ -409,7 +408,6 @@ class CurrentFilter:
             current_covariance=np.empty((count, 2, 2)),
             displacement=np.empty((count, 2)),
             displacement_covariance=np.empty((count, 2, 2)),
-            degrees=self.degrees,
         )
         probe, passed = self._probe(), 0.0
         for index in np.argsort(ahead, kind="stable"):

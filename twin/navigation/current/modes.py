@@ -27,7 +27,6 @@ from twin.navigation.current.parameters import (
     CurrentParameters,
     relative_amplitude,
 )
-from twin.navigation.dead_reckoning import chi_squared
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -195,15 +194,9 @@ class Innovation:
     """[s] since the fix before"""
     inflation: float
     """[1] by which the fixes before had taught to take the covariance"""
-    degrees: float
-    """[1] of freedom of Student's t, as which the fix was expected"""
 
     @property
     def normalised(self) -> float:
         """[1] squared distance in the covariance as it was stated: 2 in the mean where it is
         right."""
         return self.distance / self.inflation
-
-    def held(self, part: float) -> bool:
-        """Whether the ellipse that shall hold this part of the fixes held it."""
-        return self.normalised <= chi_squared(part, self.degrees)

@@ -73,5 +73,3 @@ class CurrentForecast:
     """North, east [m] beyond the way through the water since the filter's time, (time, 2)"""
     displacement_covariance: Array
     """[m2], (time, 2, 2)"""
-    degrees: float
-    """[1] of freedom of Student's t, as which both are distributed"""

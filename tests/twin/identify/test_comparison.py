@@ -1,5 +1,6 @@
-"""A pitch offset is estimated where left-out dives are predicted better with it, and only there."""
+"""What one dive says adds up to a fit to all; what a pitch offset adds, left-out dives judge."""
 
+import dataclasses
 import importlib.util
 from pathlib import Path
 
@@ -7,8 +8,11 @@ import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.choice import LEAST_GAIN, Gain, left_out
-from twin.identify.problem import PRIOR
+from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
+from twin.identify.pitch import PITCHING
+from twin.identify.residuals import dive_residuals, noise_of_dives
+from twin.identify.turning import TURNING
+from twin.identify.unknowns import choose
 from twin.vehicle.vehicle import load_vehicle
 
 _SPEC = importlib.util.spec_from_file_location(
@@ -94,3 +98,59 @@ def test_a_column_of_noise_is_not_worth_it():
 )
 def test_a_gain_must_be_large_and_sure(share, deviations, supported):
     assert Gain(share=share, deviations=deviations).supported == supported
+
+
+@pytest.fixture(scope="module")
+def dives(tmp_path_factory, runs):
+    return load_logs(simulated.stored(tmp_path_factory.mktemp("dives") / "log.zarr", runs))
+
+
+PARAMETERS = (*choose(["neutral_density", "drag"]), PITCHING[1], TURNING[3])
+FLOWN = ("depth_rate", "pitch", "yaw_rate", "roll")
+
+
+def test_what_single_dives_say_adds_up_to_what_a_fit_to_all_sees(dives):
+    """A recursion over dives and a fit to all of them have the same normal equations."""
+    nominal = load_calibration("glider")
+    noise = noise_of_dives(dives, nominal)
+    assert tuple(noise) == FLOWN
+    depth = {"depth_rate", "pitch"}
+    sides = []
+    for parts in ([dives], [[one] for one in dives]):
+        said = [dive_residuals(logs, nominal, PARAMETERS, noise) for logs in parts]
+        assert all(tuple(one.channels) == FLOWN for one in said)
+        kept = [
+            dataclasses.replace(one, channels={n: one.channels[n] for n in depth}) for one in said
+        ]
+        sides.append([sum(term) for term in zip(*(o.information() for o in kept), strict=True)])
+    (whole, slope), (summed, slopes) = sides
+    np.testing.assert_allclose(summed, whole, rtol=1e-9, atol=1e-9 * np.abs(whole).max())
+    np.testing.assert_allclose(slopes, slope, rtol=1e-9, atol=1e-9 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("which", range(len(PARAMETERS)))
+def test_a_dives_residuals_change_as_their_jacobian_says(dives, which):
+    """Drag moves the pitch and the turn too, through the speed that they are taken at."""
+    nominal, offset = load_calibration("glider"), 0.01
+    parameter = PARAMETERS[which]
+    noise = noise_of_dives(dives[:1], nominal)
+    here = dive_residuals(dives[:1], nominal, PARAMETERS, noise)
+    moved = parameter.at(nominal, parameter.get(nominal), offset)
+    there = dive_residuals(dives[:1], moved, PARAMETERS, noise)
+    assert here.unknowns == (*(p.name for p in PARAMETERS), "yaw_bias", "roll_offset")
+    changed = []
+    for name in FLOWN:
+        said, found = here.channels[name], there.channels[name].values
+        assert said.values.shape == said.deviation.shape == found.shape
+        expected = offset * said.jacobian[:, which]
+        error = np.abs(found - said.values - expected).max()
+        assert error <= 0.05 * np.abs(expected).max() + 1e-9
+        if np.abs(expected).max() > 1e-7:
+            changed.append(name)
+    # the battery hardly rotates in these dives, so that their rolls say next to nothing
+    assert [name for name in changed if name != "roll"] == {
+        "neutral_density": ["depth_rate", "pitch", "yaw_rate"],
+        "drag": ["depth_rate", "pitch", "yaw_rate"],
+        "righting_arm": ["pitch", "yaw_rate"],
+        "yaw_damping": ["yaw_rate"],
+    }[parameter.name]

@@ -1,11 +1,17 @@
-"""Turning residuals: yaw rate and roll of the lateral model less those of a log, weighted.
+"""Turning: what turns and rolls a glider, fitted to the turns of a log.
 
-The model answers the inputs of the log. The fitted coefficients are numbers of the vehicle's own
-size.
+Every steady part of a log is flown again by the lateral motion about its own glide
+(`twin.identify.lateral`): the yaw rate that its roll and its rudder should have given beside the
+one it had, and the roll that the battery's rotation should have given beside the measured one.
+Dives and climbs each have their own glides, so that what changes sign with the lift parts from
+what does not. Which of the coefficients make up a turn is less known than the turn: they start at
+the vehicle file's, in proportion to its hull, and what the log does not tell stays there. The
+fitted coefficients are numbers of the vehicle's own size.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -15,12 +21,35 @@ from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.identify.calibration import Calibration
+from twin.identify.comparison import Channel, Comparison, Fitted
 from twin.identify.lateral import Lateral, linearised, turning_part
+from twin.identify.logged import Log
 from twin.identify.pitch import righting_arm, with_righting_arm
-from twin.identify.problem import OUTLIER, correlation_samples, robust_scale
-from twin.identify.turning_windows import Group, averaged
+from twin.identify.turning_windows import Group, averaged, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 from twin.vehicle.parts import BatteryHinge, Fin
+
+Array = NDArray[np.float64]
+
+LEAST_WINDOWS = 3
+"""of a phase: with fewer its turns are not known"""
+FARTHEST = 4.0
+"""Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a
+ratio of two, damping would grow until no time step holds it."""
+ROUNDS = 2
+"""Fits of a battery's turns, the later ones from where it was found to hang straight"""
+STEERABLE = 0.8
+"""Of its travel within which the neutral position stays, so that the part steers both ways"""
+PASSES = 3
+"""Fits between which weights are taken again."""
+LEAST_TURN = math.radians(0.01)
+"""[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""
+LEAST_ROLL = math.radians(0.3)
+"""[rad] that the roll is off at least"""
+START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
+"""Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
+LONGEST_CORRELATION = 300.0
+"""[s]"""
 
 
 def _with_law(calibration: Calibration, **changes: object) -> Calibration:
@@ -206,42 +235,36 @@ def felt(calibration: Calibration, position: Array) -> Array:
     return whole * np.sin(position) / (whole - battery * (1.0 - np.cos(position)))
 
 
-Array = NDArray[np.float64]
+class Turns(Comparison):
+    """Channels "yaw_rate" [rad/s] and, of a battery that turns, "roll" [rad], of every window."""
 
-LEAST_TURN = math.radians(0.01)
-"""[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""
-LEAST_ROLL = math.radians(0.3)
-"""[rad] that the roll is off at least"""
-START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
-"""Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
-STEP = 1e-3
-"""Spreads of the finite differences."""
-LONGEST_CORRELATION = 300.0
-"""[s]"""
-
-
-class TurnProblem:
-    """Residuals of yaw rate and roll as a function of offsets from the start, in spreads."""
+    step = 1e-3
+    biases = BIASES
 
     def __init__(
         self,
         groups: Sequence[Group],
-        start: Calibration,
+        nominal: Calibration,
         parameters: tuple[UnknownParameter, ...],
     ):
-        self.groups, self.start, self.parameters = groups, start, parameters
-        self.channel = channel_of(start)
-        self.centres = np.array([p.get(start) for p in parameters])
-        self.weights: list[tuple[Array, Array | None]] = []
+        self.groups = groups
+        self.channel = channel_of(nominal)
+        own = {p.name for p in TURNING}
+        self.flies = any(p.name not in own for p in parameters)
+        first = groups[0]
+        longest = round(LONGEST_CORRELATION / (first.period * first.count))
+        channels = {
+            "yaw_rate": Channel(unit="rad/s", least=LEAST_TURN, longest=longest),
+            "roll": Channel(unit="rad", least=LEAST_ROLL, longest=longest),
+        }
+        rolled = [g for g in groups if g.position is not None and self.channel == "rotation"]
+        dives = {
+            "yaw_rate": [w.block for g in groups for w in g.windows],
+            "roll": [w.block for g in rolled for w in g.windows],
+        }
+        super().__init__(nominal, parameters, channels, dives)
 
-    def calibration(self, x: Array) -> Calibration:
-        """The calibration at these offsets, the biases left out."""
-        out = self.start
-        for parameter, centre, offset in zip(self.parameters, self.centres, x, strict=False):
-            out = parameter.at(out, float(centre), float(offset))
-        return out
-
-    def biases(self, x: Array) -> tuple[float, float]:
+    def asymmetry(self, x: Array) -> tuple[float, float]:
         """Yaw bias as a sideslip, roll offset [rad]."""
         yaw, roll = x[len(self.parameters) :] * np.array(BIAS_SPREADS)
         return float(yaw), float(roll)
@@ -251,7 +274,7 @@ class TurnProblem:
         the groups count: mean over them, each as long as it is, and of dives (False) and climbs
         (True) apart; None without positions."""
         calibration = self.calibration(x)
-        bias, offset = self.biases(x)
+        bias, offset = self.asymmetry(x)
         found, weights, climbing = [], [], []
         for group in self.groups:
             if group.position is None or not group.used.any():
@@ -279,12 +302,13 @@ class TurnProblem:
         phases = {c: float(np.average(at[up == c], weights=share[up == c])) for c in set(climbing)}
         return float(np.average(at, weights=share)), phases
 
-    def raw(self, x: Array) -> list[tuple[Array, Array | None]]:
-        """Yaw rate [rad/s] and roll [rad], model less log, (averages, windows) of each group."""
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less log, averages of each window."""
         calibration = self.calibration(x)
-        bias, offset = self.biases(x)
-        out = []
-        for group in self.groups:
+        bias, offset = self.asymmetry(x)
+        found: dict[str, list[Array]] = {"yaw_rate": [], "roll": []}
+        for kept in self.groups:
+            group = kept.reglided(calibration) if self.flies else kept
             lateral = linearised(calibration.vehicle, group.glide)
             position = np.zeros_like(group.roll)
             if group.position is not None:
@@ -292,43 +316,17 @@ class TurnProblem:
             square = group.glide.surge**2 + group.glide.heave**2
             yaw = munk_moment(calibration) * bias * square
             rate = yaw_rates(group, lateral, position, yaw, offset) - group.rate
-            rate = averaged(rate, group.count)
-            roll = None
+            found["yaw_rate"] += _windows(group, averaged(rate, group.count))
             if group.position is not None and self.channel == "rotation":
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
                 # its roll with the battery at rest is an offset of the trim, not dynamics
-                roll = roll - np.median(roll[group.used])
-            out.append((rate, roll))
-        return out
-
-    def parts(self, x: Array) -> list[tuple[Array, NDArray[np.int_]]]:
-        """Weighted residuals of each group and the dive of each."""
-        out = []
-        for group, (rate, roll), (w_rate, w_roll) in zip(
-            self.groups, self.raw(x), self.weights, strict=True
-        ):
-            blocks = np.broadcast_to(group.blocks, group.used.shape)[group.used]
-            out.append(((rate * w_rate)[group.used], blocks))
-            if roll is not None and w_roll is not None:
-                out.append(((roll * w_roll)[group.used], blocks))
-        return out
-
-    def residual(self, x: Array) -> Array:
-        """Weighted residuals, then the offsets; huge where nothing can be integrated."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            values = np.concatenate([part for part, _ in self.parts(x)])
-        return np.concatenate([np.clip(np.nan_to_num(values, nan=1e6), -1e6, 1e6), x])
-
-    def jacobian(self, x: Array) -> Array:
-        """Forward differences."""
-        base = self.residual(x)
-        columns = [(self.residual(x + STEP * unit) - base) / STEP for unit in np.eye(len(x))]
-        return np.stack(columns, axis=1)
+                found["roll"] += _windows(group, roll - np.median(roll[group.used]))
+        return found
 
     def best_start(self) -> Array:
         """Offsets to begin from: of several yaw moments and dampings, with the asymmetry that
         suits each, those that fit best. Turns to the wrong side are a valley of their own."""
-        best, lowest = np.zeros(len(self.parameters) + len(BIASES)), math.inf
+        best, lowest = np.zeros(self.size), math.inf
         names = [p.name for p in self.parameters]
         self.reweight(best)
         for yaw, damping in itertools.product(START_YAW, START_DAMPING):
@@ -336,7 +334,9 @@ class TurnProblem:
             x[names.index("yaw_moment")], x[names.index("yaw_damping")] = yaw, damping
             base = self.residual(x)
             free = range(len(names), len(x))
-            columns = [(self.residual(x + STEP * np.eye(len(x))[k]) - base) / STEP for k in free]
+            columns = [
+                (self.residual(x + self.step * np.eye(len(x))[k]) - base) / self.step for k in free
+            ]
             step, *_ = np.linalg.lstsq(np.stack(columns, axis=1), -base, rcond=None)
             x[len(names) :] = np.clip(step, -2.0, 2.0)
             cost = float(np.sum(self.residual(x) ** 2))
@@ -344,36 +344,77 @@ class TurnProblem:
                 best, lowest = x, cost
         return best
 
-    def reweight(self, x: Array) -> tuple[float, float | None]:
-        """Weights of the next fit; returns deviations of yaw rate [rad/s] and roll [rad]."""
-        found = self.raw(x)
-        rate, rate_weights = self._weights([r for r, _ in found], LEAST_TURN)
-        rolled = [r for _, r in found if r is not None]
-        roll: float | None = None
-        roll_weights: list[Array] = []
-        if rolled:
-            roll, roll_weights = self._weights(rolled, LEAST_ROLL)
-        later = iter(roll_weights)
-        self.weights = [
-            (w, None if r is None else next(later))
-            for w, (_, r) in zip(rate_weights, found, strict=True)
-        ]
-        return rate, roll
 
-    def _weights(self, found: list[Array], least: float) -> tuple[float, list[Array]]:
-        groups = [g for g in self.groups if g.position is not None]
-        groups = groups if len(groups) == len(found) else list(self.groups)
-        values = np.concatenate([r[g.used] for r, g in zip(found, groups, strict=True)])
-        scale = max(robust_scale(values), least)
-        shares = [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in found]
-        series = [
-            (np.sqrt(s) * r)[g.used[:, k], k]
-            for r, s, g in zip(found, shares, groups, strict=True)
-            for k in range(r.shape[1])
-        ]
-        first = self.groups[0]
-        samples = correlation_samples(
-            [one for one in series if len(one) > 2],
-            round(LONGEST_CORRELATION / (first.period * first.count)),
-        )
-        return scale, [np.sqrt(s / samples) / scale for s in shares]
+def _windows(group: Group, values: Array) -> list[Array]:
+    """What is compared of each window."""
+    return [values[group.used[:, k], k] for k in range(len(group.windows))]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Turned:
+    """What the turns of a log say."""
+
+    fitted: Fitted
+    """Its channels are those of `Turns`"""
+    asymmetry: tuple[float, float]
+    """Yaw bias as a sideslip, roll offset [rad]"""
+    groups: tuple[Group, ...]
+    neutral: float | None
+    """[rad] position of the turning part that flies the asymmetry; None: not known"""
+    apart: float
+    """[rad] by which dives and climbs want it elsewhere; the mean is flown"""
+
+
+def turning_parameters(
+    calibration: Calibration, groups: Sequence[Group]
+) -> tuple[UnknownParameter, ...]:
+    """Of TURNING those that the windows can tell something about."""
+    channel = channel_of(calibration)
+    there = all(g.position is not None for g in groups)
+    found = tuple(p for p in TURNING if p.channel is None or (p.channel == channel and there))
+    if channel != "rotation" or not there:
+        found = tuple(p for p in found if not p.name.startswith("roll_moment"))
+    return found
+
+
+def turned(logs: Sequence[Log], calibration: Calibration) -> Turned | None:
+    """Fit what turns the vehicle; None where no phase has turns enough."""
+    part = turning_part(calibration.vehicle)
+    windows = windows_of(logs, calibration)
+    if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
+        return None
+    channel = channel_of(calibration)
+    groups = groups_of(windows, channel)
+    there = all(g.position is not None for g in groups)
+    parameters = turning_parameters(calibration, groups)
+    neutral, apart = None, 0.0
+    if part is not None and there:
+        neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+    # a battery turns by the sine of its rotation from where it hangs straight: once more from there
+    for _ in range(ROUNDS if channel == "rotation" and there else 1):
+        turns = Turns(groups, calibration, parameters)
+        farthest = np.where([p.logarithmic for p in parameters], FARTHEST, np.inf)
+        farthest = np.append(farthest, np.full(len(BIASES), np.inf))
+        start = turns.best_start()
+        x, _ = turns.fit(start, PASSES, bounds=(-farthest, farthest), max_nfev=15, xtol=1e-4)
+        fitted, asymmetry = turns.fitted(x), turns.asymmetry(x)
+        more = turns.neutral(x)
+        if neutral is None or part is None or more is None:
+            break
+        room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
+        mean, phases = more
+        apart = max(phases.values()) - min(phases.values())
+        neutral = min(max(neutral + mean, middle - room), middle + room)
+        groups = groups_of(windows, channel, neutral)
+        calibration = _resting(calibration, part.name, neutral)
+        flown = _resting(fitted.calibration, part.name, neutral)
+        fitted = dataclasses.replace(fitted, calibration=flown)
+    return Turned(
+        fitted=fitted, asymmetry=asymmetry, groups=tuple(groups), neutral=neutral, apart=apart
+    )
+
+
+def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
+    """With the neutral position [rad] of its turning part."""
+    vehicle = calibration.vehicle.replace(**{part: {"neutral": neutral}})
+    return calibration.replace(vehicle=vehicle)

@@ -1,0 +1,421 @@
+"""Comparison: what dives are compared in with a vehicle of unknown parameters, to be minimised.
+
+Every comparison gives its residuals as series, each of one dive and one channel. Residuals of a
+series are not independent: internal waves last minutes. Their number is divided by the integrated
+autocorrelation time before anything is weighted, which is what makes the stated deviations hold
+(`tests/twin/identify/test_identify_recovery.py`). The deviations of a fit come from a bootstrap
+over its dives, and whether a log supports a further parameter from the dives that are left out of
+a fit (cross-validation; Hastie et al. 2009, The Elements of Statistical Learning, 7.10): a pitch
+offset turns into drag and trim when a log holds one pitch, and then takes up what the model lacks.
+
+A fit without one dive, and one with one parameter more, are each a Gauss-Newton step from the fit
+to all: the equations are nearly linear in the parameters. On public logs the step tells the gain
+of whole new fits to a fifth of it.
+"""
+
+from __future__ import annotations
+
+import abc
+import copy
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from twin.errors import InputError
+from twin.identify.calibration import Calibration
+from twin.identify.unknowns import UnknownParameter
+
+Array = NDArray[np.float64]
+Blocks = NDArray[np.int_]
+
+PRIOR = -1
+"""Block of the residuals that are what was known before."""
+DRAWS = 400
+LEAST_BLOCKS = 8
+"""Fewer dives are cut into parts: draws of three dives say little about their spread."""
+SEED = 20221123
+"""Deviations are the same in every run."""
+OUTLIER = 3.0
+"""Deviations at which a residual's weight has fallen to a half."""
+LARGEST = 1e6
+"""Deviations beyond which a residual says no more than that nothing flies so"""
+LEAST_DIVES = 4
+"""Dives below which none is left out."""
+LEAST_GAIN = 0.04
+"""Part of the mean square error of left-out dives that a parameter must take away. The pitch
+offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/howto/identify.md)."""
+LEAST_DEVIATIONS = 2.0
+"""Standard deviations that the gain must lie above zero."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Channel:
+    """One quantity that is compared."""
+
+    unit: str
+    least: float
+    """Deviation that it is off by at least, in `unit`: sensors, and what a model leaves out"""
+    samples: float = 0.0
+    """Residuals that one independent one stands for; 0: as many as they are correlated over"""
+    longest: int = 0
+    """Residuals up to which autocorrelation is summed"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Noise:
+    """How far a channel's residuals are off, and how many of them make an independent one."""
+
+    deviation: float
+    """in the channel's unit, outliers weighted down"""
+    samples: float
+    """integrated autocorrelation time"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Residuals:
+    """A channel of dives near a calibration: model less log, each (residuals, ...)."""
+
+    unit: str
+    values: Array
+    """(residuals,) in `unit`"""
+    deviation: Array
+    """(residuals,) in `unit`, so that each counts as an independent one: wider by the root of the
+    autocorrelation time, and for outliers"""
+    jacobian: Array
+    """(residuals, unknowns) in `unit` per spread of each unknown"""
+    dives: Blocks
+    """(residuals,) place of its dive among the logs"""
+
+
+class Comparison(abc.ABC):
+    """Residuals of dives over unknown offsets from nominal, in spreads: the parameters', then
+    those of biases that no calibration holds."""
+
+    step = 1e-4
+    """Spreads of the finite differences: far above rounding, far below any curvature."""
+    biases: tuple[str, ...] = ()
+
+    def __init__(
+        self,
+        nominal: Calibration,
+        parameters: tuple[UnknownParameter, ...],
+        channels: Mapping[str, Channel],
+        dives: Mapping[str, Sequence[int]],
+    ):
+        """`dives`: of each channel the dive of each of its series."""
+        self.nominal, self.parameters = nominal, parameters
+        self.channels, self.dives = channels, dives
+        self.centres = np.array([p.get(nominal) for p in parameters])
+        self.weights: dict[str, list[Array]] = {}
+
+    @abc.abstractmethod
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less log of each channel, a series for each of `dives`, at these offsets.
+
+        Raises:
+          InputError: nothing flies there.
+        """
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.parameters) + len(self.biases)
+
+    def with_parameter(self, parameter: UnknownParameter) -> Self:
+        """The same with one parameter more, the last, and the weights of now."""
+        wider = copy.copy(self)
+        wider.parameters = (*self.parameters, parameter)
+        wider.centres = np.append(self.centres, parameter.get(self.nominal))
+        return wider
+
+    def calibration(self, x: Array) -> Calibration:
+        """The calibration at these offsets, the biases left out."""
+        out = self.nominal
+        for parameter, centre, offset in zip(self.parameters, self.centres, x, strict=False):
+            out = parameter.at(out, float(centre), float(offset))
+        return out
+
+    @property
+    def lowest(self) -> Array:
+        """Bounds of the offsets from below: no hull grows under pressure."""
+        bounds = [
+            (p.least - centre) / p.spread if p.least is not None else -np.inf
+            for p, centre in zip(self.parameters, self.centres, strict=True)
+        ]
+        return np.array([*bounds, *(-np.inf for _ in self.biases)])
+
+    def weighted(self, x: Array) -> Array:
+        """Residuals in independent deviations, channel by channel."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = self.missed(x)
+            parts = [
+                series * weight
+                for name, weights in self.weights.items()
+                for series, weight in zip(found[name], weights, strict=True)
+            ]
+        values = np.concatenate([np.zeros(0), *parts])
+        return np.clip(np.nan_to_num(values, nan=LARGEST), -LARGEST, LARGEST)
+
+    def residual(self, x: Array) -> Array:
+        """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
+        from which a search steps back."""
+        try:
+            return np.concatenate([self.weighted(x), x])
+        except InputError:
+            return np.full(len(self.blocks), np.inf)
+
+    def slopes(self, x: Array) -> Array:
+        """Forward differences of the weighted residuals, (residuals, unknowns)."""
+        base = self.weighted(x)
+        columns = [
+            (self.weighted(x + self.step * unit) - base) / self.step for unit in np.eye(len(x))
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
+
+    def jacobian(self, x: Array) -> Array:
+        """Of `residual`."""
+        return np.concatenate([self.slopes(x), np.eye(len(x))])
+
+    def residuals(self, x: Array) -> dict[str, Residuals]:
+        """What each channel says near these offsets, with the weights of now."""
+        slopes, missed = self.slopes(x), self.missed(x)
+        found, first = {}, 0
+        for name, weights in self.weights.items():
+            deviation = 1.0 / np.concatenate([np.zeros(0), *weights])
+            last = first + len(deviation)
+            found[name] = Residuals(
+                unit=self.channels[name].unit,
+                values=np.concatenate([np.zeros(0), *missed[name]]),
+                deviation=deviation,
+                jacobian=slopes[first:last] * deviation[:, None],
+                dives=self.blocks[first:last],
+            )
+            first = last
+        return found
+
+    @property
+    def blocks(self) -> Blocks:
+        """The dive of each residual; PRIOR of the offsets."""
+        parts = [
+            np.full(len(weight), dive)
+            for name, weights in self.weights.items()
+            for dive, weight in zip(self.dives[name], weights, strict=True)
+        ]
+        return np.concatenate([*parts, np.full(self.size, PRIOR)])
+
+    def reweight(self, x: Array, known: Mapping[str, Noise] | None = None) -> dict[str, Noise]:
+        """Weights of the next fit, by the residuals themselves, or by a `known` noise."""
+        found = {}
+        for name, series in self.missed(x).items():
+            if not sum(map(len, series)):
+                self.weights[name] = [np.ones(0) for _ in series]
+                continue
+            noise = (known or {}).get(name)
+            found[name] = noise or noise_of(series, self.channels[name])
+            self.weights[name] = [
+                np.sqrt(share / found[name].samples) / found[name].deviation
+                for share in shares(series, found[name].deviation)
+            ]
+        return found
+
+    def fit(
+        self,
+        x: Array,
+        passes: int,
+        *,
+        bounds: tuple[Array, Array] | None = None,
+        first: Mapping[str, Noise] | None = None,
+        progress: Callable[[float], None] = lambda part: None,
+        **ends: Any,
+    ) -> tuple[Array, dict[str, Noise]]:
+        """Robust least squares from `x` on: offsets and noise, weights taken again each pass.
+
+        `first`: noise that the first pass weighs by, where the residuals at `x` say nothing yet.
+        """
+        low, high = bounds or (self.lowest, np.full(self.size, np.inf))
+        noise = self.reweight(x, first)
+        for k in range(passes):
+            x = least_squares(
+                self.residual,
+                np.clip(x, low, high),
+                jac=self.jacobian,
+                bounds=(low, high),
+                x_scale="jac",
+                **ends,
+            ).x
+            noise = self.reweight(x)
+            progress((k + 1) / passes)
+        return x, noise
+
+    def fitted(self, x: Array) -> Fitted:
+        """What a fit that ended at `x` says."""
+        return Fitted(
+            calibration=self.calibration(x),
+            parameters=self.parameters,
+            centres=self.centres,
+            offsets=x,
+            covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
+            deviation={
+                name: float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+                for name, series in self.missed(x).items()
+                if series
+            },
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """Where the fit of a comparison ended, and how sure it is."""
+
+    calibration: Calibration
+    parameters: tuple[UnknownParameter, ...]
+    centres: Array
+    offsets: Array
+    """in spreads, the parameters' then the biases'"""
+    covariance: Array
+    """of the offsets, by a bootstrap over the dives"""
+    deviation: Mapping[str, float]
+    """Root mean square of each channel's residuals, in its unit"""
+
+
+def shares(series: Sequence[Array], scale: float) -> list[Array]:
+    """Part of its weight that each residual keeps: half of it OUTLIER deviations off."""
+    return [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in series]
+
+
+def noise_of(series: Sequence[Array], channel: Channel) -> Noise:
+    """Deviation and autocorrelation of a channel's residuals, outliers weighted down."""
+    together = np.concatenate(list(series))
+    scale = max(robust_scale(together), channel.least)
+    kept = shares(series, scale)
+    share = np.concatenate(kept)
+    deviation = float(np.sqrt(np.sum(share * together**2) / np.sum(share)))
+    samples = channel.samples or correlation_samples(
+        [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)], channel.longest
+    )
+    return Noise(deviation=max(deviation, channel.least), samples=samples)
+
+
+def robust_scale(values: Array) -> float:
+    """Standard deviation about zero from the median, as for normal values."""
+    return float(1.4826 * np.median(np.abs(values)) + 1e-12)
+
+
+def correlation_samples(series: Sequence[Array], longest: int) -> float:
+    """Integrated autocorrelation time in samples, at least 1: 1 + 2 sum rho(k), up to the first
+    lag at which rho is no longer positive (Geyer 1992)."""
+    series = [s for s in series if len(s)]
+    longest = min(longest, max(len(s) for s in series) - 1)
+    total = np.zeros(longest + 1)
+    for s in series:
+        size = 1 << (2 * len(s) - 1).bit_length()
+        spectrum = np.fft.rfft(s, size)
+        covariance = np.fft.irfft(spectrum * spectrum.conj(), size)[: min(longest + 1, len(s))]
+        total[: len(covariance)] += covariance
+    rho = total / total[0]
+    stop = int(np.argmax(rho <= 0.0)) if (rho <= 0.0).any() else len(rho)
+    return float(max(1.0 + 2.0 * rho[1:stop].sum(), 1.0))
+
+
+def cut(blocks: Blocks) -> Blocks:
+    """The dives of residuals, cut in equal parts where they are fewer than LEAST_BLOCKS."""
+    numbers = np.unique(blocks[blocks != PRIOR])
+    parts = -(-LEAST_BLOCKS // max(len(numbers), 1))
+    if parts == 1:
+        return blocks
+    out = blocks.copy()
+    for number in numbers:
+        rows = np.flatnonzero(blocks == number)
+        for k, piece in enumerate(np.array_split(rows, parts)):
+            out[piece] = parts * number + k
+    return out
+
+
+def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
+    """Covariance of the offsets by block bootstrap, (parameters, parameters).
+
+    Args:
+      jacobian: (residuals, parameters), weighted, at the fit.
+      residual: (residuals,), weighted.
+      blocks: (residuals,) the dive of each; PRIOR: what was known before.
+    """
+    blocks = cut(blocks)
+    numbers = np.unique(blocks[blocks != PRIOR])
+    size = jacobian.shape[1]
+    curve, slope = np.zeros((len(numbers), size, size)), np.zeros((len(numbers), size))
+    for k, number in enumerate(numbers):
+        rows = blocks == number
+        curve[k] = jacobian[rows].T @ jacobian[rows]
+        slope[k] = jacobian[rows].T @ residual[rows]
+    known = jacobian[blocks == PRIOR]
+    kept = residual[blocks == PRIOR]
+    rng = np.random.default_rng(SEED)
+    offsets = np.empty((DRAWS, size))
+    for draw in range(DRAWS):
+        count = np.bincount(rng.integers(0, len(numbers), len(numbers)), minlength=len(numbers))
+        drawn = rng.normal(size=len(kept))
+        matrix = np.tensordot(count, curve, axes=1) + known.T @ known
+        right = count @ slope + known.T @ (kept + drawn)
+        offsets[draw] = -np.linalg.solve(matrix, right)
+    covariance = np.atleast_2d(np.cov(offsets, rowvar=False))
+    # draws of n blocks scatter by (n - 1) / n of the variance
+    return np.asarray(covariance * len(numbers) / max(len(numbers) - 1, 1), np.float64)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Gain:
+    """What a parameter takes away from the squared error of dives that were left out."""
+
+    share: float
+    """Of the squared error without the parameter; negative when it does harm."""
+    deviations: float
+    """The gain over its own standard deviation, by its scatter over the dives."""
+
+    @property
+    def supported(self) -> bool:
+        """Whether the log supports the parameter."""
+        return self.share > LEAST_GAIN and self.deviations > LEAST_DEVIATIONS
+
+
+def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Gain:
+    """What one parameter more would take away from the error of left-out dives.
+
+    Args:
+      comparison: fitted, with the weights of its fit, which both sides are judged by.
+      x: the fit, offsets from nominal.
+      candidate: not among its parameters.
+    """
+    wider = comparison.with_parameter(candidate)
+    at = np.append(x, 0.0)
+    jacobian, residual = wider.jacobian(at), wider.residual(at)
+    without = left_out(jacobian[:-1, :-1], residual[:-1], wider.blocks[:-1])
+    taken = without - left_out(jacobian, residual, wider.blocks)
+    scatter = float(np.std(taken, ddof=1) * np.sqrt(len(taken)))
+    total = float(taken.sum())
+    return Gain(
+        share=total / float(without.sum()),
+        deviations=total / scatter if scatter > 0.0 else 0.0,
+    )
+
+
+def left_out(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
+    """Sums of squared residuals of each dive, as a fit to the others predicts them, (blocks,).
+
+    Args:
+      jacobian: (residuals, parameters), weighted, near the fit to all.
+      residual: (residuals,), weighted.
+      blocks: (residuals,) the dive of each; PRIOR: what was known before. Few dives are cut in
+        parts (`cut`).
+    """
+    blocks = cut(blocks)
+    matrix, slope = jacobian.T @ jacobian, jacobian.T @ residual
+    errors = []
+    for number in np.unique(blocks[blocks != PRIOR]):
+        own, seen = jacobian[blocks == number], residual[blocks == number]
+        step = -np.linalg.solve(matrix - own.T @ own, slope - own.T @ seen)
+        errors.append(float(np.sum((seen + own @ step) ** 2)))
+    return np.array(errors)
