@@ -1,10 +1,12 @@
 """Environment steps per second with many vehicles at once, beside what bounds them.
 
-    python -m benchmarks.vector_env [--vehicles N]
+    python -m benchmarks.vector_env [--vehicles N] [--lanes M]
 
 The limit is bare `mujoco.batch` on the same threads: the same models and control period, without
-observations, rewards and ends. The single environment stands beside it. The three are measured in
-turn; each figure is the median over the rounds.
+observations, rewards and ends. The single environment stands beside it, and the vector environment
+with engine="lanes" and M vehicles. The four are measured in turn; each figure is the median over
+the rounds. Wall time is little worth where others use the cores; the last column is the processor
+time [us] that a step of the lanes takes, of all threads together.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from benchmarks.figures import measured
 from twin.control import ALL_TASKS, GliderVectorEnv
+from twin.control.many import ManyPhysics
 from twin.control.registry import environment_id
 
 ROUNDS = 7
@@ -26,24 +29,31 @@ SECONDS = 0.35
 """[s] of each measurement"""
 
 
-def rate(step: Callable[[], object], per_call: int) -> float:
-    """Environment steps per second."""
-    calls, begin = 0, time.perf_counter()
-    while (passed := time.perf_counter() - begin) < SECONDS:
+def rate(
+    step: Callable[[], object], per_call: int, clock: Callable[[], float] = time.perf_counter
+) -> float:
+    """Environment steps per second of the clock."""
+    calls, begin, processor = 0, time.perf_counter(), clock()
+    while time.perf_counter() - begin < SECONDS:
         step()
         calls += 1
-    return calls * per_call / passed
+    return calls * per_call / (clock() - processor)
 
 
-def measure(task: str, vehicles: int) -> tuple[float, float, float]:
-    """Vector environment, bare batch and single environment [steps per second]."""
+def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
+    """Vector environment, bare batch, single environment, and lanes by wall and by processor time
+    [steps per second]."""
     many = gymnasium.make_vec(environment_id(task), num_envs=vehicles)
     one = gymnasium.make(environment_id(task)).unwrapped
     assert isinstance(many, GliderVectorEnv)
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1.0, 1.0, (16, vehicles, 3)).astype(np.float32)
-    many.reset(seed=0), one.reset(seed=0)
+    fossen = gymnasium.make_vec(environment_id(task), num_envs=lanes, engine="lanes")
+    commands = rng.uniform(-1.0, 1.0, (16, lanes, 3)).astype(np.float32)
+    many.reset(seed=0), one.reset(seed=0), fossen.reset(seed=0)
+    fossen.step(commands[0])  # compiles
     turn = iter(range(10**9))
+    assert isinstance(many.physics, ManyPhysics)
     batch, substeps = many.physics.batch, many.substeps
 
     def single() -> None:
@@ -51,33 +61,42 @@ def measure(task: str, vehicles: int) -> tuple[float, float, float]:
         if any(over):
             one.reset()
 
-    rates: list[list[float]] = [[], [], []]
+    def in_lanes() -> None:
+        fossen.step(commands[next(turn) % 16])
+
+    rates: list[list[float]] = [[], [], [], [], []]
     for _ in range(ROUNDS):
         rates[0].append(rate(lambda: many.step(actions[next(turn) % 16]), vehicles))
         rates[1].append(rate(lambda: batch.step(nstep=substeps), vehicles))
         rates[2].append(rate(single, 1))
-    first, second, third = (statistics.median(values) for values in rates)
-    return first, second, third
+        rates[3].append(rate(in_lanes, lanes))
+        rates[4].append(rate(in_lanes, lanes, time.process_time))
+    return tuple(statistics.median(values) for values in rates)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--vehicles", type=int, default=512)
-    vehicles = parser.parse_args().vehicles
-    print(f"environment steps per second, {vehicles} vehicles, control period 0.5 s")
+    parser.add_argument("--lanes", type=int, default=4096)
+    options = parser.parse_args()
     print(
-        f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} {'times':>6s}"
+        f"environment steps per second, {options.vehicles} vehicles, {options.lanes} in lanes, "
+        "control period 0.5 s"
+    )
+    print(
+        f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} "
+        f"{'times':>6s} {'lanes':>9s} {'us':>6s}"
     )
     found = []
     for task in ALL_TASKS:
-        vector, bare, single = measure(task, vehicles)
-        found.append((vector, vector / bare, vector / single))
+        vector, bare, single, lanes, processor = measure(task, options.vehicles, options.lanes)
+        found.append((vector, vector / bare, vector / single, lanes))
         print(
             f"{task:12s} {vector:9.0f} {bare:11.0f} {vector / bare:6.2f} {single:8.0f} "
-            f"{vector / single:6.1f}"
+            f"{vector / single:6.1f} {lanes:9.0f} {1e6 / processor:6.2f}"
         )
-    steps, part, times = (list(column) for column in zip(*found, strict=True))
-    measured("vector_env", steps=steps, part=part, times=times)
+    steps, part, times, in_lanes = (list(column) for column in zip(*found, strict=True))
+    measured("vector_env", steps=steps, part=part, times=times, lanes=in_lanes)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,13 @@
 PPO of stable-baselines3 on 128 gliders at once, a command every 5 s. The score is the mean reward
 of episodes that it was not trained on, in the task's own control period: the command is held.
 Each dot of the picture is one of these episodes. `train_depth_policy.py STEPS EPISODES` trains and
-judges by other numbers.
+judges by other numbers. With `--engine lanes` the Fossen model flies what it is trained on; it is
+judged in MuJoCo all the same.
 """
 
+import argparse
 import statistics
-import sys
+import time
 
 import gymnasium
 import matplotlib.pyplot as plt
@@ -19,17 +21,28 @@ from twin.control import GliderEnv, StableBaselinesVec
 from twin.control.policies import POLICIES
 
 TASK, HELD, FIRST_SEED = "glider_twin/Depth-v0", 10, 10_000
-steps, episodes = [int(word) for word in sys.argv[1:]] + [700_000, 24][len(sys.argv) - 1 :]
+parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+parser.add_argument("steps", type=int, nargs="?", default=700_000)
+parser.add_argument("episodes", type=int, nargs="?", default=24)
+parser.add_argument("--engine", choices=("mujoco", "lanes"), default="mujoco")
+options = parser.parse_args()
+episodes = options.episodes
 
 torch.set_num_threads(1)
 gliders = gymnasium.make_vec(
-    TASK, num_envs=128, control_timestep=0.5 * HELD, autoreset_mode="same_step"
-)
+    TASK, num_envs=128, engine=options.engine, control_timestep=0.5 * HELD,
+    autoreset_mode="same_step",
+)  # fmt: skip
 model = PPO(
     "MlpPolicy", StableBaselinesVec(gliders), n_steps=180, batch_size=4608, gamma=0.99, seed=1,
     learning_rate=1e-3, policy_kwargs={"log_std_init": -1.0}, device="cpu",
 )  # fmt: skip
-model.learn(steps)
+began, processor = time.perf_counter(), time.process_time()
+model.learn(options.steps)
+print(
+    f"{options.steps} steps by {options.engine}: {time.perf_counter() - began:.1f} s, "
+    f"{time.process_time() - processor:.1f} s of processor time"
+)
 model.save("depth_policy")
 
 env = gymnasium.make_vec(TASK, num_envs=episodes)

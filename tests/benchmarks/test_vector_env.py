@@ -14,11 +14,13 @@ from benchmarks import one_scene, vector_env
 def test_rates_stand_beside_their_limit(monkeypatch, capsys):
     monkeypatch.setattr(vector_env, "ROUNDS", 1)
     monkeypatch.setattr(vector_env, "SECONDS", 0.01)
-    monkeypatch.setattr(sys, "argv", ["vector_env", "--vehicles", "8"])
+    monkeypatch.setattr(sys, "argv", ["vector_env", "--vehicles", "8", "--lanes", "9"])
     vector_env.main()
     head, columns, *rows = capsys.readouterr().out.splitlines()
     assert "8 vehicles" in head
-    assert columns.split() == ["task", "vector", "bare", "batch", "part", "single", "times"]
+    assert "9 in lanes" in head
+    names = ["task", "vector", "bare", "batch", "part", "single", "times", "lanes", "us"]
+    assert columns.split() == names
     assert [row.split()[0] for row in rows] == list(vector_env.ALL_TASKS)
     assert all(float(cell) > 0.0 for row in rows for cell in row.split()[1:])
 

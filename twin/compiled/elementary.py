@@ -3,12 +3,15 @@
 A call of the C library is one call a number, and its last bit depends on the library and on the
 instructions that it chooses. These are polynomials without branches that a compiler keeps: many
 numbers at once cost little more than one. Coefficients are the minimax polynomials of fdlibm (Sun
-Microsystems 1993: k_sin.c, k_cos.c, s_atan.c); the tests state the error against NumPy's.
+Microsystems 1993: k_sin.c, k_cos.c, s_atan.c, e_exp.c, e_log.c); the tests state the error against
+NumPy's.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from twin.compiled.function import jit
 
@@ -17,10 +20,11 @@ ROUND = 6755399441055744.0
 HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 """pi / 2 in three parts, of 33 bits each but the last (fdlibm, e_rem_pio2.c)"""
 TAN_PI_8 = 0.4142135623730950488
-SQUARINGS = 6
-"""of `exp`: its series is taken at a 64th of the argument"""
-LOWEST = -40.0
-"""below this `exp` is that of it, and nothing to anybody"""
+LOG2_E = 1.44269504088896338700
+LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
+"""ln 2 in two parts, the first of 32 bits (fdlibm, e_exp.c)"""
+LOWEST, HIGHEST = -700.0, 700.0
+"""of `exp`, whose results are then ordinary numbers"""
 
 scalar = jit(forceinline=True)
 """Compile a function of scalars that is always inlined, into loops over many vehicles too"""
@@ -91,6 +95,13 @@ def cos(x):  # type: ignore[no-untyped-def]
 
 
 @scalar
+def tan(x):  # type: ignore[no-untyped-def]
+    """Tangent of an angle [rad]."""
+    s, c = sincos(x)
+    return s / c
+
+
+@scalar
 def _atan(x):  # type: ignore[no-untyped-def]
     """atan on [0, 1]."""
     far = x > TAN_PI_8
@@ -146,26 +157,72 @@ def atan2(y, x):  # type: ignore[no-untyped-def]
 def asin(x):  # type: ignore[no-untyped-def]
     """Angle [rad] of a sine, which is held in [-1, 1]."""
     s = min(max(x, -1.0), 1.0)
-    return atan2(s, math.sqrt((1.0 - s) * (1.0 + s)))
+    return atan2(s, math.sqrt(abs((1.0 - s) * (1.0 + s))))
 
 
 @scalar
 def acos(x):  # type: ignore[no-untyped-def]
     """Angle [rad] of a cosine, which is held in [-1, 1]."""
     c = min(max(x, -1.0), 1.0)
-    return atan2(math.sqrt((1.0 - c) * (1.0 + c)), c)
+    return atan2(math.sqrt(abs((1.0 - c) * (1.0 + c))), c)
 
 
 @scalar
 def exp(x):  # type: ignore[no-untyped-def]
-    """e to a power that is at most 0, right to 1e-15 beside 1; of higher ones that of 0."""
-    t = min(max(x, LOWEST), 0.0) / 2.0**SQUARINGS
-    value = 1.0
-    for k in (8, 7, 6, 5, 4, 3, 2, 1):
-        value = 1.0 + value * t / k
-    for _ in range(SQUARINGS):
-        value = value * value
-    return value
+    """e to a power, right to 2e-16 of it, from LOWEST up to HIGHEST, at which it stays."""
+    x = min(max(x, LOWEST), HIGHEST)
+    shifted = x * LOG2_E + ROUND
+    times = shifted - ROUND
+    high, low = x - times * LN_2[0], times * LN_2[1]
+    r = high - low
+    z = r * r
+    c = r - z * (
+        1.66666666666666019037e-01
+        + z
+        * (
+            -2.77777777770155933842e-03
+            + z
+            * (
+                6.61375632143793436117e-05
+                + z * (-1.65339022054652515390e-06 + z * 4.13813679705723846039e-08)
+            )
+        )
+    )
+    found = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
+    power = np.int64(np.float64(shifted).view(np.int64) + 1023) << 52
+    return found * np.int64(power).view(np.float64)
+
+
+@scalar
+def log(x):  # type: ignore[no-untyped-def]
+    """Natural logarithm of a normal positive number; NaN of 0 and of what is below."""
+    bits = np.float64(x).view(np.int64)
+    power = (bits >> 52) - 1023
+    part = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000).view(np.float64)
+    large = part > 1.4142135623730951
+    part = 0.5 * part if large else part
+    times = float(power + 1 if large else power)
+    f = part - 1.0
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = w * (
+        3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01)
+    )
+    odd = z * (
+        6.666666666666735130e-01
+        + w
+        * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
+    )
+    half = 0.5 * f * f
+    found = times * LN_2[0] - ((half - (s * (half + (even + odd)) + times * LN_2[1])) - f)
+    return found if x > 0.0 else math.nan
+
+
+@scalar
+def hypot(x, y):  # type: ignore[no-untyped-def]
+    """Length of (x, y), whose squares are within the range of numbers."""
+    return math.sqrt(x * x + y * y)
 
 
 @scalar

@@ -65,6 +65,10 @@ class Compiled:
     def __repr__(self) -> str:
         return f"<compiled function {self.__module__}.{self.__qualname__}>"
 
+    def _content(self) -> str | None:
+        """Hash of what it is compiled from, None when that cannot be told."""
+        return content.stamp(self.__module__)
+
     def _refresh(self) -> None:
         import numba
 
@@ -72,7 +76,7 @@ class Compiled:
 
         with _LOCK:
             generation = content.generation()
-            stamp = content.stamp(self.__module__)
+            stamp = self._content()
             if self._dispatcher is None or stamp is None or stamp != self._stamp:
                 function = self._make()
                 self._dispatcher = decorated(

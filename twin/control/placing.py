@@ -54,17 +54,22 @@ def write_conditions(
     real = conditions.vehicle
     if real is not None:
         refit(model, data, vehicle, real)
-    tables = Tables(
-        current=_compiled(conditions, duration),
-        density=np.zeros(0) if conditions.density is None else conditions.density.compile(),
-        temperature=_temperature(real or vehicle, conditions),
-    )
+    tables = water_of(conditions, real or vehicle, duration)
     if tables.words > room(model):
         raise InputError(
             f"the water of an episode takes {tables.words} numbers, the model has room for "
             f"{room(model)}: draw a coarser current, or shorten the episodes"
         )
     write_tables(model, tables)
+
+
+def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Tables:
+    """The water of an episode of `duration` [s] around the real vehicle."""
+    return Tables(
+        current=_compiled(conditions, duration),
+        density=np.zeros(0) if conditions.density is None else conditions.density.compile(),
+        temperature=_temperature(vehicle, conditions),
+    )
 
 
 def _compiled(conditions: Conditions, duration: float) -> Array:

@@ -23,6 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from twin.compiled import elementary, jit
+from twin.compiled.portable import portable
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
@@ -32,6 +33,8 @@ from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SE
 from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at, density_slope_at
 from twin.water.floor.lookup import floor_depth
+
+_guided, _flow = portable(guidance_step), portable(sample_gradient)
 
 LOOK_TIME, LOOK_WAY = 0.5, 0.25
 """[s], [m] at most between two looks at a lane's water; between them it is linear"""
@@ -54,23 +57,24 @@ TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
 IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
 WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
 EULER, LENGTH, DIAMETER, ALIVE = AT["euler"], AT["length"], AT["diameter"], AT["alive"]
+TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
 
 
 @intrinsic
-def call_rate(typingctx, function, block, g, t):  # type: ignore[no-untyped-def]
+def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
     """Call the structure's function at an address with the block at another one."""
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
         double = ir.DoubleType()
         pointer = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [double.as_pointer(), double, double])
+        kind = ir.FunctionType(ir.VoidType(), [double.as_pointer(), double])
         target = builder.inttoptr(args[0], kind.as_pointer())
         address = builder.bitcast(builder.inttoptr(args[1], pointer), double.as_pointer())
-        builder.call(target, [address, args[2], args[3]])
+        builder.call(target, [address, args[2]])
         return context.get_dummy_value()
 
-    return types.void(types.int64, types.int64, types.float64, types.float64), codegen
+    return types.void(types.int64, types.int64, types.float64), codegen
 
 
 @jit(nogil=True)
@@ -109,7 +113,7 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
 
 @jit(nogil=True)
 def _look_up(  # type: ignore[no-untyped-def]
-    b, lanes, t, counts, programs, program_at, densities, density_from, warmths, warmth_from,
+    b, lanes, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
 ):  # fmt: skip
     """Current and water with their slopes, where the last look is too old or too far away.
@@ -118,7 +122,7 @@ def _look_up(  # type: ignore[no-untyped-def]
     """
     for l in range(lanes):
         at, seen = STATE * lanes + l, LOOKED * lanes + l
-        north, east, depth = b[at], b[at + lanes], b[at + 2 * lanes]
+        north, east, depth, t = b[at], b[at + lanes], b[at + 2 * lanes], b[TIME * lanes + l]
         dn, de, dd = north - b[seen], east - b[seen + lanes], depth - b[seen + 2 * lanes]
         near = dn * dn + de * de + dd * dd < LOOK_WAY * LOOK_WAY
         if near and t - b[seen + 3 * lanes] < LOOK_TIME - 1e-9:
@@ -127,7 +131,7 @@ def _look_up(  # type: ignore[no-untyped-def]
         b[seen + 3 * lanes] = t
         first, last = program_at[l], program_at[l + 1]
         if last > first:
-            flow = sample_gradient(programs[first:last], t, north, east, depth)
+            flow = _flow(programs[first:last], t, north, east, depth)
             for k in range(15):
                 b[(FLOW + k) * lanes + l] = flow[k]
         first, last = density_from[l], density_from[l + 1]
@@ -201,7 +205,7 @@ def _command(  # type: ignore[no-untyped-def]
             altitude = math.inf
             if floor_at[l + 1] > floor_at[l]:
                 altitude = floor_depth(floors[floor_at[l] : floor_at[l + 1]], north, east) - depth
-            guidance_step(
+            _guided(
                 plans[l, : plan_rows[l]],
                 gains[l],
                 guided[l],
@@ -329,11 +333,11 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
 
 
 @jit(nogil=True)
-def _fail(b, lanes, t, counts):  # type: ignore[no-untyped-def]
+def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
     """Take the lanes out that `_sound` marked."""
     for l in range(lanes):
         if b[RATE * lanes + l] != 0.0 and b[ALIVE * lanes + l] != 0.0:
-            counts[l, FAILED], counts[l, FAIL_TIME] = 1.0, t
+            counts[l, FAILED], counts[l, FAIL_TIME] = 1.0, b[TIME * lanes + l] + h
             b[ALIVE * lanes + l] = 0.0
 
 
@@ -372,6 +376,8 @@ def fly(  # type: ignore[no-untyped-def]
     due = 0.0
     for step in range(first, last):
         t = step * h
+        for l in range(lanes):
+            b[TIME * lanes + l] = t
         if step % per_look == 0 and step > 0:
             for l in range(lanes):
                 done = counts[l, OPEN_ENDED] != 0.0 and guided[l, DONE] != 0.0
@@ -398,22 +404,71 @@ def fly(  # type: ignore[no-untyped-def]
                 follow_at,
             )
         _look_up(
-            b, lanes, t, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
+            b, lanes, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
             floors, floor_at,
         )  # fmt: skip
         _wet(b, lanes)
         if step == 0:  # there is no step before: its rate is that of the start
-            call_rate(rate, address, 0.0, t)
+            call_rate(rate, address, 0.0)
             for i in range(STATE_WORDS * lanes):
                 b[BEFORE * lanes + i] = b[RATE * lanes + i]
-        call_rate(rate, address, h, t)
+        call_rate(rate, address, h)
         if step % per_sample == 0:
             _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
         _advance(b, lanes, h)
         _move_parts(b, lanes, parts, h)
         if not _sound(b, lanes, h):
-            _fail(b, lanes, t + h, counts)
+            _fail(b, lanes, h, counts)
     return _alive(b, lanes)
+
+
+@jit(nogil=True)
+def go_on(  # type: ignore[no-untyped-def]
+    blocks, lanes, address, rate, parts, h, steps, fresh, counts, programs, program_at, densities,
+    density_at_, warmths, warmth_at,
+):  # fmt: skip
+    """Advance blocks by so many steps under the commands that stand in their rows.
+
+    What `fly` does between two samples; but here the rates, the water and the angles are those of
+    the new states when it is done.
+
+    Args:
+      blocks: (blocks, numbers) of one structure; `address` is that of the first number.
+      rate, parts, h: as in `fly`. steps: 0 only begins.
+      fresh: (blocks, lanes) true where a start was written, which has no step before it.
+      counts: (blocks, lanes, len(COUNTS)).
+      programs, program_at, ...: of all lanes, as in `fly`.
+    """
+    no_floors, no_floor_at = np.zeros(0), np.zeros(lanes + 1, np.int64)
+    for k in range(len(blocks)):
+        b, own, at = blocks[k], counts[k], address + 8 * k * blocks.shape[1]
+        programs_of = program_at[k * lanes : (k + 1) * lanes + 1]
+        densities_of = density_at_[k * lanes : (k + 1) * lanes + 1]
+        warmths_of = warmth_at[k * lanes : (k + 1) * lanes + 1]
+        for step in range(-1, steps):
+            if step == -1:
+                if not fresh[k].any():
+                    continue
+            else:
+                _advance(b, lanes, h)
+                _move_parts(b, lanes, parts, h)
+                if not _sound(b, lanes, h):
+                    _fail(b, lanes, h, own)
+                for l in range(lanes):
+                    b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
+            _look_up(
+                b, lanes, own, programs, programs_of, densities, densities_of, warmths, warmths_of,
+                no_floors, no_floor_at,
+            )  # fmt: skip
+            _wet(b, lanes)
+            if step == -1:
+                call_rate(rate, at, 0.0)
+                for i in range(STATE_WORDS):
+                    for l in range(lanes):
+                        if fresh[k, l]:
+                            b[(BEFORE + i) * lanes + l] = b[(RATE + i) * lanes + l]
+            call_rate(rate, at, h)
+        _turn(b, lanes)
 
 
 def width(parts: int, joints: int) -> int:

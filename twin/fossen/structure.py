@@ -13,12 +13,14 @@ import dataclasses
 import functools
 import hashlib
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from twin.compiled import Compiled, content
+from twin.compiled.portable import calls_math, portable
 from twin.errors import VehicleError
 from twin.fossen import terms
 from twin.numbers import Array
@@ -54,6 +56,7 @@ HEAD = {
     "length": 1,
     "diameter": 1,  # [m] of the hull
     "alive": 1,  # 1: flies, 0: has ended and stands still
+    "time": 1,  # [s] since the lane's start
 }
 PART = ("now", "command", "low", "high", "lag", "rate", "one_way")
 """Of each part: its position as its encoder says, the command, its travel, lag [s], largest rate,
@@ -84,6 +87,8 @@ class Structure:
     """of the function's loop, in which `{k}` is the first number of row k"""
     names: tuple[tuple[str, Any], ...]
     """what the text calls: compiled functions, by name"""
+    kernels: tuple[tuple[str, str], ...]
+    """function of a kind in words, and the text of a loop with nothing else in it"""
 
     @property
     def numbers_at(self) -> int:
@@ -91,41 +96,120 @@ class Structure:
         return PARTS_AT + len(PART) * self.parts
 
     def rate(self, lanes: int) -> Any:
-        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s], t [s]).
+        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s]).
 
-        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others,
-        at the time `t`. With `g` above 0 the accelerations are those of a linearly implicit step:
-        see `twin.fossen.lanes`.
+        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others.
+        With `g` above 0 the accelerations are those of a linearly implicit step: see
+        `twin.fossen.lanes`.
         """
         return _compiled(self, lanes, content.generation())
+
+    def arithmetic(self, lanes: int) -> Arithmetic:
+        """What that function does, by compiling it anew: the cache keeps no text of it."""
+        return Arithmetic.of(_loop(self, self.text, lanes, keep=False))
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled(structure: Structure, lanes: int, _: int) -> Any:
+    function = _loop(structure, structure.text, lanes)
+    if function.cache_hits == 0 and not Arithmetic.of(function).vector_code:
+        _warn(structure)
+    return function
+
+
+def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> Any:
+    """A loop over so many lanes, compiled; `keep`: between processes."""
     import numba
     from numba import types
 
     from twin.compiled.folder import decorated
 
-    names = dict(structure.names)
+    names = {
+        name: portable(value) if isinstance(value, Compiled) and calls_math(value) else value
+        for name, value in structure.names
+    }
     space = {"__name__": __name__, "carray": numba.carray, **names}
-    body = _ROW.sub(lambda found: str(int(found[1]) * lanes), structure.text)
+    body = _ROW.sub(lambda found: str(int(found[1]) * lanes), body)
     text = (
-        f"def rate(address, g, t):\n    b = carray(address, {structure.size * lanes})\n"
+        f"def rate(address, g):\n    b = carray(address, {structure.size * lanes})\n"
         f"    for l in range({lanes}):\n{body}"
     )
     exec(compile(text, "<structure>", "exec"), space)
     stamps = [content.stamp(__name__)]
     stamps += [content.stamp(v.__module__) for v in names.values() if isinstance(v, Compiled)]
     stamp = None
-    if None not in stamps:
+    if keep and None not in stamps:
         joined = "\n".join([text, *map(str, stamps)])
         stamp = hashlib.sha256(joined.encode()).hexdigest()[:32]
-    signature = types.void(types.CPointer(types.float64), types.float64, types.float64)
+    signature = types.void(types.CPointer(types.float64), types.float64)
     return decorated(
         lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(space["rate"]),
         __name__,
         stamp,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Arithmetic:
+    """What a compiled loop over lanes does, counted in its text."""
+
+    packed: int
+    """operations on several lanes at once"""
+    scalar: int
+    """on one"""
+    calls: tuple[str, ...]
+    """functions that are called, once a lane"""
+
+    @classmethod
+    def of(cls, function: Any) -> Arithmetic:
+        """Of a CFunc that was compiled in this process; one from the cache has no text any more."""
+        text = function.inspect_llvm()
+        # the first function is ours, those behind it call it from C and let memory go
+        text = text[text.index("\ndefine ") :].partition("\n}")[0]
+        packed = len(_PACKED.findall(text))
+        called = set(_CALLED.findall(text))
+        if " frem " in text:
+            called.add("fmod")
+        found = (name for name in called if not name.startswith(_INSTRUCTIONS))
+        return cls(packed, len(_FLOATING.findall(text)) - packed, tuple(sorted(found)))
+
+    @property
+    def vector_code(self) -> bool:
+        """Whether lanes share instructions: less than a tenth is scalar, nothing is called."""
+        return not self.calls and self.scalar < 0.1 * (self.packed + self.scalar)
+
+
+_FLOATING = re.compile(r"= f(?:add|sub|mul|div)\b")
+_PACKED = re.compile(r"= f(?:add|sub|mul|div)\b[a-z ]* <\d+ x double>")
+_CALLED = re.compile(r"\bcall\b[^\n@]*@([\w.$]+)")
+_INSTRUCTIONS = tuple(
+    f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
+)
+"""What LLVM writes as calls and compiles to instructions"""
+
+
+_ALONE = 4096
+"""lanes of a loop with one kind's function: so many that the loop stays one"""
+
+
+def _warn(structure: Structure) -> None:
+    """Say which kind is to blame."""
+    blamed = []
+    for name, text in structure.kernels:
+        found = Arithmetic.of(_loop(structure, text, _ALONE, keep=False))
+        if not found.vector_code:
+            calls = f", calls {', '.join(found.calls)}" if found.calls else ""
+            blamed.append(
+                f"{name} ({found.packed} packed operations, {found.scalar} scalar{calls})"
+            )
+    warnings.warn(
+        "the lanes of this vehicle fly 4 to 7 times slower than they could, because "
+        + (" and ".join(blamed) or "its equations together")
+        + " did not become vector code: write it of scalars, with @scalar of "
+        "twin.compiled.elementary, without loops, arrays or calls of other libraries "
+        "(docs/howto/extending.md)",
+        RuntimeWarning,
+        stacklevel=4,
     )
 
 
@@ -138,6 +222,7 @@ class _Writer:
     def __init__(self, vehicle: Vehicle):
         self.lines: list[str] = []
         self.names: dict[str, Any] = {}
+        self.kernels: list[tuple[str, str]] = []
         self.numbers: list[float] = []
         self.first = PARTS_AT + len(PART) * len(vehicle.parts)
 
@@ -154,18 +239,30 @@ class _Writer:
         """The lower triangle of a symmetric matrix."""
         return self.vector(matrix[np.tril_indices(len(matrix))])
 
-    def call(self, name: str, function: Any, arguments: str) -> str:
-        """A call of a compiled function."""
+    def call(self, what: str, name: str, function: Any, arguments: str, results: str) -> None:
+        """A call of a kind's own function; `what` it is in words."""
         if not isinstance(function, Compiled):
             raise VehicleError(
                 f"{name}: {function!r} is no compiled function; decorate it with twin.compiled.jit"
             )
         self.names[name] = function
-        return f"{name}({arguments})"
+        call = f"{results} = {name}({arguments})"
+        wanted = arguments.split(", ")
+        given = [line for line in self.lines if line.partition(" = ")[0] in wanted]
+        given = [line for line in given if not line.startswith(("density", "there"))]
+        any_rows = [f"{name} = {row(k)}" for k, name in enumerate(_GIVEN)]
+        stored = [f"{row(k)} = {result}" for k, result in enumerate(results.split(", "))]
+        self.kernels.append((what, _body([*any_rows, *given, call, *stored])))
+        self.add(call)
 
     def add(self, line: str) -> None:
         """One line more."""
         self.lines.append(line)
+
+
+def _body(lines: Iterable[str]) -> str:
+    """Of the loop over lanes."""
+    return "".join(f"        {line}\n" for line in lines)
 
 
 def row(index: int) -> str:
@@ -197,10 +294,9 @@ def structure_of(
     w = _Writer(vehicle)
     volume = vehicle.neutral_volume if neutral_volume is None else neutral_volume
     _write(w, vehicle, volume, zeros or {})
-    body = "".join(f"        {line}\n" for line in w.lines)
     size = w.first + len(w.numbers)
     names = tuple(sorted(w.names.items()))
-    structure = Structure(len(vehicle.parts), size, body, names)
+    structure = Structure(len(vehicle.parts), size, _body(w.lines), names, tuple(w.kernels))
     return structure, np.array(w.numbers)
 
 
@@ -266,7 +362,7 @@ def _write_flow(w: _Writer) -> None:
     """The current, linear about where it was looked up, and the water's tables."""
     looked, flow = AT["looked"], AT["flow"]
     w.add(f"dn, de = north - {row(looked)}, east - {row(looked + 1)}")
-    w.add(f"dd, tau = depth - {row(looked + 2)}, t - {row(looked + 3)}")
+    w.add(f"dd, tau = depth - {row(looked + 2)}, {row(AT['time'])} - {row(looked + 3)}")
     w.add("flow = (" + " ".join(
         f"{row(flow + i)} + tau * {row(flow + 3 + i)} + ({row(flow + 6 + 3 * i)} * dn"
         f" + {row(flow + 7 + 3 * i)} * de + {row(flow + 8 + 3 * i)} * dd),"
@@ -318,8 +414,9 @@ def _write_masses(w: _Writer, vehicle: Vehicle) -> None:
         kernel = type(part).fossen_mass
         if kernel is not None:
             w.add(f"values{index} = {w.vector(part.values())}")
-            called = w.call(f"mass_of_{index}", kernel, f"values{index}, at{index}")
-            w.add(f"body = with_mass(body, {called}, {w.vector(part.position)}, {still})")
+            what = f"fossen_mass of part kind {part.kind!r}"
+            w.call(what, f"mass_of_{index}", kernel, f"values{index}, at{index}", "own")
+            w.add(f"body = with_mass(body, own, {w.vector(part.position)}, {still})")
 
 
 def _write_buoyancy(w: _Writer, vehicle: Vehicle, neutral: float) -> None:
@@ -329,7 +426,8 @@ def _write_buoyancy(w: _Writer, vehicle: Vehicle, neutral: float) -> None:
         if kernel is None:
             continue
         w.add(f"values{index} = {w.vector(part.values())}")
-        w.add(f"own = {w.call(f'volume_of_{index}', kernel, f'values{index}, at{index}')}")
+        what = f"fossen_volume of part kind {part.kind!r}"
+        w.call(what, f"volume_of_{index}", kernel, f"values{index}, at{index}", "own")
         x, y, z = (w.number(value) for value in part.position)
         w.add("volume += own")
         w.add(f"lx, ly, lz = lx + own * {x}, ly + own * {y}, lz + own * {z}")
@@ -351,6 +449,8 @@ def _write_buoyancy(w: _Writer, vehicle: Vehicle, neutral: float) -> None:
 
 _LAW = ("fx", "fy", "fz", "fk", "fm", "fn", "d0", "d1", "d2")
 _MOTION = "density, u, v, w, p, q, r"
+_GIVEN = ("u", "v", "w", "p", "q", "r", "density", "there")
+"""What a kind's function is given beside its own numbers"""
 
 
 def _write_law(w: _Writer, vehicle: Vehicle) -> None:
@@ -368,11 +468,12 @@ def _write_law(w: _Writer, vehicle: Vehicle) -> None:
         for name, expression in zip(_LAW, expressions, strict=True):
             w.add(f"{name} = {expression}")
     else:
-        called = w.call("law", kind.fossen_wrench, f"c, {_MOTION}")
-        w.add(f"{', '.join(_LAW[:6])} = {called}")
+        what = f"fossen_wrench of hull law {law.kind!r}"
+        w.call(what, "law", kind.fossen_wrench, f"c, {_MOTION}", ", ".join(_LAW[:6]))
         if kind.fossen_rate_damping is not None:
-            called = w.call("law_damping", kind.fossen_rate_damping, f"c, {_MOTION}")
-            w.add(f"d0, d1, d2 = {called}")
+            what = f"fossen_rate_damping of hull law {law.kind!r}"
+            called = f"c, {_MOTION}"
+            w.call(what, "law_damping", kind.fossen_rate_damping, called, "d0, d1, d2")
         else:
             for axis, name in enumerate(("p", "q", "r")):
                 motion = _MOTION.replace(name, f"{name} + {RATE}")
@@ -399,5 +500,6 @@ def _write_part(w: _Writer, vehicle: Vehicle, index: int, part: Any) -> None:
     w.add(f"place = {w.vector(part.position)}")
     w.add("there = depth + place[0] * down[0] + place[1] * down[1] + place[2] * down[2]")
     arguments = f"values{index}, place, at{index}, u, v, w, p, q, r, density, there"
-    w.add(f"fx, fy, fz, fk, fm, fn = {w.call(f'wrench_of_{index}', kernel, arguments)}")
+    what = f"fossen_wrench of part kind {part.kind!r}"
+    w.call(what, f"wrench_of_{index}", kernel, arguments, ", ".join(_LAW[:6]))
     w.add("wrench = added(wrench, ((fx, fy, fz), (fk, fm, fn)))")

@@ -62,6 +62,19 @@ def rotation(w, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @scalar
+def quaternion(roll, pitch, heading):  # type: ignore[no-untyped-def]
+    """Body to NED, scalar first, of ZYX Euler angles [rad] (section 2.2.2)."""
+    (sr, cr), (sp, cp) = elementary.sincos(0.5 * roll), elementary.sincos(0.5 * pitch)
+    sh, ch = elementary.sincos(0.5 * heading)
+    return (
+        cr * cp * ch + sr * sp * sh,
+        sr * cp * ch - cr * sp * sh,
+        cr * sp * ch + sr * cp * sh,
+        cr * cp * sh - sr * sp * ch,
+    )
+
+
+@scalar
 def quaternion_rate(w, x, y, z, omega):  # type: ignore[no-untyped-def]
     """dq/dt = T_q(q) omega for body rates [rad/s] (eq. 2.75)."""
     p, q, r = omega

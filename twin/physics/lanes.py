@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from twin.errors import FloorError, InputError, SimulationUnstable
 from twin.fossen import lanes as ln
+from twin.fossen import terms
 from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
-from twin.frames import euler_to_quaternion
 from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
@@ -31,10 +31,12 @@ from twin.physics.native import block as b
 from twin.physics.obstacles import obstacle_names
 from twin.physics.outcome import trajectory
 from twin.physics.scenario import Scenario
+from twin.physics.start import Start
 from twin.physics.stiffness import file_timestep
 from twin.physics.true_signals import LEAN
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
+from twin.water.density import density_at
 
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
@@ -85,23 +87,47 @@ class Lane:
         """What scenarios of one block share."""
         return self.structure, self.timestep, self.per_sample, self.joints
 
-    def state(self) -> Array:
-        """Where it starts, shape (STATE_WORDS,)."""
-        start = self.scenario.begin
-        water = self.vehicle.hull_reference_temperature
-        if self.tables.temperature.size:
-            from twin.water.density import density_at
+    def column(self) -> Array:
+        """Its numbers in a block, see `column`."""
+        start, warmth = self.scenario.begin, self.tables.temperature
+        return column(self.structure, self.numbers, self.vehicle, start, warmth)
 
-            water = float(density_at(self.tables.temperature, start.depth))
-        return np.array(
-            [
-                *(start.north, start.east, start.depth),
-                *euler_to_quaternion(start.roll, start.pitch, start.heading),
-                *start.v_rel,
-                *start.rates,
-                water,
-            ]
-        )
+
+def column(
+    structure: Structure, numbers: Array, vehicle: Vehicle, start: Start, temperature: Array
+) -> Array:
+    """A vehicle at its start, as the numbers of one lane, shape (structure.size,).
+
+    Args:
+      numbers: of the vehicle, see `structure_of`.
+      temperature: of the water, a compiled profile, or empty.
+    """
+    found, parts = np.zeros(structure.size), structure.parts
+    found[structure.numbers_at :] = numbers
+    warmth = vehicle.hull_reference_temperature
+    hull = float(density_at(temperature, start.depth)) if temperature.size else warmth
+    attitude = terms.quaternion(float(start.roll), float(start.pitch), float(start.heading))
+    state = (start.north, start.east, start.depth, *attitude, *start.v_rel, *start.rates, hull)
+    found[AT["state"] : AT["state"] + ln.STATE_WORDS] = state
+    found[AT["looked"] + 3] = -np.inf
+    found[AT["length"]], found[AT["diameter"]] = vehicle.hull_length, vehicle.hull_diameter
+    found[AT["density"]], found[AT["temperature"]] = vehicle.reference_density, warmth
+    found[AT["alive"]] = 1.0
+    low, high = vehicle.actuator_min, vehicle.actuator_max
+    begin = np.clip(start.positions(vehicle.part_names, vehicle.rest), low, high)
+    rows: dict[str, Any] = {
+        "now": begin,
+        "command": begin,
+        "low": low,
+        "high": high,
+        "lag": vehicle.actuator_lag,
+        "rate": vehicle.actuator_rate,
+        "one_way": [float(part.one_way) for part in vehicle.parts],
+    }
+    for name, values in rows.items():
+        at = PARTS_AT + PART.index(name) * parts
+        found[at : at + parts] = values
+    return found
 
 
 def _check(scenario: Scenario, vehicle: Vehicle) -> None:
@@ -117,6 +143,11 @@ def _check(scenario: Scenario, vehicle: Vehicle) -> None:
                 f"scenario: {name} is not possible with engine='lanes', which has an integrator of "
                 "its own and no Python between its steps; leave it out or take engine='mujoco'"
             )
+    refuse_obstacles(vehicle)
+
+
+def refuse_obstacles(vehicle: Vehicle) -> None:
+    """Raises InputError where a vehicle's world has something to hit."""
     found = obstacle_names(vehicle.xml)
     if found:
         names = ", ".join(name or "a geom without a name" for name in found)
@@ -163,40 +194,13 @@ class _Block:
         self.b = ln.empty_block(structure.size * self.width)
         self.rate = structure.rate(self.width)
         rows = self.b.reshape(-1, self.width)
-        count, parts = self.width, structure.parts
         # what fills a block up stands still beside the others
-        filled = [lanes[min(k, len(lanes) - 1)] for k in range(count)]
-        vehicles = [lane.vehicle for lane in filled]
-        rows[structure.numbers_at :] = np.array([lane.numbers for lane in filled]).T
-        rows[AT["state"] : AT["state"] + ln.STATE_WORDS] = np.array([m.state() for m in filled]).T
-        rows[AT["looked"] + 3] = -np.inf
-        rows[AT["length"]] = [v.hull_length for v in vehicles]
-        rows[AT["diameter"]] = [v.hull_diameter for v in vehicles]
-        rows[AT["density"]] = [v.reference_density for v in vehicles]
-        rows[AT["temperature"]] = [v.hull_reference_temperature for v in vehicles]
-        rows[AT["alive"], : len(lanes)] = 1.0
-        begin = np.array(
-            [
-                np.clip(
-                    m.scenario.begin.positions(m.vehicle.part_names, m.vehicle.rest),
-                    m.vehicle.actuator_min,
-                    m.vehicle.actuator_max,
-                )
-                for m in filled
-            ]
-        ).reshape(count, parts)
-        columns: dict[str, Any] = {
-            "now": begin,
-            "command": begin,
-            "low": [v.actuator_min for v in vehicles],
-            "high": [v.actuator_max for v in vehicles],
-            "lag": [v.actuator_lag for v in vehicles],
-            "rate": [v.actuator_rate for v in vehicles],
-            "one_way": [[float(part.one_way) for part in v.parts] for v in vehicles],
-        }
-        for name, values in columns.items():
-            at = PARTS_AT + PART.index(name) * parts
-            rows[at : at + parts] = np.reshape(values, (count, parts)).T
+        filled = [lanes[min(k, len(lanes) - 1)] for k in range(self.width)]
+        rows[:, : len(lanes)] = np.array([lane.column() for lane in lanes]).T
+        rows[:, len(lanes) :] = rows[:, len(lanes) - 1 : len(lanes)]
+        rows[AT["alive"], len(lanes) :] = 0.0
+        first_command = PARTS_AT + PART.index("command") * structure.parts
+        begin = rows[first_command : first_command + structure.parts].T
         self._tables(filled, begin)
 
     def _tables(self, filled: Sequence[Lane], begin: Array) -> None:
@@ -225,8 +229,8 @@ class _Block:
             scheduled = lane.tables.control == b.CONTROL_SCHEDULE
             self.periods[k] = lane.timestep if scheduled else lane.vehicle.control_period
         names = ("current", "density", "temperature", "floor")
-        self.water = [_joined([getattr(lane.tables, name) for lane in filled]) for name in names]
-        self.water.append(_joined([lane.followed for lane in filled]))
+        self.water = [joined([getattr(lane.tables, name) for lane in filled]) for name in names]
+        self.water.append(joined([lane.followed for lane in filled]))
 
     def fly(self, lean: bool = False) -> list[tuple[NDArray[Any], Any]]:
         """Fly to the end; rows of the log and the last record of `block.STATE` of each lane.
@@ -269,7 +273,7 @@ class _Block:
         return ours
 
 
-def _joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
+def joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
     """Tables behind each other, and where each begins; the same one only once is not needed."""
     places = np.concatenate([[0], np.cumsum([table.size for table in tables])]).astype(np.int64)
     return np.concatenate([*tables, np.zeros(0)]), places

@@ -17,19 +17,20 @@ def table(x, y, out):
         out[0, k], out[1, k] = elementary.sincos(x[k])
         out[2, k] = elementary.atan2(y[k], x[k])
         out[3, k], out[4, k] = elementary.asin(y[k]), elementary.acos(y[k])
-        out[5, k] = elementary.exp(-abs(x[k]))
+        out[5, k], out[6, k] = elementary.exp(5.0 * x[k]), elementary.log(abs(x[k]) + 1e-3)
+        out[7, k], out[8, k] = elementary.tan(x[k]), elementary.hypot(x[k], y[k])
 
 
 def test_they_are_right_to_a_few_units_of_the_last_bit():
     rng = np.random.default_rng(0)
     x = np.concatenate([rng.normal(0.0, 20.0, 20_000), np.linspace(-7.0, 7.0, 20_001)])
     y = np.concatenate([rng.uniform(-1.0, 1.0, 20_000), np.linspace(-1.0, 1.0, 20_001)])
-    out = np.empty((6, x.size))
+    out = np.empty((9, x.size))
     table(x, y, out)
-    wanted = (np.sin(x), np.cos(x), np.arctan2(y, x), np.arcsin(y), np.arccos(y), np.exp(-abs(x)))
-    for found, value in zip(out[:5], wanted[:5], strict=True):
+    wanted = (np.sin(x), np.cos(x), np.arctan2(y, x), np.arcsin(y), np.arccos(y), np.exp(5.0 * x),
+              np.log(abs(x) + 1e-3), np.tan(x), np.hypot(x, y))  # fmt: skip
+    for found, value in zip(out, wanted, strict=True):
         np.testing.assert_allclose(found, value, rtol=5e-16, atol=5e-16)
-    np.testing.assert_allclose(out[5], wanted[5], rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("y", "x"), [(0.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0),
@@ -41,8 +42,12 @@ def test_angles_of_the_axes_are_exact(y, x):
 def test_what_is_beyond_their_range_is_held_at_its_end():
     assert elementary.asin(1.5) == elementary.asin(1.0) == 0.5 * math.pi
     assert elementary.acos(-1.5) == elementary.acos(-1.0) == math.pi
-    assert elementary.exp(3.0) == elementary.exp(0.0) == 1.0
-    assert 0.0 <= elementary.exp(-1e9) < 1e-16
+    assert elementary.exp(0.0) == 1.0
+    assert 0.0 < elementary.exp(-1e9) == elementary.exp(elementary.LOWEST) < 1e-300
+    assert 1e300 < elementary.exp(1e9) == elementary.exp(elementary.HIGHEST) < math.inf
+    assert elementary.log(1.0) == 0.0
+    assert math.isnan(elementary.log(0.0))
+    assert math.isnan(elementary.log(-1.0))
 
 
 def test_a_large_angle_keeps_its_turns():

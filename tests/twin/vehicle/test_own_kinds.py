@@ -95,3 +95,37 @@ def test_without_the_file_the_kind_is_named(tmp_path):
     assert done.returncode == 2
     assert "unknown vehicle part 'thruster' (allowed: battery-hinge" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+COMPILE = """
+import sys, warnings
+import twin
+from twin.physics.lanes import Lane
+
+scenario = twin.Scenario(vehicle=twin.load_vehicle(sys.argv[1]), duration=1.0, engine="lanes")
+structure = Lane(scenario).structure
+for _ in range(2):  # the second time it is known
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        structure.rate(8)
+    print([str(one.message) for one in found])
+"""
+LOST = {
+    "an array": "force = np.zeros(3)\n    force[0] = position",
+    "a loop": "n = 0.0\n    while n * n < position:\n        n += 1.0\n    force = (n, 0.0, 0.0)",
+}
+
+
+@pytest.mark.parametrize("how", [*LOST, "nothing"])
+def test_a_kind_that_spoils_vector_code_is_named(tmp_path, how):
+    kinds, vehicle = tmp_path / "kinds.py", tmp_path / "own.xml"
+    vehicle.write_text(own_vehicle(), encoding="utf-8")
+    text, right = KINDS.read_text(encoding="utf-8"), "force = (position, 0.0, 0.0)"
+    assert text.count(right) == 1
+    kinds.write_text(text.replace(right, LOST.get(how, right)), encoding="utf-8")
+    done = run(["-c", COMPILE, str(vehicle)], GLIDER_TWIN_PLUGINS=str(kinds))
+    assert done.returncode == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert second == "[]"
+    assert ("fossen_wrench of part kind 'thruster'" in first) == (how != "nothing"), first
+    assert "hull law" not in first

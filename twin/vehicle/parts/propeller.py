@@ -82,7 +82,7 @@ def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
     )
     # the part of the disc that is under water carries
     cosine = min(max(-2.0 * depth / d, -1.0), 1.0)
-    half, sine = elementary.acos(cosine), math.sqrt((1.0 - cosine) * (1.0 + cosine))
+    half, sine = elementary.acos(cosine), math.sqrt(abs((1.0 - cosine) * (1.0 + cosine)))
     scale = density * d * d * d * d * (half - sine * cosine) / math.pi
     force, moment = scale * force, scale * d * moment
     return force, 0.0, 0.0, -moment, force * place[2], -force * place[1]

@@ -1,0 +1,181 @@
+"""One hash: small fleets in lanes have the same log on every processor and in every company.
+
+    python -m benchmarks.lanes_hash [--vehicles glider,slocum-200,tethys]
+
+Each vehicle flies under a tide and a wind's current, the Slocum to a waypoint with a fix, alone in
+a block of few, among others in a block of few and of many, and on two threads. All of that is done
+on three processors, each a process of its own: one of SSE2 alone, one of AVX2, one of AVX-512; what
+numba, NumPy and the C library find there is taken from them by their own switches. Printed is the
+SHA-256 of each vehicle's log, and for each processor what its compiled equations are made of:
+operations on several lanes at once, on one, and calls. Without x86 only this processor is asked.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import twin
+from twin.cli.text_table import format_table
+from twin.fossen.structure import LANES, Arithmetic
+from twin.physics.lanes import Lane, fly_in_lanes
+from twin.records.trajectory import Trajectory
+
+_AVX512 = "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR"
+PROCESSORS = {
+    "SSE2": {
+        "NUMBA_CPU_NAME": "x86-64",
+        "NPY_DISABLE_CPU_FEATURES": f"SSE41 SSE42 POPCNT AVX F16C FMA3 AVX2 {_AVX512}",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
+    },
+    "AVX2": {
+        "NUMBA_CPU_NAME": "haswell",
+        "NPY_DISABLE_CPU_FEATURES": _AVX512,
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F",
+    },
+    "AVX-512": {"NUMBA_CPU_NAME": "skylake-avx512"},
+}
+"""Environment of a process that takes this machine for such a one"""
+CURRENT = "uniform:0.03,0.02+tide:m2=0.1,k1=0.03,direction=30+ekman:tau=0.1,direction=90"
+DURATIONS = {"slocum-200": 1800.0}
+"""[s], where it is not SHORT"""
+SHORT = 420.0
+DERIVED = ("true_roll", "true_pitch", "true_heading", "true_energy_")
+"""Signals that NumPy derives from the log by arctan2, arcsin and cos of the C library, as it does
+for MuJoCo: their last bit is another one on processors without FMA"""
+VEHICLES = ("glider", "slocum-200", "tethys")
+
+
+def fleet(vehicle: str, count: int) -> list[twin.Scenario]:
+    """So many missions of one structure that differ from each other."""
+    real = twin.load_vehicle(vehicle)
+    mission = twin.load_mission("transects" if vehicle == "tethys" else "default")
+    if vehicle == "slocum-200":
+        to = {"kind": "waypoint", "targets": [{"north_m": 400.0, "east_m": 150.0}],
+              "surface_after_s": 600.0, "max_depth_m": 40.0, "pitch_deg": 26.0}  # fmt: skip
+        mission = twin.Mission.from_dict({"name": "there", "segments": [to]})
+    current = twin.parse_current(CURRENT)
+    return [
+        twin.Scenario(
+            vehicle=real,
+            mission=mission,
+            current=current,
+            density=twin.parse_density("thermocline"),
+            start={"north": 10.0 * k, "heading": math.radians(7.0 * k)},
+            duration=DURATIONS.get(vehicle, SHORT),
+            engine="lanes",
+        )
+        for k in range(count)
+    ]
+
+
+def digest(flown: Trajectory) -> str:
+    """Hash of a log: its states, and its signals without what NumPy derives from them."""
+    found = hashlib.sha256(flown.states.tobytes())
+    for name, values in sorted(flown.signals.items()):
+        if not name.startswith(DERIVED):
+            found.update(name.encode() + values.tobytes())
+    return found.hexdigest()
+
+
+def hashes(vehicle: str) -> dict[str, str]:
+    """Hash of the same mission in every company."""
+    few, many = LANES[0], LANES[-1]
+    missions = fleet(vehicle, many + few)
+    ways = {
+        "alone": (missions[:1], 1),
+        "among few": (missions[: few - 1], 1),
+        "among few, behind others": ([*missions[2:few], missions[0]], 1),
+        "among many": (missions[:many], 1),
+        "two blocks, two threads": ([*missions[1:], missions[0]], 2),
+    }
+    found = {}
+    for way, (flown, threads) in ways.items():
+        logs = fly_in_lanes(flown, threads=threads)
+        log = logs[flown.index(missions[0])]
+        assert isinstance(log, Trajectory), log
+        found[way] = digest(log)
+    return found
+
+
+def arithmetic(vehicle: str, lanes: int = LANES[-1]) -> Arithmetic:
+    """Of the vehicle's compiled equations."""
+    return Lane(fleet(vehicle, 1)[0]).structure.arithmetic(lanes)
+
+
+def on_processor(
+    name: str, hashed: Sequence[str] = VEHICLES, counted: Sequence[str] = VEHICLES
+) -> dict[str, Any]:
+    """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`."""
+    switches = {"NUMBA_CPU_FEATURES": "", **PROCESSORS[name]} if name in PROCESSORS else {}
+    done = subprocess.run(
+        [sys.executable, "-c", _CHILD, json.dumps([*hashed]), json.dumps([*counted])],
+        env={**os.environ, **switches},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{name}: {done.stderr[-2000:]}")
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+_CHILD = """
+import json, sys
+from benchmarks import lanes_hash as this
+
+hashed, counted = map(json.loads, sys.argv[1:])
+print(json.dumps({
+    "hashes": {vehicle: this.hashes(vehicle) for vehicle in hashed},
+    "arithmetic": {vehicle: vars(this.arithmetic(vehicle)) for vehicle in counted},
+}))
+"""
+
+
+def processors() -> tuple[str, ...]:
+    """Those that this machine can be taken for."""
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return (platform.machine(),)
+    from llvmlite.binding import get_host_cpu_features
+
+    has = get_host_cpu_features()
+    wanted = {"SSE2": True, "AVX2": has.get("avx2"), "AVX-512": has.get("avx512dq")}
+    return tuple(name for name, there in wanted.items() if there)
+
+
+def main() -> int:
+    """Print the hashes; exit code 1 when a vehicle has more than one, or code is not packed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--vehicles", default=",".join(VEHICLES))
+    vehicles = tuple(parser.parse_args().vehicles.split(","))
+    rows, logs = [], {vehicle: set() for vehicle in vehicles}  # type: ignore[var-annotated]
+    packed = True
+    for processor in processors():
+        both = on_processor(processor, vehicles, vehicles)
+        for vehicle, found in both["hashes"].items():
+            made = both["arithmetic"][vehicle]
+            code = Arithmetic(made["packed"], made["scalar"], tuple(made["calls"]))
+            packed = packed and code.vector_code
+            logs[vehicle] |= set(found.values())
+            kinds = len(set(found.values()))
+            first = next(iter(found.values()))
+            row = {"processor": processor, "vehicle": vehicle, "ways": len(found), "hashes": kinds}
+            row |= {"SHA-256 of the log": first, "packed": code.packed, "scalar": code.scalar}
+            rows.append({**row, "calls": len(code.calls)})
+    print(format_table(rows))
+    for vehicle, found in logs.items():
+        print(f"{vehicle}: {len(found)} hash{'es' if len(found) > 1 else ''}")
+    return 0 if packed and all(len(found) == 1 for found in logs.values()) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

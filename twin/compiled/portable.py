@@ -1,0 +1,105 @@
+"""Portable: a compiled function once more, with the same bits on every processor.
+
+The last bit of what `math.cos` and its like return depends on the C library and on the instructions
+that it finds. MuJoCo's twin calls them and keeps its bytes; the lanes give one result everywhere.
+Both run the same source: `portable(function)` is the function compiled a second time, in which
+`math` means `twin.compiled.elementary` wherever that has a function of the name, and so in every
+compiled function that it calls. A function of the C library that is not there stays.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+from types import CellType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+from twin.compiled import content, elementary
+from twin.compiled.function import Compiled
+
+
+@functools.cache
+def portable(function: Any) -> Any:
+    """A function made by `jit` or `generate`, compiled with elementary functions."""
+    return function if function.__module__ == elementary.__name__ else _Portable(function)
+
+
+class _Portable(Compiled):
+    def __init__(self, function: Compiled):
+        name = f"portable_{function.__name__}"
+        super().__init__(lambda: _again(function), name, function.__module__, **function._options)
+        self.__doc__ = function.__doc__
+
+    def _content(self) -> str | None:
+        stamps = (content.stamp(self.__module__), content.stamp(__name__))
+        if None in stamps:
+            return None
+        return hashlib.sha256("\n".join(map(str, stamps)).encode()).hexdigest()[:32]
+
+
+class _Math(ModuleType):
+    """The module `math` to compiled code, with the elementary functions in it."""
+
+    def __getattr__(self, name: str) -> Any:
+        return _elementary(name) or getattr(math, name)
+
+
+_MATH = _Math("math")
+
+
+def _elementary(name: str) -> Any:
+    found = getattr(elementary, name, None)
+    return found if isinstance(found, Compiled) else None
+
+
+def _again(function: Compiled) -> FunctionType:
+    """The Python function with other globals: what it calls is what `_other` says."""
+    source: Any = function.py_func
+    code, names = source.__code__, _names(source.__code__)
+    space = {
+        name: _other(value, names) for name, value in source.__globals__.items() if name in names
+    }
+    closure = source.__closure__ and tuple(
+        CellType(_other(cell.cell_contents, names)) for cell in source.__closure__
+    )
+    # numba keeps compiled code by the function's name: the two must not have one
+    name = f"portable_{source.__name__}"
+    code = code.replace(co_name=name, co_qualname=f"portable_{code.co_qualname}")
+    space["__name__"] = source.__module__ or function.__module__
+    again = FunctionType(code, space, name, source.__defaults__, closure)
+    again.__qualname__ = code.co_qualname
+    return again
+
+
+def _names(code: CodeType) -> frozenset[str]:
+    """What it and the functions in it call by name, and the attributes that they take."""
+    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
+    return frozenset(code.co_names).union(*inner)
+
+
+def _other(value: Any, names: frozenset[str]) -> Any:
+    """What a name stands for in portable code."""
+    if value is math:
+        return _MATH if any(map(_elementary, names)) else math
+    if isinstance(value, Compiled):
+        return portable(value) if calls_math(value) else value
+    if getattr(value, "__module__", None) == "math":
+        return _elementary(value.__name__) or value
+    return value
+
+
+def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> bool:
+    """Whether it, or what it calls, has something of `math` that is elementary here."""
+    if function in above or function.__module__ == elementary.__name__:
+        return False  # `above`: those that call it
+    source: Any = function.py_func
+    names = _names(source.__code__)
+    used = [value for name, value in source.__globals__.items() if name in names]
+    used += [cell.cell_contents for cell in source.__closure__ or ()]
+    return any(
+        calls_math(value, above | {function})
+        if isinstance(value, Compiled)
+        else _other(value, names) is not value
+        for value in used
+    )

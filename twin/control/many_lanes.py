@@ -1,0 +1,236 @@
+"""Many lanes: vehicles side by side by the Fossen model, measured under the names of `Physics`.
+
+They stand in blocks of `twin.fossen.lanes`, which threads share. A vehicle flies here as
+`twin.simulate` with engine="lanes" flies it, to the last bit, whoever flies beside it.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import itertools
+import os
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.control.conditions import Conditions
+from twin.control.placing import water_of
+from twin.errors import InputError, VehicleError
+from twin.fossen import lanes as ln
+from twin.fossen.structure import AT, HEAD, LANES, PART, PARTS_AT, structure_of
+from twin.numbers import Array
+from twin.physics.lanes import column, joined, refuse_obstacles
+from twin.physics.lookup_tables import Tables
+from twin.physics.start import Start
+from twin.vehicle.vehicle import Vehicle
+
+WIDTH = LANES[-1]
+
+
+class ManyLanes:
+    """`count` vehicles of one structure; measurements have the vehicle as their first axis."""
+
+    def __init__(self, vehicle: Vehicle, count: int, *, timestep: float, threads: int = 0):
+        """Make room for them.
+
+        Args:
+          vehicle: of the file, with the hydrodynamics that are flown.
+          timestep: [s]. threads: as in `twin.control.many.ManyPhysics`.
+
+        Raises:
+          InputError: no vehicle, or one with obstacles. VehicleError: it does not fly in lanes.
+        """
+        if count < 1:
+            raise InputError(f"{count} vehicles: give at least 1")
+        refuse_obstacles(vehicle)
+        self.vehicle, self.count, self.timestep = vehicle, count, timestep
+        self._structure, self._numbers = structure_of(vehicle)
+        parts, blocks = self._structure.parts, -(-count // WIDTH)
+        self._rate = self._structure.rate(WIDTH)
+        words = self._structure.size * WIDTH
+        self._blocks = ln.empty_block(blocks * words).reshape(blocks, words)
+        self._rows = self._blocks.reshape(blocks, self._structure.size, WIDTH)
+        self._counts = np.zeros((blocks, WIDTH, len(ln.COUNTS)))
+        self._fresh = np.zeros((blocks, WIDTH), np.bool_)
+        still = column(self._structure, self._numbers, vehicle, Start(), np.zeros(0))
+        self._rows[...] = still[None, :, None]
+        self._tables = [Tables()] * (blocks * WIDTH)
+        self._tables_changed = True
+        self._first = {name: PARTS_AT + PART.index(name) * parts for name in PART}
+        threads = min(threads or os.cpu_count() or 1, blocks)
+        ends = np.linspace(0, blocks, threads + 1).round().astype(int).tolist()
+        self._shares = list(itertools.pairwise(ends))
+        self._pool = concurrent.futures.ThreadPoolExecutor(threads) if threads > 1 else None
+
+    # --- beginning and going on ---------------------------------------------------------------
+
+    def place(
+        self,
+        at: tuple[int, ...],
+        start: Start,
+        *,
+        vehicle: Vehicle,
+        conditions: Conditions | None,
+        duration: float,
+    ) -> None:
+        """As `twin.control.many.ManyPhysics.place`.
+
+        Raises:
+          VehicleError: the real vehicle has parts or a hull law of another kind.
+        """
+        (index,) = at
+        structure, numbers, real = self._structure, self._numbers, self.vehicle
+        tables = Tables()
+        if conditions is not None:
+            real = conditions.vehicle or real
+            if not conditions.only_current:
+                ballast = conditions.ballast
+                volume = (
+                    None if ballast is None else ballast.neutral_volume(real, conditions.density)
+                )
+                structure, numbers = structure_of(
+                    real, neutral_volume=volume, zeros=conditions.encoder_zeros
+                )
+                if structure != self._structure:
+                    raise VehicleError(
+                        f"vehicle {real.name!r} is drawn with other kinds of parts or another hull "
+                        f"law than {vehicle.name!r}, beside which it would fly in lanes"
+                    )
+            tables = water_of(conditions, real, duration)
+        block, lane = divmod(index, WIDTH)
+        self._rows[block, :, lane] = column(structure, numbers, real, start, tables.temperature)
+        self._counts[block, lane] = 0.0
+        self._fresh[block, lane] = True
+        if tables.words or self._tables[index].words:
+            self._tables[index], self._tables_changed = tables, True
+
+    def settle(self, which: NDArray[np.bool_]) -> None:
+        """Bring what is measured up to date with new starts, those that were placed."""
+        if self._tables_changed:
+            tables, self._tables_changed = self._tables, False
+            self._water = [
+                *joined([table.current for table in tables]),
+                *joined([table.density for table in tables]),
+                *joined([table.temperature for table in tables]),
+            ]
+        self._go_on(0)
+        self._fresh[...] = False
+
+    def set_control(self, commands: ArrayLike) -> None:
+        """Command the parts, in their order and units, shape (count, parts)."""
+        wanted = np.asarray(commands, float)
+        for k in range(self._structure.parts):
+            self._put(self._first["command"] + k, wanted[:, k])
+
+    def step(self, steps: int, which: NDArray[np.bool_]) -> None:
+        """Advance the vehicles of the mask `which`, (count,), by `steps` physics steps."""
+        self._put(AT["alive"], (which & ~self.failed()).astype(float))
+        self._go_on(steps)
+
+    def _go_on(self, steps: int) -> None:
+        def share(first: int, last: int) -> None:
+            places = slice(first * WIDTH, last * WIDTH + 1)
+            at = [array[places] if array.dtype == np.int64 else array for array in self._water]
+            blocks = self._blocks[first:last]
+            ln.go_on(
+                blocks, WIDTH, blocks.ctypes.data, self._rate.address, self._structure.parts,
+                self.timestep, steps, self._fresh[first:last], self._counts[first:last], *at,
+            )  # fmt: skip
+
+        if self._pool is None:
+            share(*self._shares[0])
+        else:
+            list(self._pool.map(lambda ends: share(*ends), self._shares))
+
+    def failed(self) -> NDArray[np.bool_]:
+        """Whose state left the finite numbers since its start, (count,)."""
+        found: NDArray[np.bool_] = self._counts[:, :, ln.FAILED].reshape(-1)[: self.count] != 0.0
+        return found
+
+    # --- measurements -------------------------------------------------------------------------
+
+    def _put(self, row: int, values: Array) -> None:
+        full, rest = divmod(self.count, WIDTH)
+        self._rows[:full, row] = values[: full * WIDTH].reshape(full, WIDTH)
+        if rest:
+            self._rows[full, row, :rest] = values[full * WIDTH :]
+
+    def _get(self, row: int) -> Array:
+        """One number of each vehicle, (count,)."""
+        return np.array(self._rows[:, row]).reshape(-1)[: self.count]
+
+    def _vector(self, row: int, width: int) -> Array:
+        """Some that follow each other, (count, width)."""
+        rows = np.array(self._rows[:, row : row + width].transpose(0, 2, 1), order="C")
+        return rows.reshape(-1, width)[: self.count]
+
+    def time(self) -> Array:
+        """[s]"""
+        return self._get(AT["time"])
+
+    def north(self) -> Array:
+        """[m]"""
+        return self._get(AT["state"])
+
+    def east(self) -> Array:
+        """[m]"""
+        return self._get(AT["state"] + 1)
+
+    def depth(self) -> Array:
+        """[m]"""
+        return self._get(AT["state"] + 2)
+
+    def roll(self) -> Array:
+        """[rad]"""
+        return self._get(AT["euler"])
+
+    def pitch(self) -> Array:
+        """[rad]"""
+        return self._get(AT["euler"] + 1)
+
+    def heading(self) -> Array:
+        """[rad] in [0, 2 pi)"""
+        return self._get(AT["euler"] + 2)
+
+    def velocity_over_ground(self) -> Array:
+        """[m/s], NED, shape (count, 3)."""
+        return self._vector(AT["rate"], 3)
+
+    def velocity_through_water(self) -> Array:
+        """Surge, sway, heave [m/s], FRD, shape (count, 3)."""
+        return self._vector(AT["state"] + 7, 3)
+
+    def rates(self) -> Array:
+        """Roll, pitch, yaw rate [rad/s], FRD, shape (count, 3)."""
+        return self._vector(AT["state"] + 10, 3)
+
+    def depth_rate(self) -> Array:
+        """[m/s]"""
+        return self._get(AT["rate"] + 2)
+
+    def speed(self) -> Array:
+        """[m/s] through the water."""
+        found: Array = np.linalg.norm(self.velocity_through_water(), axis=1)
+        return found
+
+    def net_buoyancy(self) -> Array:
+        """[kg] of the immersed vehicle, + = heavy."""
+        return self._get(AT["net_mass"])
+
+    def immersion(self) -> Array:
+        """Immersed fraction of the hull."""
+        return self._get(AT["immersion"])
+
+    def current(self) -> Array:
+        """Velocity of the water at the CB [m/s], NED, shape (count, 3)."""
+        return self._vector(AT["current"], HEAD["current"])
+
+    def activation(self) -> Array:
+        """Positions of the parts, in their order and units, shape (count, parts)."""
+        return self._vector(self._first["now"], self._structure.parts)
+
+    def actuators(self) -> Array:
+        """Positions of the parts as fractions of their travel, -1 to 1, shape (count, parts)."""
+        low = self._vector(self._first["low"], self._structure.parts)
+        high = self._vector(self._first["high"], self._structure.parts)
+        return 2.0 * (self.activation() - low) / (high - low) - 1.0
