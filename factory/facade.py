@@ -31,6 +31,7 @@ def generate(
     vehicle: str = "glider",
     sensors: str | SensorSuite | None = None,
     current: str | None = None,
+    engine: str = "mujoco",
     workers: int | None = None,
     executor: Executor | None = None,
     scheduler: str | None = None,
@@ -51,6 +52,7 @@ def generate(
       vehicle: shipped name, or the path of an MJCF file.
       sensors: suite, or its name, instead of the preset's.
       current: one current for all missions instead of drawn ones, as text.
+      engine: what flies the missions: "mujoco", or "lanes", the Fossen model side by side.
       workers: processes; None: the CPUs that this process may use.
       executor: what flies missions instead of such processes; it must reach `out` by the same path.
       scheduler: address of a dask scheduler whose workers do, such as tcp://127.0.0.1:8786.
@@ -76,6 +78,7 @@ def generate(
         vehicle=vehicle,
         sensors=sensors,
         current=current,
+        engine=engine,
     )
     with contextlib.ExitStack() as stack:
         if scheduler is not None:

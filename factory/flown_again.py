@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factory.generation.attempts import REPLACED, reason
+from factory.generation.attempts import reason
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.draw import sensor_seed
-from factory.sampling.fly import fly
+from factory.sampling.fly import REPLACED, fly
 from factory.sampling.recipe import differences, versions
 from factory.soundness import drawn_otherwise
 from twin.errors import StoreError
@@ -61,6 +61,7 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
         sensor_seed(run.seed, mission, run.attempt(mission)),
         current=run.given_current,
         drawn=run.sensor_constants(mission),
+        engine=recipe.engine,
     )
     samples = int(run.samples[mission])
     if len(flight.trajectory.time) != samples:
@@ -116,10 +117,14 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
         )
     failure = known[mission, attempt]
     try:
-        parameters = run.recipe.parameters(mission, attempt)
+        recipe = run.recipe
+        parameters = recipe.parameters(mission, attempt)
         seed = sensor_seed(run.seed, mission, attempt)
         with quiet_mujoco():
-            fly(parameters, run.vehicle, run.suite, seed, current=run.given_current)
+            fly(
+                parameters, run.vehicle, run.suite, seed,
+                current=run.given_current, engine=recipe.engine,
+            )  # fmt: skip
     except REPLACED as error:
         return failure.reason, reason(error)
     return failure.reason, "flew to its end"

@@ -85,7 +85,7 @@ def simulate(
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
       origin: latitude, longitude and time of the frame's origin; None takes the start's.
-      engine: what flies it: "mujoco", or "lanes", the Fossen model.
+      engine: "mujoco", or "lanes", the Fossen model (docs/howto/lanes.md).
       hydrodynamics: "coefficients" or "ellipsoid".
       timestep: [s] of the physics; None takes the vehicle file's.
       integrator: MuJoCo's; None takes the vehicle file's.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.endings import interruption
-from twin.cli.options import StoreArgument
+from twin.cli.options import EngineOption, StoreArgument
 
 if TYPE_CHECKING:
     from factory.generation.generate import Summary, Watcher
@@ -25,7 +25,7 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Generate(JsonOption):
+class Generate(EngineOption, JsonOption):
     """Fly randomised missions in parallel and store them; the same bytes for any --workers.
 
     Examples:
@@ -154,16 +154,20 @@ class Generate(JsonOption):
             vehicle=self.vehicle,
             sensors=self.sensors,
             current=self.current,
+            engine=self.engine,
         )
 
 
 def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
     """What a run did, as a table and as JSON."""
+    from twin.physics.scenario import ENGINES
+
     raw = raw_bytes(recipe)
     console.answer(
         out=summary.store,
         preset=recipe.preset,
         seed=recipe.seed,
+        **({} if recipe.engine == ENGINES[0] else {"engine": recipe.engine}),
         missions=summary.missions,
         hours=summary.hours,
         flown=summary.flown,
@@ -176,6 +180,7 @@ def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
     console.pairs(
         {
             "store": str(summary.store),
+            **({} if recipe.engine == ENGINES[0] else {"engine": recipe.engine}),
             "missions": f"{summary.missions} ({_splits(recipe)})",
             "simulated": f"{summary.hours:.4g} h",
             "failed and replaced": summary.failed,

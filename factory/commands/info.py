@@ -96,6 +96,7 @@ class Info(JsonOption):
                 "sensors": run.sensor_preset,
                 "missions": len(run),
                 "simulated": f"{run.hours:.4g} h every {run.period:g} s",
+                **({"engine": engine} if (engine := run.settings.get("engine")) else {}),
                 "physics": f"{run.settings['integrator']}, steps of "
                 f"{run.settings['timestep_s']:g} s, {run.settings['hydrodynamics']}",
                 "signals": len(run.signals()),

@@ -6,7 +6,7 @@ Flown mission: what is kept of a mission beside its signals.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,19 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.sampling.draw import Parameters, sensor_seed
-from factory.sampling.fly import FlownSignals, Impossible, fly
+from factory.sampling.fly import REPLACED, Draw, FlownSignals, fly_abreast
 from factory.sampling.recipe import Recipe
-from twin.errors import (
-    CurrentError,
-    FloorError,
-    InputError,
-    MissionError,
-    NoSteadyState,
-    SimulationUnstable,
-    StepTooLong,
-    TwinError,
-    VehicleError,
-)
+from twin.errors import InputError, SimulationUnstable, StepTooLong, TwinError
 from twin.records.schema import VARIABLES
 from twin.records.storage.sharded import stored_values
 from twin.vehicle.consumption import ENERGY
@@ -65,49 +55,63 @@ class FlownMission:
 
 MAX_ATTEMPTS = 20
 """So many failures in a row mean impossible distributions, not bad luck."""
-REPLACED = (
-    *(MissionError, VehicleError, CurrentError, FloorError, NoSteadyState),
-    *(SimulationUnstable, Impossible),
-)
-"""What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
 
 
-def fly_mission(
-    recipe: Recipe, mission: int
-) -> tuple[FlownMission, dict[str, NDArray[np.float32]]]:
-    """Fly mission number `mission`; failed attempts are recorded and replaced.
+Made = tuple[FlownMission, dict[str, NDArray[np.float32]]]
+"""What is kept about a mission, and its signals, each (samples,), as the store keeps them"""
 
-    Returns:
-      What is kept about it, and its signals, each (samples,), as the store keeps them.
+
+def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[Made]:
+    """Fly missions, together where the recipe's engine can; failed attempts are recorded and
+    replaced.
 
     Raises:
-      InputError: no attempt succeeded; names the distributions to narrow.
+      InputError: no attempt at a mission succeeded; names the distributions to narrow.
     """
-    failures: list[FailedAttempt] = []
-    for attempt in range(MAX_ATTEMPTS):
-        try:
-            parameters = recipe.parameters(mission, attempt)
+    made: dict[int, Made] = {}
+    failures: dict[int, list[FailedAttempt]] = {mission: [] for mission in missions}
+
+    def failed(mission: int, error: TwinError) -> None:
+        attempt, time_s = len(failures[mission]), getattr(error, "time_s", None)
+        failures[mission].append(FailedAttempt(mission, attempt, reason(error), time_s))
+
+    while len(made) < len(missions):
+        numbers, draws = [], []
+        for mission in missions:
+            if mission in made:
+                continue
+            attempt = len(failures[mission])
+            if attempt == MAX_ATTEMPTS:
+                last = failures[mission][-1].reason
+                raise InputError(
+                    f"mission {mission} failed {MAX_ATTEMPTS} times, last: {last}; "
+                    f"{to_narrow(recipe, last)}"
+                )
             seed = sensor_seed(recipe.seed, mission, attempt)
-            flight = fly(
-                parameters, recipe.vehicle, recipe.suite, seed, current=recipe.given_current
+            try:
+                parameters = recipe.parameters(mission, attempt)
+            except REPLACED as error:
+                failed(mission, error)
+                continue
+            numbers.append(mission)
+            draws.append(Draw(parameters=parameters, sensor_seed=seed))
+        for index, flight in fly_abreast(
+            draws, recipe.vehicle, recipe.suite, current=recipe.given_current, engine=recipe.engine
+        ):
+            mission = numbers[index]
+            if isinstance(flight, TwinError):
+                failed(mission, flight)
+                continue
+            flown = FlownMission(
+                mission=mission,
+                attempt=len(failures[mission]),
+                samples=len(flight.trajectory.time),
+                parameters=draws[index].parameters,
+                sensors=flight.drawn,
+                failures=tuple(failures[mission]),
             )
-        except REPLACED as error:
-            time_s = getattr(error, "time_s", None)
-            failures.append(FailedAttempt(mission, attempt, reason(error), time_s))
-            continue
-        flown = FlownMission(
-            mission=mission,
-            attempt=attempt,
-            samples=len(flight.trajectory.time),
-            parameters=parameters,
-            sensors=flight.drawn,
-            failures=tuple(failures),
-        )
-        return flown, rounded_signals(flight)
-    raise InputError(
-        f"mission {mission} failed {MAX_ATTEMPTS} times, last: {failures[-1].reason}; "
-        f"{to_narrow(recipe, failures[-1].reason)}"
-    )
+            made[mission] = flown, rounded_signals(flight)
+    return [made[mission] for mission in missions]
 
 
 def to_narrow(recipe: Recipe, reason: str) -> str:

@@ -149,7 +149,7 @@ class Job:
     @functools.cached_property
     def layout(self) -> Layout:
         """Blocks and shards."""
-        return Layout(len(self.recipe.plan))
+        return Layout(len(self.recipe.plan), self.recipe.abreast)
 
 
 def _keep(recipe: Recipe, site: Site) -> None:

@@ -160,6 +160,8 @@ def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | Non
     """Fly what is missing and assemble the shards; the missions flown now."""
     recipe, layout = job.recipe, job.layout
     blocks, shards = waiting_blocks(job)
+    if blocks and executor is None:
+        recipe.warm()
     flown = [mission for block in blocks for mission in layout.missions_of_block(block)]
     if watch is not None:
         for mission in sorted(set(range(len(recipe.plan))) - set(flown)):

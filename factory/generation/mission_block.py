@@ -11,7 +11,7 @@ import json
 import socket
 import struct
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -19,10 +19,11 @@ import numcodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FailedAttempt, FlownMission, fly_mission
+from factory.generation.attempts import FailedAttempt, FlownMission, fly_missions
 from factory.generation.bookkeeping import rows
 from factory.generation.executors import Job, alone
 from factory.generation.manifest import Manifest, all_there, leave_manifest, read_manifest
+from factory.sampling.drawn_plan import samples_in
 from factory.sampling.mission_water import mission_coordinates, mission_place
 from factory.sampling.recipe import Recipe, versions
 from twin.bounded import check_archive
@@ -34,6 +35,8 @@ from twin.records.storage.stored_files import file_sum
 
 Signals = Mapping[str, NDArray[Any]]
 """By name: (samples,) of one mission."""
+MOST_SAMPLES = 500_000
+"""Of missions that fly together, whose logs are in memory at once: about 400 bytes each"""
 BLOSC = numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=numcodecs.Blosc.SHUFFLE)
 TABLE, SIGNAL, ROWS = "table", "signal.", "rows."
 """Entries of the file: JSON that says how to read the others; a signal; values of each mission."""
@@ -68,10 +71,10 @@ def _fly_block(job: Job, number: int) -> BlockDone:
         )
     flown: list[FlownMission] = []
     signals: list[Signals] = []
-    for mission in job.layout.missions_of_block(number):
-        one, measured = fly_whole(recipe, mission)
-        flown.append(one)
-        signals.append(measured)
+    for missions in together(recipe, job.layout.missions_of_block(number)):
+        for one, measured in fly_whole(recipe, missions):
+            flown.append(one)
+            signals.append(measured)
     data = pack(flown, signals, rows(recipe, flown))
     manifest = Manifest(
         unit=f"block {number}",
@@ -86,12 +89,28 @@ def _fly_block(job: Job, number: int) -> BlockDone:
     return BlockDone(number, tuple(len(one.failures) for one in flown))
 
 
-def fly_whole(recipe: Recipe, mission: int) -> tuple[FlownMission, Signals]:
-    """Fly a mission; all that a store has of it with (mission, time)."""
+def together(recipe: Recipe, missions: Iterable[int]) -> Iterator[list[int]]:
+    """Missions in groups that fly together, whose logs fit into the memory of a worker."""
+    group: list[int] = []
+    samples = 0
+    for mission in missions:
+        more = samples_in(recipe.plan.durations_s[mission])
+        if group and (len(group) == recipe.abreast or samples + more > MOST_SAMPLES):
+            yield group
+            group, samples = [], 0
+        group.append(mission)
+        samples += more
+    if group:
+        yield group
+
+
+def fly_whole(recipe: Recipe, missions: Sequence[int]) -> Iterator[tuple[FlownMission, Signals]]:
+    """Fly missions together; all that a store has of each with (mission, time)."""
     with quiet_mujoco():  # an unstable mission is recorded and replaced instead
-        one, measured = fly_mission(recipe, mission)
-    place = mission_place(one.parameters, recipe.given_current)
-    return one, {**measured, **mission_coordinates(measured, place)}
+        made = fly_missions(recipe, missions)
+    for one, measured in made:
+        place = mission_place(one.parameters, recipe.given_current)
+        yield one, {**measured, **mission_coordinates(measured, place)}
 
 
 def block_manifest(job: Job, number: int) -> Manifest | None:

@@ -93,7 +93,8 @@ def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
 
 def hours_of(recipe: Recipe, part: StorePart) -> float:
     """Simulated hours of the missions of a part."""
-    layout, durations = Layout(len(recipe.plan)), recipe.plan.durations_s
+    layout = Layout(len(recipe.plan), recipe.abreast)
+    durations = recipe.plan.durations_s
     missions = (m for b in part.blocks(layout) for m in layout.missions_of_block(b))
     return sum(durations[m] for m in missions) / HOUR
 

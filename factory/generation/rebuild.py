@@ -143,7 +143,7 @@ class _Wreck:
 
     def _fly(self, mission: int) -> tuple[FlownMission, Signals]:
         if mission not in self.flown:
-            self.flown[mission] = fly_whole(self.job.recipe, mission)
+            (self.flown[mission],) = fly_whole(self.job.recipe, [mission])
         return self.flown[mission]
 
     def _mission(self, mission: int) -> FlownMission:

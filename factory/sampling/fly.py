@@ -5,7 +5,7 @@ Bounds: which simulations are missions to keep: possible ones that stay off the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,19 @@ from factory.sampling.vehicle_errors import (
     encoder_zeros,
     spread_vehicle,
 )
-from twin.errors import TwinError
+from twin.errors import (
+    CurrentError,
+    FloorError,
+    MissionError,
+    NoSteadyState,
+    SimulationUnstable,
+    TwinError,
+    VehicleError,
+)
 from twin.mission import Mission, Segment
-from twin.physics.scenario import SAMPLE_PERIOD, Scenario
+from twin.physics.lanes import Aground, Lane, flown_abreast
+from twin.physics.lookup_tables import Tables
+from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
 from twin.physics.simulation import Simulation
 from twin.records.schema import VARIABLES
 from twin.records.schema.limits import simulated_limits
@@ -47,6 +57,13 @@ class Impossible(TwinError):
     def __init__(self, message: str, *, time_s: float):
         super().__init__(message)
         self.time_s = time_s
+
+
+REPLACED = (
+    *(MissionError, VehicleError, CurrentError, FloorError, NoSteadyState),
+    *(SimulationUnstable, Impossible),
+)
+"""What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
 
 
 def check_possible(truth: Mapping[str, Array], time: Array) -> None:
@@ -80,8 +97,11 @@ def check_afloat(truth: Mapping[str, Array], time: Array) -> None:
     """
     contact = truth.get("true_contact")
     if contact is not None and contact.any():
-        when = float(time[np.argmax(contact)])
-        raise Impossible(f"ran aground at {when:.1f} s", time_s=when)
+        raise _grounded(float(time[np.argmax(contact)]))
+
+
+def _grounded(when: float) -> Impossible:
+    return Impossible(f"ran aground at {when:.1f} s", time_s=when)
 
 
 Array = NDArray[np.float64]
@@ -102,6 +122,16 @@ class FlownSignals:
         return {**self.trajectory.signals, **self.measured}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """What one mission is flown and measured by."""
+
+    parameters: Parameters
+    sensor_seed: np.random.SeedSequence
+    constants: Mapping[str, float] | None = None
+    """of its sensors; None: those that the seed gives"""
+
+
 def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
     """The mission that the guidance is given."""
     start_heading = heading = parameters.number("mission.start_heading_deg")
@@ -119,7 +149,10 @@ def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
 
 
 def build_scenario(
-    parameters: Parameters, nominal: Vehicle, current: Current | None = None
+    parameters: Parameters,
+    nominal: Vehicle,
+    current: Current | None = None,
+    engine: str = ENGINES[0],
 ) -> Scenario:
     """Everything that the physics needs; `current` replaces the drawn one."""
     believed = believed_vehicle(nominal, parameters)
@@ -134,6 +167,7 @@ def build_scenario(
         density=build_density(parameters),
         floor=build_floor(parameters, nominal),
         origin=origin(parameters),
+        engine=engine,
         sample_period=SAMPLE_PERIOD,
     )
 
@@ -146,39 +180,115 @@ def fly(
     *,
     current: Current | None = None,
     drawn: Mapping[str, float] | None = None,
+    engine: str = ENGINES[0],
 ) -> FlownSignals:
     """Fly one mission and measure it.
 
     Args:
       current: instead of the drawn one.
       drawn: the sensors' constants, by default those that the seed gives.
+      engine: what flies it, one of ENGINES.
 
     Raises:
       MissionError: the vehicle cannot fly it.
       SimulationUnstable: the simulation left the finite numbers.
       Impossible: it left the physically possible ones, or ran aground.
     """
-    scenario = build_scenario(parameters, nominal, current)
-    simulation = Simulation(scenario)
-    trajectory = simulation.run()
+    draw = Draw(parameters=parameters, sensor_seed=sensor_seed, constants=drawn)
+    ((_, found),) = fly_abreast([draw], nominal, suite, current=current, engine=engine)
+    if isinstance(found, TwinError):
+        raise found
+    return found
+
+
+def fly_abreast(
+    draws: Sequence[Draw],
+    nominal: Vehicle,
+    suite: SensorSuite,
+    *,
+    current: Current | None = None,
+    engine: str = ENGINES[0],
+) -> Iterator[tuple[int, FlownSignals | TwinError]]:
+    """Fly missions and measure them: the index of each, with its signals or with one of REPLACED.
+
+    They come in any order, and each one's signals are made when it is asked for. In lanes the
+    missions fly together; a mission is the same whatever flies beside it.
+
+    Args:
+      current: instead of the drawn ones.
+    """
+    for index, flight in _flights(draws, nominal, current, engine):
+        if isinstance(flight, TwinError):
+            yield index, flight
+            continue
+        try:
+            found = _measured(draws[index], *flight, suite)
+        except REPLACED as error:
+            yield index, error
+        else:
+            yield index, found
+
+
+Flight = tuple[Scenario, "Trajectory", Tables, float]
+"""What was flown and how, its tables, and its duration [s]"""
+
+
+def _flights(
+    draws: Sequence[Draw], nominal: Vehicle, current: Current | None, engine: str
+) -> Iterator[tuple[int, Flight | TwinError]]:
+    """Each draw's flight by the engine, or what was wrong with it."""
+    places: list[int] = []
+    lanes: list[Lane] = []
+    for index, draw in enumerate(draws):
+        try:
+            scenario = build_scenario(draw.parameters, nominal, current, engine)
+            if engine == "lanes":
+                lanes.append(Lane(scenario))
+                places.append(index)
+                continue
+            simulation = Simulation(scenario)
+            trajectory = simulation.run()
+        except REPLACED as error:
+            yield index, error
+        else:
+            yield index, (scenario, trajectory, simulation.tables, simulation.duration)
+    for place, found in flown_abreast(lanes):
+        lane = lanes[place]
+        if isinstance(found, Aground):
+            yield places[place], _grounded(found.time_s)
+        elif isinstance(found, SimulationUnstable):
+            yield places[place], found
+        else:
+            yield places[place], (lane.scenario, found, lane.tables, lane.duration)
+
+
+def _measured(
+    draw: Draw,
+    scenario: Scenario,
+    trajectory: Trajectory,
+    tables: Tables,
+    duration: float,
+    suite: SensorSuite,
+) -> FlownSignals:
+    """What the sensors make of a flight; raises Impossible."""
     check_possible(trajectory.signals, trajectory.time)
     check_afloat(trajectory.signals, trajectory.time)
-    if drawn is None:
-        drawn = suite.draw(sensor_seed)
-    water, floor = scenario.current, simulation.tables.floor
+    parameters, seed = draw.parameters, draw.sensor_seed
+    drawn = suite.draw(seed) if draw.constants is None else draw.constants
+    water, floor = scenario.current, tables.floor
     bottom: ArrayLike | None = bottom_depth(parameters)
     if floor.size:
         bottom = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
     measured = suite.measure(
         trajectory.signals,
         dt=SAMPLE_PERIOD,
-        rng_seed=sensor_seed,
+        rng_seed=seed,
         drawn=drawn,
         bottom_depth=bottom,
         floor=floor if floor.size else None,
         latitude=parameters.number("water.latitude"),
         longitude=parameters.number("water.longitude"),
         density=scenario.density,
-        current=None if water is None else water.compile(simulation.duration, scenario.origin),
+        current=None if water is None else water.compile(duration, scenario.origin),
     )
     return FlownSignals(trajectory=trajectory, measured=measured, drawn=drawn)

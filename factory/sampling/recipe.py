@@ -34,8 +34,10 @@ from factory.sampling.presets import (
     paper_test_plan,
 )
 from twin.errors import InputError, StoreError, TwinError, unknown_name
+from twin.fossen.structure import LANES
+from twin.physics.lanes import INTEGRATOR, Lane, flown_abreast
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
-from twin.physics.scenario import SAMPLE_PERIOD
+from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
 from twin.physics.true_signals import declare_parts
 from twin.records import attributes
 from twin.records.schema import SCHEMA_VERSION
@@ -68,8 +70,12 @@ class Recipe:
     current: str | Mapping[str, Any] | None = None
     """one current for all missions, as `twin simulate --current` takes it, or its description as
     stores hold it; None: drawn"""
+    engine: str = ENGINES[0]
+    """what flies the missions, one of ENGINES"""
 
     def __post_init__(self) -> None:
+        if self.engine not in ENGINES:
+            raise InputError(unknown_name("engine", str(self.engine), ENGINES))
         if self.preset not in PRESETS:
             raise InputError(unknown_name("preset", self.preset, PRESETS))
         if self.seed < 0:
@@ -104,9 +110,27 @@ class Recipe:
     @cached_property
     def physics(self) -> dict[str, Any]:
         """Time step [s] and integrator; compiling them shows vehicle errors at once."""
+        if self.engine == "lanes":
+            return {"timestep_s": self._lane.timestep, "integrator": INTEGRATOR}
         option = compile_model(self.vehicle, lean=True).opt
         names = {int(number): name for name, number in INTEGRATORS.items()}
         return {"timestep_s": option.timestep, "integrator": names[int(option.integrator)]}
+
+    @property
+    def _lane(self) -> Lane:
+        """The vehicle as it flies in lanes; raises what is in the way of that."""
+        return Lane(Scenario(vehicle=self.vehicle, engine=self.engine, duration=SAMPLE_PERIOD))
+
+    @property
+    def abreast(self) -> int:
+        """Missions that fly together."""
+        return LANES[-1] if self.engine == "lanes" else 1
+
+    def warm(self) -> None:
+        """Compile what flies the missions, before processes are forked that would all do so."""
+        if self.engine == "lanes":
+            for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # a wide and a narrow block
+                pass
 
     @cached_property
     def table(self) -> Table:
@@ -171,6 +195,7 @@ class Recipe:
             "seed": self.seed,
             "vehicle": self.vehicle.name,
             attributes.VEHICLE_SHA256: sha256(self.vehicle.xml),
+            **({} if self.engine == ENGINES[0] else {"engine": self.engine}),
             "hydrodynamics": "coefficients",
             **self.physics,
             attributes.SAMPLE_PERIOD: SAMPLE_PERIOD,
@@ -229,6 +254,7 @@ def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> R
             vehicle=parse_vehicle(text, Path(f"{settings['vehicle']}.xml")),
             sensors=SensorSuite.from_settings(settings["sensors"]),
             current=settings["current"],
+            engine=settings.get("engine", ENGINES[0]),
         )
     except (KeyError, TypeError, AttributeError) as error:
         if isinstance(error, TwinError):
@@ -256,11 +282,12 @@ def make_recipe(
     vehicle: str = "glider",
     sensors: str | SensorSuite | None = None,
     current: str | None = None,
+    engine: str = ENGINES[0],
 ) -> Recipe:
     """A recipe from names.
 
     Raises:
-      InputError: unknown preset, parameter, vehicle or sensor suite; impossible value.
+      InputError: unknown preset, parameter, vehicle, sensor suite or engine; impossible value.
     """
     return Recipe(
         preset=preset,
@@ -270,6 +297,7 @@ def make_recipe(
         vehicle=load_vehicle(vehicle),
         sensors=sensors,
         current=current,
+        engine=engine,
     )
 
 

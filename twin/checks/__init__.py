@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from twin.checks.agreement import DURATION as DURATION
     from twin.checks.agreement import POSITION_LIMIT as POSITION_LIMIT
     from twin.checks.agreement import SPEED_LIMIT as SPEED_LIMIT
+    from twin.checks.engines import FINER as FINER
+    from twin.checks.engines import WITHIN as WITHIN
+    from twin.checks.engines import check_engines as check_engines
     from twin.checks.log_comparison import check_logs as check_logs
     from twin.checks.log_figures import PhaseFigures as PhaseFigures
     from twin.checks.log_result import LogCheck as LogCheck
@@ -21,5 +24,6 @@ if TYPE_CHECKING:
     from twin.checks.passivity import check_still_water as check_still_water
     from twin.checks.published import ANGLES as ANGLES
     from twin.checks.step_cost import bench as bench
+    from twin.checks.step_cost import bench_lanes as bench_lanes
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,10 +65,16 @@ class Manoeuvre:
     current: Current
     start: Start
 
+    def scenario(self, vehicle: Vehicle, **fields: Any) -> Scenario:
+        """The flight of it; `fields` are a scenario's others."""
+        return Scenario(
+            vehicle=vehicle, mission=self.schedule, start=self.start, current=self.current, **fields
+        )
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Difference:
-    """MuJoCo against Fossen over one manoeuvre."""
+    """Two flights of one manoeuvre: MuJoCo against Fossen, or one engine against another."""
 
     seed: int
     speed_m_s: float
@@ -152,14 +159,7 @@ def fly_both(
     timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model has a step of its own, no
     longer than the file's.
     """
-    scenario = Scenario(
-        vehicle=vehicle,
-        mission=manoeuvre.schedule,
-        duration=duration,
-        start=manoeuvre.start,
-        current=manoeuvre.current,
-        timestep=timestep,
-    )
+    scenario = manoeuvre.scenario(vehicle, duration=duration, timestep=timestep)
     start = manoeuvre.start
     water = scenario.density
     fossen = FossenModel(
@@ -179,20 +179,16 @@ def fly_both(
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration, dt=dt)
 
 
-def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference:
+def compare(ours: Trajectory, theirs: Trajectory | FossenTrajectory, seed: int) -> Difference:
     """The three figures of agreement of two runs sampled at the same times."""
-    speed = np.linalg.norm(ours.v_rel, axis=1) - theirs.speed
-    angles = [np.deg2rad(ours[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
-    relative = np.einsum(
-        "tji,tjk->tik",
-        quaternion_to_matrix(euler_to_quaternion(*angles)),
-        quaternion_to_matrix(theirs.quaternion),
-    )
+    speed = np.linalg.norm(ours.v_rel, axis=1) - np.linalg.norm(theirs.v_rel, axis=1)
+    relative = np.einsum("tji,tjk->tik", _to_ned(ours), _to_ned(theirs))
     # sin of half the angle is accurate where the cosine of a small angle is not
     sine = np.linalg.norm(relative - np.eye(3), axis=(1, 2)) / math.sqrt(8.0)
     attitude = np.rad2deg(2 * np.arcsin(np.clip(sine, 0.0, 1.0)))
-    position = np.linalg.norm(ours.position - theirs.position_ned, axis=1)
-    steps = np.linalg.norm(np.diff(theirs.position_ned, axis=0), axis=1)
+    track = _track(theirs)
+    position = np.linalg.norm(_track(ours) - track, axis=1)
+    steps = np.linalg.norm(np.diff(track, axis=0), axis=1)
     distance = float(steps.sum())
     return Difference(
         seed=seed,
@@ -201,6 +197,19 @@ def compare(ours: Trajectory, theirs: FossenTrajectory, seed: int) -> Difference
         position_percent=float(100.0 * position.max() / distance),
         distance_m=distance,
     )
+
+
+def _to_ned(flown: Trajectory | FossenTrajectory) -> Array:
+    """Body to NED, shape (time, 3, 3)."""
+    if isinstance(flown, FossenTrajectory):
+        return quaternion_to_matrix(flown.quaternion)
+    angles = [np.deg2rad(flown[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
+    return quaternion_to_matrix(euler_to_quaternion(*angles))
+
+
+def _track(flown: Trajectory | FossenTrajectory) -> Array:
+    """Positions NED [m], shape (time, 3)."""
+    return flown.position_ned if isinstance(flown, FossenTrajectory) else flown.position
 
 
 def check_manoeuvres(

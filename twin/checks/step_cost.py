@@ -1,23 +1,36 @@
-"""Step cost: what the physics costs, against the bare MuJoCo step of the same model, in one run."""
+"""Step cost: what the physics costs, against the bare MuJoCo step of the same model, in one run.
+
+Of lanes: closed-loop missions side by side, against the arithmetic of their structure alone.
+"""
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
+import math
 import statistics
 import time
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
+from twin.compiled import jit
+from twin.fossen.lanes import call_rate
+from twin.fossen.structure import LANES
 from twin.mission.shipped_missions import load_mission_for
 from twin.physics.fleet import Fleet
 from twin.physics.initial_state import set_start
+from twin.physics.lanes import Lane, LaneBlock, fly_in_lanes
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
+from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
+from twin.water.current.current_text import parse_current
+from twin.water.density_spec import parse_density
 
 ROUNDS, BATCHES = 40, 3
 """Pairs of stretches; which of the two comes first changes from pair to pair"""
@@ -121,3 +134,115 @@ def _times_real_time(scenario: Scenario, count: int, threads: int) -> float:
     fleet.step(steps - warm)
     wall = time.perf_counter() - begin
     return count * duration * (steps - warm) / steps / wall
+
+
+CURRENT = "ekman:tau=0.1,direction=90+geostrophic:surface=0.2,direction=45,scale=800"
+DENSITY = "thermocline"
+"""The water of the lanes' bench: sheared, and tabulated"""
+BLOCKS_PER_THREAD = 1
+ALONE = 2000
+"""Calls of the structure's function in a row"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LanesBenchResult:
+    """Costs of lanes; each the best of three. Those of one core are by the processor's time, which
+    other work on the machine leaves alone."""
+
+    times_real_time: float
+    """Simulated over wall time of closed-loop missions on `threads`: water, guidance, log"""
+    times_real_time_one_core: float
+    """The same of one block on one thread"""
+    times_real_time_to_signals: float
+    """The same on `threads` from scenarios to trajectories, plans compiled and signals computed"""
+    limit_one_core: float
+    """The same of one block if a step did nothing but call the structure's function once"""
+    part_of_limit: float
+    """`times_real_time_one_core` over `limit_one_core`"""
+    ns_per_step: float
+    """One vehicle's step on one core, all of it [ns]"""
+    threads: int
+    timestep_s: float
+    missions: int
+
+
+def bench_scenario(vehicle: Vehicle, number: int = 0) -> Scenario:
+    """Mission `number` of the lanes' bench: the vehicle's shipped one, on a heading of its own, in
+    sheared and stratified water."""
+    scenario = Scenario(
+        vehicle=vehicle, mission=load_mission_for(vehicle), engine="lanes",
+        current=parse_current(CURRENT),
+    )  # fmt: skip
+    place = scenario.place
+    water = parse_density(DENSITY, latitude=place.latitude_deg, longitude=place.longitude_deg)
+    turned = scenario.begin.heading + 2.0 * math.pi * (number % LANES[-1]) / LANES[-1]
+    start = {"heading": turned} if number else None
+    return dataclasses.replace(scenario, density=water, start=start)
+
+
+def bench_lanes(vehicle: Vehicle, *, threads: int) -> LanesBenchResult:
+    """Measure what users fly: `LaneBlock.fly` is what `simulate` calls too."""
+    count = LANES[-1] * BLOCKS_PER_THREAD * threads
+    scenarios = [bench_scenario(vehicle, number) for number in range(count)]
+    lanes = [Lane(scenario) for scenario in scenarios]
+    blocks = [lanes[k : k + LANES[-1]] for k in range(0, count, LANES[-1])]
+    _on_one_core(blocks[0])  # compiles
+    one = max(_on_one_core(blocks[0]) for _ in range(3))
+    alone = _arithmetic_alone(blocks[0])
+    begin = time.perf_counter()
+    flown = fly_in_lanes(scenarios, threads=threads)
+    wall = time.perf_counter() - begin
+    simulated = sum(float(found.time[-1]) for found in flown if isinstance(found, Trajectory))
+    step = lanes[0].timestep
+    return LanesBenchResult(
+        times_real_time=max(fly_blocks(blocks, threads) for _ in range(3)),
+        times_real_time_one_core=one,
+        times_real_time_to_signals=simulated / wall,
+        limit_one_core=alone,
+        part_of_limit=one / alone,
+        ns_per_step=1e9 * step / one,
+        threads=threads,
+        timestep_s=step,
+        missions=count,
+    )
+
+
+def fly_blocks(blocks: Sequence[Sequence[Lane]], threads: int) -> float:
+    """Simulated over wall time of blocks on so many threads."""
+    ready = [LaneBlock(lanes) for lanes in blocks]
+    begin = time.perf_counter()
+    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
+        logs = list(pool.map(LaneBlock.fly, ready))
+    wall = time.perf_counter() - begin
+    return sum(map(_simulated, logs)) / wall
+
+
+def _on_one_core(lanes: Sequence[Lane]) -> float:
+    """Simulated time of a block over the processor's."""
+    block = LaneBlock(lanes)
+    begin = time.thread_time()
+    log = block.fly()
+    return _simulated(log) / (time.thread_time() - begin)
+
+
+def _simulated(log: Sequence[tuple[np.ndarray, object]]) -> float:
+    """[s] of all lanes of a block."""
+    return sum(float(rows["time"][-1]) for rows, _ in log)
+
+
+@jit(nogil=True)
+def _call_often(rate, address, h, count):  # type: ignore[no-untyped-def]
+    for _ in range(count):
+        call_rate(rate, address, h)
+
+
+def _arithmetic_alone(lanes: Sequence[Lane]) -> float:
+    """Times real time of a block whose steps only call the structure's function."""
+    block, step = LaneBlock(lanes), lanes[0].timestep
+    _call_often(block.rate.address, block.b.ctypes.data, step, 1)
+    took = []
+    for _ in range(3):
+        begin = time.thread_time()
+        _call_often(block.rate.address, block.b.ctypes.data, step, ALONE)
+        took.append(time.thread_time() - begin)
+    return ALONE * len(lanes) * step / min(took)

@@ -203,6 +203,16 @@ StoreArgument = Annotated[
 """Type of an argument: the path of a folder, or s3://BUCKET/NAME, gs://... or az://..."""
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EngineOption:
+    """Base of the commands that fly missions: adds `--engine`."""
+
+    engine: typing.Literal["mujoco", "lanes"] = "mujoco"
+    """what flies: mujoco, the twin; or lanes, the Fossen model for many vehicles side by side,
+    which feels no contact and runs no Python between its steps. docs/howto/lanes.md compares them
+    """
+
+
 def parse_rows(text: str) -> list[int] | None:
     """Mission numbers of a text such as "0-11,14"; None for "all".
 

@@ -5,23 +5,26 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.options import EngineOption
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench(JsonOption):
-    """Time a step with and without our water, and a batch of closed-loop missions.
+class Bench(EngineOption, JsonOption):
+    """Time a step with and without our water, and a batch of closed-loop missions; of lanes such a
+    batch, and their arithmetic alone.
 
-    Example:
+    Examples:
 
         twin bench --threads 2
+        twin bench --engine lanes --vehicle seaglider
     """
 
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     threads: int = 0
     """threads of the batch; 0 takes every core"""
-    rounds: int = 40
-    """pairs of stretches timed"""
+    rounds: int | None = None
+    """pairs of stretches timed in MuJoCo [default: 40]"""
 
     def run(self, console: Console) -> int:
         """Measure and print."""
@@ -31,10 +34,15 @@ class Bench(JsonOption):
         from twin.checks import bench
         from twin.errors import InputError
 
-        if self.threads < 0 or self.rounds < 1:
+        if self.threads < 0 or (self.rounds is not None and self.rounds < 1):
             raise InputError("--threads must be 0 or more and --rounds 1 or more")
         threads = self.threads or os.cpu_count() or 1
-        result = bench(load_vehicle(self.vehicle), threads=threads, rounds=self.rounds)
+        if self.engine == "lanes":
+            if self.rounds is not None:
+                raise InputError("--rounds are of MuJoCo's stretches: leave it out with lanes")
+            return self._lanes(threads, console)
+        given = {} if self.rounds is None else {"rounds": self.rounds}
+        result = bench(load_vehicle(self.vehicle), threads=threads, **given)
         console.answer(**asdict(result))
         low, high = result.overhead_quartiles
         console.pairs(
@@ -51,6 +59,33 @@ class Bench(JsonOption):
                 "limit (bare steps on these threads)": (f"{limit(result):,.0f} times real time"),
             },
             title="Cost of the physics (medians of pairs measured in turn)",
+        )
+        return 0
+
+    def _lanes(self, threads: int, console: Console) -> int:
+        """Closed-loop missions side by side."""
+        from twin import load_vehicle
+        from twin.checks import bench_lanes
+
+        result = bench_lanes(load_vehicle(self.vehicle), threads=threads)
+        console.answer(engine=self.engine, vehicle=self.vehicle, **asdict(result))
+        console.pairs(
+            {
+                f"{result.missions} missions on {result.threads} threads": (
+                    f"{result.times_real_time:,.0f} times real time"
+                ),
+                "one block on one core": f"{result.times_real_time_one_core:,.0f} times real time",
+                "from scenarios to signals": (
+                    f"{result.times_real_time_to_signals:,.0f} times real time"
+                ),
+                "limit of one core (arithmetic alone)": (
+                    f"{result.limit_one_core:,.0f} times real time"
+                ),
+                "part of that limit": f"{result.part_of_limit:.2f}",
+                "a vehicle's step": f"{result.ns_per_step:.0f} ns",
+                "time step": f"{result.timestep_s:g} s",
+            },
+            title="Cost of lanes: sheared current, tabulated density, guidance, log at 2 Hz",
         )
         return 0
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from twin.cli.console import Console, JsonOption
 
@@ -16,11 +16,13 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
 @dataclass(frozen=True, kw_only=True)
 class CheckModels(JsonOption):
     """Fly random manoeuvres in both models, recompute the published motions, and see that still
-    water gives no energy; with --logs fly a vehicle's twin beside its own logs.
+    water gives no energy; with --many fly both engines beside each other, with --logs a vehicle's
+    twin beside its own logs.
 
     Examples:
 
         twin check
+        twin check --many 1000
         twin check --logs real.zarr --vehicle mine.xml --page twin_and_logs
     """
 
@@ -32,6 +34,10 @@ class CheckModels(JsonOption):
     """number of random 600 s manoeuvres [default: 20]"""
     seed: int | None = None
     """first seed [default: 0]"""
+    many: int | None = None
+    """fly so many manoeuvres by both engines instead, MuJoCo and the Fossen model in lanes, all
+    shipped vehicles in turn or only --vehicle: quantiles of the differences, the worst one's
+    vehicle and seed, and what the steps themselves do"""
     timestep: float | None = None
     """MuJoCo's physics step in the manoeuvres [s]; default: the vehicle file's"""
     logs: Path | None = None
@@ -58,7 +64,72 @@ class CheckModels(JsonOption):
                     if self.logs is None
                     else f"--{name} is of the manoeuvres, which --logs does not fly: leave it out"
                 )
-        return self._models(console) if self.logs is None else self._logs(self.logs, console)
+        if self.many is None:
+            return self._models(console) if self.logs is None else self._logs(self.logs, console)
+        for name in ("logs", "manoeuvres", "timestep"):
+            if getattr(self, name) is not None:
+                raise InputError(f"--{name} does not go with --many: leave one of them out")
+        if self.many < 1:
+            raise InputError(f"--many must be at least 1, not {self.many}")
+        return self._engines(self.many, _seed(self.seed), console)
+
+    def _engines(self, count: int, seed: int, console: Console) -> int:
+        """MuJoCo beside the Fossen model in lanes."""
+        import os
+
+        from twin import load_vehicle, vehicle_names
+        from twin.checks import FINER, WITHIN, check_engines
+
+        names = vehicle_names() if self.vehicle is None else [self.vehicle]
+        vehicles = [load_vehicle(name) for name in names]
+        with console.progress(total=count, label="check", unit="manoeuvres") as progress:
+            found = check_engines(
+                vehicles, count=count, seed=seed, threads=os.cpu_count() or 1, watch=progress.update
+            )
+        told, share = found.describe(), f"{100.0 * WITHIN:g}"
+        console.table(
+            [
+                {
+                    "vehicle": one["vehicle"], "flown": one["flown"],
+                    "unstable": len(one["unstable"]), **_figures(
+                        {name: values.get(share) for name, values in one["quantiles"].items()}
+                    ),
+                }
+                for one in told["vehicles"]
+            ],
+            title=f"MuJoCo against lanes: {share} % of a vehicle's manoeuvres are within",
+            digits=3,
+        )  # fmt: skip
+        console.say()
+        console.table(
+            [
+                {
+                    "vehicle": one["vehicle"], "step s": one["steps"]["timestep_s"],
+                    **_figures(one["steps"]["lanes_error"]),
+                    **{f"{name} falls by": fall for name, fall in one["steps"]["falls"].items()},
+                }
+                for one in told["vehicles"]
+                if one["steps"]
+            ],
+            title=f"Error of lanes against a step {FINER} times shorter; what an engine's "
+            "speed changes by when its step is halved falls so at the next halving",
+            digits=3,
+        )  # fmt: skip
+        console.say()
+        console.table(
+            [
+                {"difference": name, "limit": told["limits"][name],
+                 **{f"{share} %": value for share, value in values.items()}}
+                for name, values in told["quantiles"].items()
+            ],
+            title=f"All {told['manoeuvres']} manoeuvres of {told['duration_s']:.0f} s",
+            digits=3,
+        )  # fmt: skip
+        if worst := told["worst"]:
+            figures = ", ".join(f"{name} {value:.3g}" for name, value in _figures(worst).items())
+            console.say(f"worst: {worst['vehicle']}, seed {worst['seed']}: {figures}")
+        console.answer(**told)
+        return _verdict(console, found.beyond())
 
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
@@ -114,11 +185,9 @@ class CheckModels(JsonOption):
         from twin.errors import InputError
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
-        seed = SEED if self.seed is None else self.seed
+        seed = _seed(self.seed)
         if count < 1:
             raise InputError(f"--manoeuvres must be at least 1, not {count}")
-        if seed < 0:
-            raise InputError(f"--seed must be 0 or more, not {seed}")
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
         rows, broken = [], []
         sources: dict[str, int] = {}
@@ -196,6 +265,25 @@ class CheckModels(JsonOption):
             ok=not broken,
         )
         return _verdict(console, broken)
+
+
+def _figures(difference: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures of a difference in the tables' units."""
+    speed = difference["speed_m_s"]
+    return {
+        "speed mm/s": None if speed is None else 1e3 * speed,
+        "attitude deg": difference["attitude_deg"],
+        "position %": difference["position_percent"],
+    }
+
+
+def _seed(given: int | None) -> int:
+    """The first manoeuvre's seed; raises InputError."""
+    from twin.errors import InputError
+
+    if given is not None and given < 0:
+        raise InputError(f"--seed must be 0 or more, not {given}")
+    return SEED if given is None else given
 
 
 def _thousandths(value: float | None) -> float | None:

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.options import EngineOption
 
 if TYPE_CHECKING:
     from twin import Scenario, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulate(JsonOption):
+class Simulate(EngineOption, JsonOption):
     """Fly one mission: summary table, and on request a store and a plot.
 
     Examples:
@@ -106,6 +107,7 @@ class Simulate(JsonOption):
             floor=self.floor,
             duration=self.duration,
             start=self.start,
+            engine=self.engine,
             hydrodynamics=self.hydrodynamics,
             timestep=self.timestep,
             integrator=self.integrator,
@@ -172,12 +174,14 @@ class Simulate(JsonOption):
             out=self.out,
             plot=self.plot,
             start=_place(scenario),
+            **({} if scenario.engine == "mujoco" else {"engine": scenario.engine}),
             **figures,
         )
         title = f"{scenario.vehicle.name} flew {getattr(scenario.mission, 'name', 'a schedule')!r}"
         console.pairs(
             {
                 **({"start": begun} if (begun := _place(scenario)) else {}),
+                **({} if scenario.engine == "mujoco" else {"engine": scenario.engine}),
                 "duration": f"{figures['duration_s']:.0f} s",
                 "ended": figures["ended"],
                 "distance through the water": f"{figures['distance_through_water_m']:.0f} m",

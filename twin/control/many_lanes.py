@@ -17,7 +17,7 @@ from twin.control.conditions import Conditions
 from twin.control.placing import water_of
 from twin.errors import InputError, VehicleError
 from twin.fossen import lanes as ln
-from twin.fossen.structure import AT, HEAD, LANES, PART, PARTS_AT, structure_of
+from twin.fossen.structure import AT, LANES, PART, PARTS_AT, structure_of
 from twin.numbers import Array
 from twin.physics.lanes import column, joined, refuse_obstacles
 from twin.physics.lookup_tables import Tables
@@ -223,7 +223,7 @@ class ManyLanes:
 
     def current(self) -> Array:
         """Velocity of the water at the CB [m/s], NED, shape (count, 3)."""
-        return self._vector(AT["current"], HEAD["current"])
+        return self._vector(AT["flow"], 3)
 
     def activation(self) -> Array:
         """Positions of the parts, in their order and units, shape (count, parts)."""

@@ -9,8 +9,7 @@ the body's rates taken implicitly about the acceleration x of the step before,
     (M + g D) x = F(y) + g D x_before,      y += h (3/2 y' - 1/2 y'_before) with v_r' = x,
 
 which has order 2 whatever D is, and for g = h is stable however large the damping is, also where
-the law damps up to twice as much as D says. Parts move by their exact solution. Current and
-density are looked up every LOOK_TIME or LOOK_WAY and are linear in between.
+the law damps up to twice as much as D says. Parts move by their exact solution.
 """
 
 from __future__ import annotations
@@ -31,13 +30,11 @@ from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.water.current.sampler import sample_gradient
-from twin.water.density import density_at, density_slope_at
+from twin.water.density import density_at
 from twin.water.floor.lookup import floor_depth
 
 _guided, _flow = portable(guidance_step), portable(sample_gradient)
 
-LOOK_TIME, LOOK_WAY = 0.5, 0.25
-"""[s], [m] at most between two looks at a lane's water; between them it is linear"""
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
 """What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
@@ -51,11 +48,10 @@ TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGE
     len(COUNTS) - MEMORY + 1
 )
 
-STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
-FLOW, DENSITY, DENSITY_SLOPE = AT["flow"], AT["density"], AT["density_slope"]
-TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
-IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
-WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
+STATE, RATE, BEFORE = AT["state"], AT["rate"], AT["before"]
+FLOW, DENSITY, TEMPERATURE = AT["flow"], AT["density"], AT["temperature"]
+IMMERSION, LEVER = AT["immersion"], AT["lever"]
+NET_MASS, PATH_RATE = AT["net_mass"], AT["path_rate"]
 EULER, LENGTH, DIAMETER, ALIVE = AT["euler"], AT["length"], AT["diameter"], AT["alive"]
 TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
@@ -116,19 +112,13 @@ def _look_up(  # type: ignore[no-untyped-def]
     b, lanes, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
 ):  # fmt: skip
-    """Current and water with their slopes, where the last look is too old or too far away.
+    """Current and water at every lane.
 
     A lane that has come to the sea floor ends.
     """
     for l in range(lanes):
-        at, seen = STATE * lanes + l, LOOKED * lanes + l
+        at = STATE * lanes + l
         north, east, depth, t = b[at], b[at + lanes], b[at + 2 * lanes], b[TIME * lanes + l]
-        dn, de, dd = north - b[seen], east - b[seen + lanes], depth - b[seen + 2 * lanes]
-        near = dn * dn + de * de + dd * dd < LOOK_WAY * LOOK_WAY
-        if near and t - b[seen + 3 * lanes] < LOOK_TIME - 1e-9:
-            continue
-        b[seen], b[seen + lanes], b[seen + 2 * lanes] = north, east, depth
-        b[seen + 3 * lanes] = t
         first, last = program_at[l], program_at[l + 1]
         if last > first:
             flow = _flow(programs[first:last], t, north, east, depth)
@@ -136,14 +126,10 @@ def _look_up(  # type: ignore[no-untyped-def]
                 b[(FLOW + k) * lanes + l] = flow[k]
         first, last = density_from[l], density_from[l + 1]
         if last > first:
-            table = densities[first:last]
-            b[DENSITY * lanes + l] = density_at(table, depth)
-            b[DENSITY_SLOPE * lanes + l] = density_slope_at(table, depth)
+            b[DENSITY * lanes + l] = density_at(densities[first:last], depth)
         first, last = warmth_from[l], warmth_from[l + 1]
         if last > first:
-            table = warmths[first:last]
-            b[TEMPERATURE * lanes + l] = density_at(table, depth)
-            b[TEMPERATURE_SLOPE * lanes + l] = density_slope_at(table, depth)
+            b[TEMPERATURE * lanes + l] = density_at(warmths[first:last], depth)
         first, last = floor_at[l], floor_at[l + 1]
         if last > first and b[ALIVE * lanes + l] != 0.0:
             altitude = floor_depth(floors[first:last], north, east) - depth
@@ -270,8 +256,8 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
             row[v + 6 + j] = min(max(gap / b[place + P_LAG * parts * lanes], -rate), rate)
         k = a + 2 * parts
         for i in range(3):
-            row[k + i] = b[(CURRENT + i) * lanes + l]
-        row[k + 3], row[k + 4] = b[WATER * lanes + l], b[IMMERSION * lanes + l]
+            row[k + i] = b[(FLOW + i) * lanes + l]
+        row[k + 3], row[k + 4] = b[DENSITY * lanes + l], b[IMMERSION * lanes + l]
         row[k + 5], row[k + 6] = b[NET_MASS * lanes + l], 0.0
         row[k + 7], row[k + 8] = guided[l, PITCH_SETPOINT], guided[l, HEADING_SETPOINT]
         row[k + 9] = guided[l, SEGMENT]

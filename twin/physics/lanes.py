@@ -11,7 +11,7 @@ import functools
 import itertools
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
@@ -42,8 +42,26 @@ END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
 CHUNK = 64
 """Samples of a block between two copies out of its log"""
+INTEGRATOR = "adams-bashforth"
+"""Name of the lanes' integrator; see `twin.fossen.lanes`"""
 LONGEST_STEP = 1.0
 """[s]"""
+
+
+class Aground(FloorError):
+    """A vehicle came to the sea floor at `time_s`, which lanes do not feel."""
+
+    def __init__(self, mission: int | None, time_s: float):
+        super().__init__(
+            f"{'' if mission is None else f'mission {mission}: '}the vehicle came to the sea floor "
+            f"at {time_s:.0f} s, which engine='lanes' does not feel; take engine='mujoco', or turn "
+            "higher above the floor (min_altitude_m)"
+        )
+        self.time_s = time_s
+
+
+Flown = Trajectory | SimulationUnstable | Aground
+"""What comes of one lane"""
 
 
 class Lane:
@@ -109,7 +127,6 @@ def column(
     attitude = terms.quaternion(float(start.roll), float(start.pitch), float(start.heading))
     state = (start.north, start.east, start.depth, *attitude, *start.v_rel, *start.rates, hull)
     found[AT["state"] : AT["state"] + ln.STATE_WORDS] = state
-    found[AT["looked"] + 3] = -np.inf
     found[AT["length"]], found[AT["diameter"]] = vehicle.hull_length, vehicle.hull_diameter
     found[AT["density"]], found[AT["temperature"]] = vehicle.reference_density, warmth
     found[AT["alive"]] = 1.0
@@ -183,7 +200,7 @@ def _driving(xml: str) -> tuple[int, ...]:
     return tuple(by_joint[name] for name in names if name in by_joint)
 
 
-class _Block:
+class LaneBlock:
     """Up to as many lanes as the widest block has, of one key."""
 
     def __init__(self, lanes: Sequence[Lane]):
@@ -300,30 +317,22 @@ def fly_in_lanes(
 
     Raises:
       InputError and others as of `Lane`: a scenario cannot be flown so.
-      FloorError: a vehicle came to the sea floor, which lanes do not feel.
+      Aground: a vehicle came to the sea floor, which lanes do not feel.
     """
     plans: Plans = {}
     lanes = [
         Lane(scenario, plans, until_flown=until_flown, follow=positions)
         for scenario, positions in itertools.zip_longest(scenarios, follow)
     ]
-    groups: dict[tuple[Any, ...], list[int]] = {}
-    for index, lane in enumerate(lanes):
-        groups.setdefault(lane.key, []).append(index)
     count = threads or os.cpu_count() or 1
-    blocks = [
-        list(itertools.islice(rest, size))
-        for members in groups.values()
-        for rest in [iter(members)]
-        for size in _sizes(len(members), count)
-    ]
+    blocks = _blocks(lanes, count)
     results: list[Trajectory | SimulationUnstable | None] = [None] * len(lanes)
 
     def fly(members: list[int]) -> None:
-        block = _Block([lanes[index] for index in members])
-        for k, (index, (rows, ours)) in enumerate(zip(members, block.fly(lean), strict=True)):
-            named = None if single else index
-            results[index] = _outcome(lanes[index], rows, ours, block.counts[k], named, lean)
+        for index, found in _flown(lanes, members, single=single, lean=lean):
+            if isinstance(found, Aground):
+                raise found
+            results[index] = found
 
     if count == 1 or len(blocks) == 1:
         for members in blocks:
@@ -334,6 +343,28 @@ def fly_in_lanes(
     return [result for result in results if result is not None]
 
 
+def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, Flown]]:
+    """Fly lanes on this thread; the index of each with what came of it, made when it is asked for.
+
+    So the logs of a block are in memory at once, and their trajectories are not.
+    """
+    for members in _blocks(lanes, 1):
+        yield from _flown(lanes, members)
+
+
+def _blocks(lanes: Sequence[Lane], threads: int) -> list[list[int]]:
+    """Which of the lanes fly in one block."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for index, lane in enumerate(lanes):
+        groups.setdefault(lane.key, []).append(index)
+    return [
+        list(itertools.islice(rest, size))
+        for members in groups.values()
+        for rest in [iter(members)]
+        for size in _sizes(len(members), threads)
+    ]
+
+
 def _sizes(count: int, threads: int) -> list[int]:
     """Sizes of the blocks of so many lanes: wide ones while they keep every thread busy."""
     wide = count // (LANES[-1] * threads) * threads
@@ -341,16 +372,24 @@ def _sizes(count: int, threads: int) -> list[int]:
     return [LANES[-1]] * wide + [LANES[0]] * narrow
 
 
+def _flown(
+    lanes: Sequence[Lane], members: Sequence[int], *, single: bool = False, lean: bool = False
+) -> Iterator[tuple[int, Flown]]:
+    """What comes of the lanes of one block."""
+    block = LaneBlock([lanes[index] for index in members])
+    logs = block.fly(lean)[::-1]
+    for k, index in enumerate(members):
+        rows, ours = logs.pop()  # a log is let go of once it is told
+        named = None if single else index
+        yield index, _outcome(lanes[index], rows, ours, block.counts[k], named, lean)
+
+
 def _outcome(
     lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None, lean: bool
-) -> Trajectory | SimulationUnstable:
+) -> Flown:
     """What one lane flew."""
     if not math.isnan(counts[ln.FLOOR_TIME]):
-        raise FloorError(
-            f"{'' if index is None else f'mission {index}: '}the vehicle came to the sea floor at "
-            f"{counts[ln.FLOOR_TIME]:.0f} s, which engine='lanes' does not feel; take "
-            "engine='mujoco', or turn higher above the floor (min_altitude_m)"
-        )
+        return Aground(index, float(counts[ln.FLOOR_TIME]))
     try:
         return trajectory(
             lane.scenario,

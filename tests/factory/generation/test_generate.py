@@ -167,13 +167,15 @@ def test_a_block_made_twice_with_other_bytes_is_told(
     _stop_before_shards(monkeypatch, made, store)
     job = Job(made, site_of(made, store))
     assert fly_block(job, 0).number == 0  # the same bytes again
-    fly = factory.generation.mission_block.fly_mission
+    fly = factory.generation.mission_block.fly_missions
 
     def rounded(*arguments: Any) -> Any:
-        flown, signals = fly(*arguments)
-        return flown, {**signals, "true_depth": signals["true_depth"] + np.float32(1e-3)}
+        return [
+            (flown, {**signals, "true_depth": signals["true_depth"] + np.float32(1e-3)})
+            for flown, signals in fly(*arguments)
+        ]
 
-    monkeypatch.setattr(factory.generation.mission_block, "fly_mission", rounded)
+    monkeypatch.setattr(factory.generation.mission_block, "fly_missions", rounded)
     with pytest.raises(StoreError, match="block 0 was made twice with different bytes"):
         fly_block(job, 0)
 
@@ -364,7 +366,7 @@ def test_a_dead_worker_is_told(
 ) -> None:
     monkeypatch.setattr(
         factory.generation.mission_block,
-        "fly_mission",
+        "fly_missions",
         lambda *_: os.kill(os.getpid(), signal.SIGKILL),
     )
     with pytest.raises(TwinError, match=r"a worker process ended abruptly.*--resume"):
@@ -377,7 +379,7 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(factory.generation.mission_block, "fly_mission", fail)
+    monkeypatch.setattr(factory.generation.mission_block, "fly_missions", fail)
     with pytest.raises(ZeroDivisionError, match="a bug") as caught:
         generate(recipe(), tmp_path / "missions.zarr", workers=1)
     assert "in fail" in str(caught.value.__cause__)

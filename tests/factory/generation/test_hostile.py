@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import factory.generation.attempts
+import factory.sampling.fly
 from factory.__main__ import PROGRAM
-from factory.generation.attempts import fly_mission
+from factory.generation.attempts import fly_missions
 from factory.generation.executors import Job
 from factory.generation.manifest import Manifest, missions_kept, read_manifest
 from factory.generation.mission_block import TABLE, Block
@@ -119,16 +119,16 @@ def test_a_block_of_somebody_else_is_refused(
 def test_what_cannot_be_flown_is_replaced(
     recipe: Recipes, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    real, tried = factory.generation.attempts.fly, []
+    real, tried = factory.sampling.fly.build_scenario, []
 
-    def fly(*words: object, **options: object) -> object:
+    def build(*words: object) -> object:
         tried.append(words)
         if len(tried) == 1:
             raise error
-        return real(*words, **options)  # type: ignore[arg-type]
+        return real(*words)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(factory.generation.attempts, "fly", fly)
-    flown, _ = fly_mission(recipe(), 0)
+    monkeypatch.setattr(factory.sampling.fly, "build_scenario", build)
+    ((flown, _),) = fly_missions(recipe(), [0])
     assert flown.attempt == 1
     assert flown.failures[0].reason == str(error)
 

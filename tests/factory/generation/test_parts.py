@@ -28,9 +28,10 @@ from twin.records.store import open_store
 Recipes = Callable[..., Recipe]
 
 
+@pytest.mark.parametrize("abreast", [1, 64])
 @pytest.mark.parametrize("missions", [1, 3, 13, 64, 65, 1333, 13_333, 1_000_000])
-def test_blocks_fill_shards_and_shards_the_store(missions: int) -> None:
-    layout = Layout(missions)
+def test_blocks_fill_shards_and_shards_the_store(missions: int, abreast: int) -> None:
+    layout = Layout(missions, abreast)
     blocks = (
         [m for b in layout.blocks for m in layout.missions_of_block(b)] if missions < 1e5 else []
     )

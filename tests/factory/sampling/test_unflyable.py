@@ -25,7 +25,7 @@ def test_what_nothing_can_fly_is_refused_by_name(name, text, monkeypatch):
     monkeypatch.setattr(attempts, "MAX_ATTEMPTS", 2)
     vehicle = load_vehicle("glider")
     with pytest.raises(InputError, match=name.replace(".", r"\.")) as raised:
-        attempts.fly_mission(Recipe(changes={name: text}, vehicle=vehicle, hours=0.1), 0)
+        attempts.fly_missions(Recipe(changes={name: text}, vehicle=vehicle, hours=0.1), [0])
     assert "\n" not in str(raised.value)
 
 

@@ -1,0 +1,240 @@
+"""Engines: MuJoCo and the Fossen model in lanes side by side on many random manoeuvres.
+
+Both fly by their vehicle's own step. What the steps themselves do is told beside it: each engine's
+change when its step is halved, once and once more, and the lanes' error at a vehicle's own step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from twin.checks.agreement import (
+    ATTITUDE_LIMIT,
+    DURATION,
+    POSITION_LIMIT,
+    SPEED_LIMIT,
+    Difference,
+    compare,
+    draw_manoeuvre,
+)
+from twin.errors import SimulationUnstable
+from twin.fossen.structure import LANES
+from twin.physics.scenario import ENGINES
+from twin.physics.simulation import simulate_many
+from twin.physics.stiffness import file_timestep
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+
+LIMITS = {
+    "speed_m_s": SPEED_LIMIT,
+    "attitude_deg": ATTITUDE_LIMIT,
+    "position_percent": POSITION_LIMIT,
+}
+"""Of each figure of `Difference`: what the share WITHIN of the manoeuvres keeps, and all of them
+FARTHEST times over"""
+WITHIN, FARTHEST = 0.99, 5.0
+QUANTILES = (0.5, 0.9, WITHIN, 1.0)
+STEPPED = 2
+"""Manoeuvres of a vehicle that are flown with shorter steps too"""
+FINER = 20
+"""Times shorter is the step that the lanes' own error is told against"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Steps:
+    """What the steps do in one vehicle's manoeuvres, medians over STEPPED of them."""
+
+    timestep_s: float
+    """the vehicle file's"""
+    lanes_error: Difference
+    """lanes at that step against a FINER one; the largest of each figure"""
+    falls: dict[str, float]
+    """by engine: an engine's change from this step to half of it, over that from half to a quarter,
+    in speed (RMS): four where it has order 2"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class VehicleAgreement:
+    """One vehicle's manoeuvres by both engines."""
+
+    vehicle: str
+    differences: list[Difference]
+    unstable: list[int]
+    """seeds that an engine did not fly to the end"""
+    steps: Steps | None
+    """None where none flew to the end"""
+
+    def quantiles(self) -> dict[str, dict[str, float]]:
+        """Of each figure, by QUANTILES in percent."""
+        return quantiles(self.differences)
+
+    def beyond(self) -> list[str]:
+        """Figures beyond what is asked for, as texts."""
+        found = [f"{self.vehicle}: manoeuvre {seed} went unstable" for seed in self.unstable]
+        for name, limit in LIMITS.items():
+            values = self.quantiles()[name]
+            for share, most in ((WITHIN, limit), (1.0, FARTHEST * limit)):
+                value = values.get(percent(share), 0.0)
+                if value > most:
+                    found.append(
+                        f"{self.vehicle}: {percent(share)} % of the manoeuvres are within "
+                        f"{value:.3g} in {name}, asked is {most:g}"
+                    )
+        return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EngineCheck:
+    """All vehicles' manoeuvres by both engines."""
+
+    vehicles: list[VehicleAgreement]
+
+    @property
+    def differences(self) -> list[Difference]:
+        """Of all vehicles."""
+        return [difference for one in self.vehicles for difference in one.differences]
+
+    def quantiles(self) -> dict[str, dict[str, float]]:
+        """Of each figure over all vehicles, by QUANTILES in percent."""
+        return quantiles(self.differences)
+
+    def beyond(self) -> list[str]:
+        """What is beyond the limits, vehicle by vehicle."""
+        return [text for one in self.vehicles for text in one.beyond()]
+
+    def worst(self) -> tuple[str, Difference] | None:
+        """The vehicle and the difference farthest beyond its limits, or nearest to them."""
+        pairs = [(one.vehicle, each) for one in self.vehicles for each in one.differences]
+
+        def size(pair: tuple[str, Difference]) -> float:
+            return max(getattr(pair[1], name) / limit for name, limit in LIMITS.items())
+
+        return max(pairs, key=size, default=None)
+
+    def describe(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        worst = self.worst()
+        return {
+            "manoeuvres": len(self.differences),
+            "duration_s": DURATION,
+            "limits": LIMITS,
+            "quantiles": self.quantiles(),
+            "worst": worst and {"vehicle": worst[0], **dataclasses.asdict(worst[1])},
+            "vehicles": [
+                {
+                    "vehicle": one.vehicle,
+                    "flown": len(one.differences),
+                    "unstable": one.unstable,
+                    "quantiles": one.quantiles(),
+                    "steps": one.steps and dataclasses.asdict(one.steps),
+                }
+                for one in self.vehicles
+            ],
+            "ok": not self.beyond(),
+        }
+
+
+def percent(share: float) -> str:
+    """A share as the answers name it."""
+    return f"{100.0 * share:g}"
+
+
+def quantiles(differences: Sequence[Difference]) -> dict[str, dict[str, float]]:
+    """Of each figure of LIMITS, by QUANTILES in percent; empty without differences."""
+    return {
+        name: {
+            percent(share): float(np.quantile([getattr(one, name) for one in differences], share))
+            for share in QUANTILES
+            if differences
+        }
+        for name in LIMITS
+    }
+
+
+def check_engines(
+    vehicles: Sequence[Vehicle],
+    *,
+    count: int,
+    seed: int = 0,
+    threads: int = 1,
+    watch: Callable[[int], None] = lambda flown: None,
+) -> EngineCheck:
+    """Fly `count` manoeuvres, the vehicles in turn, by both engines.
+
+    Args:
+      seed: of the first; a manoeuvre is `draw_manoeuvre` of its vehicle and its own seed.
+      watch: called with the manoeuvres that have been flown since the last call.
+    """
+    found = []
+    for place, vehicle in enumerate(vehicles):
+        seeds = range(seed + place, seed + count, len(vehicles))
+        if not seeds:
+            continue
+        differences, unstable = list[Difference](), list[int]()
+        for k in range(0, len(seeds), LANES[-1]):
+            some = seeds[k : k + LANES[-1]]
+            ours, theirs = (_flown(vehicle, some, engine, threads=threads) for engine in ENGINES)
+            for number, one, other in zip(some, ours, theirs, strict=True):
+                if one is None or other is None:
+                    unstable.append(number)
+                else:
+                    differences.append(compare(one, other, number))
+            watch(len(some))
+        flown = [one.seed for one in differences[:STEPPED]]
+        found.append(
+            VehicleAgreement(
+                vehicle=vehicle.name,
+                differences=differences,
+                unstable=unstable,
+                steps=_steps(vehicle, flown, threads) if flown else None,
+            )
+        )
+    return EngineCheck(vehicles=found)
+
+
+def _flown(
+    vehicle: Vehicle, seeds: Sequence[int], engine: str, *, threads: int, part: int = 1
+) -> list[Trajectory | None]:
+    """Each manoeuvre by an engine at a part of the vehicle's step; None where it went unstable."""
+    step = file_timestep(vehicle) / part
+    scenarios = [
+        draw_manoeuvre(vehicle, seed).scenario(
+            vehicle, duration=DURATION, engine=engine, timestep=step
+        )
+        for seed in seeds
+    ]
+    found = simulate_many(scenarios, threads=threads)
+    return [None if isinstance(one, SimulationUnstable) else one for one in found]
+
+
+def _steps(vehicle: Vehicle, seeds: Sequence[int], threads: int) -> Steps | None:
+    flights = {
+        (engine, part): _flown(vehicle, seeds, engine, threads=threads, part=part)
+        for engine in ENGINES
+        for part in (1, 2, 4)
+    }
+    flights["lanes", FINER] = _flown(vehicle, seeds, "lanes", threads=threads, part=FINER)
+
+    def between(engine: str, coarse: int, fine: int) -> list[Difference]:
+        pairs = zip(seeds, flights[engine, coarse], flights[engine, fine], strict=True)
+        return [compare(a, b, seed) for seed, a, b in pairs if a is not None and b is not None]
+
+    errors = between("lanes", 1, FINER)
+    if not errors:
+        return None
+    falls = {}
+    for engine in ENGINES:
+        once, twice = between(engine, 1, 2), between(engine, 2, 4)
+        ratios = [a.speed_m_s / b.speed_m_s for a, b in zip(once, twice, strict=True)]
+        falls[engine] = statistics.median(ratios)
+    largest = {name: max(getattr(one, name) for one in errors) for name in LIMITS}
+    return Steps(
+        timestep_s=file_timestep(vehicle),
+        lanes_error=dataclasses.replace(errors[0], **largest),
+        falls=falls,
+    )
