@@ -223,7 +223,7 @@ class ManyLanes:
 
     def current(self) -> Array:
         """Velocity of the water at the CB [m/s], NED, shape (count, 3)."""
-        return self._vector(AT["flow"], 3)
+        return self._vector(AT["current"], 3)
 
     def activation(self) -> Array:
         """Positions of the parts, in their order and units, shape (count, parts)."""

@@ -9,7 +9,8 @@ the body's rates taken implicitly about the acceleration x of the step before,
     (M + g D) x = F(y) + g D x_before,      y += h (3/2 y' - 1/2 y'_before) with v_r' = x,
 
 which has order 2 whatever D is, and for g = h is stable however large the damping is, also where
-the law damps up to twice as much as D says. Parts move by their exact solution.
+the law damps up to twice as much as D says. Parts move by their exact solution. The water is looked
+up every LOOKS steps, so that its error falls with the square of the step too.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import DONE, HEADING_SETPOINT, PITCH_SETPOINT, SEGMENT
 from twin.water.current.sampler import sample_gradient
-from twin.water.density import density_at
+from twin.water.density import density_at, density_slope_at
 from twin.water.floor.lookup import floor_depth
 
 _guided, _flow = portable(guidance_step), portable(sample_gradient)
@@ -48,10 +49,15 @@ TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGE
     len(COUNTS) - MEMORY + 1
 )
 
-STATE, RATE, BEFORE = AT["state"], AT["rate"], AT["before"]
-FLOW, DENSITY, TEMPERATURE = AT["flow"], AT["density"], AT["temperature"]
-IMMERSION, LEVER = AT["immersion"], AT["lever"]
-NET_MASS, PATH_RATE = AT["net_mass"], AT["path_rate"]
+LOOKS = 3
+"""Steps from one look at the water to the next: it is taken where the lane will be at the middle
+one, and is linear about it"""
+
+STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
+FLOW, DENSITY, DENSITY_SLOPE = AT["flow"], AT["density"], AT["density_slope"]
+TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
+IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
+WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
 EULER, LENGTH, DIAMETER, ALIVE = AT["euler"], AT["length"], AT["diameter"], AT["alive"]
 TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
@@ -109,16 +115,27 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
 
 @jit(nogil=True)
 def _look_up(  # type: ignore[no-untyped-def]
-    b, lanes, counts, programs, program_at, densities, density_from, warmths, warmth_from,
+    b, lanes, h, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
 ):  # fmt: skip
-    """Current and water at every lane.
+    """Current and water with their slopes, every LOOKS steps where the lane will be between them.
 
     A lane that has come to the sea floor ends.
     """
     for l in range(lanes):
-        at = STATE * lanes + l
-        north, east, depth, t = b[at], b[at + lanes], b[at + 2 * lanes], b[TIME * lanes + l]
+        t = b[TIME * lanes + l]
+        step = math.floor(t / h + 0.5)
+        if step - LOOKS * math.floor(step / LOOKS) != 0.0:
+            continue
+        at, way, seen = STATE * lanes + l, RATE * lanes + l, LOOKED * lanes + l
+        ahead = 0.5 * (LOOKS - 1) * h
+        t += ahead
+        if b[seen + 3 * lanes] == t:
+            continue
+        north, east = b[at] + ahead * b[way], b[at + lanes] + ahead * b[way + lanes]
+        depth = b[at + 2 * lanes] + ahead * b[way + 2 * lanes]
+        b[seen], b[seen + lanes], b[seen + 2 * lanes] = north, east, depth
+        b[seen + 3 * lanes] = t
         first, last = program_at[l], program_at[l + 1]
         if last > first:
             flow = _flow(programs[first:last], t, north, east, depth)
@@ -126,10 +143,14 @@ def _look_up(  # type: ignore[no-untyped-def]
                 b[(FLOW + k) * lanes + l] = flow[k]
         first, last = density_from[l], density_from[l + 1]
         if last > first:
-            b[DENSITY * lanes + l] = density_at(densities[first:last], depth)
+            table = densities[first:last]
+            b[DENSITY * lanes + l] = density_at(table, depth)
+            b[DENSITY_SLOPE * lanes + l] = density_slope_at(table, depth)
         first, last = warmth_from[l], warmth_from[l + 1]
         if last > first:
-            b[TEMPERATURE * lanes + l] = density_at(warmths[first:last], depth)
+            table = warmths[first:last]
+            b[TEMPERATURE * lanes + l] = density_at(table, depth)
+            b[TEMPERATURE_SLOPE * lanes + l] = density_slope_at(table, depth)
         first, last = floor_at[l], floor_at[l + 1]
         if last > first and b[ALIVE * lanes + l] != 0.0:
             altitude = floor_depth(floors[first:last], north, east) - depth
@@ -256,8 +277,8 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
             row[v + 6 + j] = min(max(gap / b[place + P_LAG * parts * lanes], -rate), rate)
         k = a + 2 * parts
         for i in range(3):
-            row[k + i] = b[(FLOW + i) * lanes + l]
-        row[k + 3], row[k + 4] = b[DENSITY * lanes + l], b[IMMERSION * lanes + l]
+            row[k + i] = b[(CURRENT + i) * lanes + l]
+        row[k + 3], row[k + 4] = b[WATER * lanes + l], b[IMMERSION * lanes + l]
         row[k + 5], row[k + 6] = b[NET_MASS * lanes + l], 0.0
         row[k + 7], row[k + 8] = guided[l, PITCH_SETPOINT], guided[l, HEADING_SETPOINT]
         row[k + 9] = guided[l, SEGMENT]
@@ -390,7 +411,7 @@ def fly(  # type: ignore[no-untyped-def]
                 follow_at,
             )
         _look_up(
-            b, lanes, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
+            b, lanes, h, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
             floors, floor_at,
         )  # fmt: skip
         _wet(b, lanes)
@@ -443,8 +464,8 @@ def go_on(  # type: ignore[no-untyped-def]
                 for l in range(lanes):
                     b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
             _look_up(
-                b, lanes, own, programs, programs_of, densities, densities_of, warmths, warmths_of,
-                no_floors, no_floor_at,
+                b, lanes, h, own, programs, programs_of, densities, densities_of, warmths,
+                warmths_of, no_floors, no_floor_at,
             )  # fmt: skip
             _wet(b, lanes)
             if step == -1:

@@ -40,12 +40,17 @@ HEAD = {
     "state": STATE_WORDS,
     "rate": STATE_WORDS,  # of the state, per second
     "before": STATE_WORDS,  # rate one step before
-    "flow": FLOW_WORDS,  # current, its local rate and its gradient at the vehicle
-    "density": 1,  # [kg/m3] of the water at the vehicle
-    "temperature": 1,  # [degC] of the water at the vehicle
+    "looked": 4,  # north, east, depth [m] and time [s] at which the water was looked up
+    "flow": FLOW_WORDS,  # there; the current is linear about it
+    "density": 1,  # [kg/m3] there
+    "density_slope": 1,  # [kg/m4]
+    "temperature": 1,  # [degC] of the water there
+    "temperature_slope": 1,  # [K/m]
     "immersion": 1,  # immersed part of the hull
     "lever": 1,  # [m] of the buoyancy, see `terms.immersed`
+    "current": 3,  # NED [m/s] at the vehicle
     "path_rate": 3,  # dV_c/dt along the path, NED [m/s2]
+    "water": 1,  # density [kg/m3] at the vehicle
     "net_mass": 1,  # [kg] fully immersed
     "euler": 3,  # roll, pitch, heading [rad]
     "length": 1,
@@ -93,7 +98,7 @@ class Structure:
     def rate(self, lanes: int) -> Any:
         """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s]).
 
-        It writes the rows `rate`, `net_mass` and `path_rate` from the others.
+        It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others.
         With `g` above 0 the accelerations are those of a linearly implicit step: see
         `twin.fossen.lanes`.
         """
@@ -347,14 +352,22 @@ def _write(w: _Writer, vehicle: Vehicle, volume: float, zeros: Mapping[str, floa
     for k, output in enumerate(outputs):
         w.add(f"{row(AT['rate'] + k)} = {output}")
     for k in range(3):
+        w.add(f"{row(AT['current'] + k)} = flow[{k}]")
         w.add(f"{row(AT['path_rate'] + k)} = path_rate[{k}]")
+    w.add(f"{row(AT['water'])} = density")
     w.add(f"{row(AT['net_mass'])} = body[0] - displaced")
 
 
 def _write_flow(w: _Writer) -> None:
-    """The current at the vehicle, its rates and its gradient, and the water's tables."""
-    flow = AT["flow"]
-    w.add(f"flow = {rows('flow', 3)}")
+    """The current, linear about where it was looked up, and the water's tables."""
+    looked, flow = AT["looked"], AT["flow"]
+    w.add(f"dn, de = north - {row(looked)}, east - {row(looked + 1)}")
+    w.add(f"dd, tau = depth - {row(looked + 2)}, {row(AT['time'])} - {row(looked + 3)}")
+    w.add("flow = (" + " ".join(
+        f"{row(flow + i)} + tau * {row(flow + 3 + i)} + ({row(flow + 6 + 3 * i)} * dn"
+        f" + {row(flow + 7 + 3 * i)} * de + {row(flow + 8 + 3 * i)} * dd),"
+        for i in range(3)
+    ) + ")")  # fmt: skip
     w.add("g_ned = (" + "".join(f"{row(flow + 6 + k)}, " for k in range(9)) + ")")
     w.add("through = rows_times(rot, nu)")
     w.add("velocity = (through[0] + flow[0], through[1] + flow[1], through[2] + flow[2])")
@@ -369,7 +382,8 @@ def _write_flow(w: _Writer) -> None:
         )
     w.add("grad = (c0[0], c1[0], c2[0], c0[1], c1[1], c2[1], c0[2], c1[2], c2[2])")
     w.add("p, q, r = wx - grad[7], wy + grad[6], wz - grad[3]")
-    w.add(f"density, temperature = {row(AT['density'])}, {row(AT['temperature'])}")
+    w.add(f"density = {row(AT['density'])} + {row(AT['density_slope'])} * dd")
+    w.add(f"temperature = {row(AT['temperature'])} + {row(AT['temperature_slope'])} * dd")
 
 
 def _position(w: _Writer, vehicle: Vehicle, name: str) -> str:

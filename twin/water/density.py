@@ -74,6 +74,19 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
 
 
 @jit
+def density_slope_at(program, depth):  # type: ignore[no-untyped-def]
+    """Change of `density_at` over depth [kg/m4], of the row at `depth`; 0 beyond the ends."""
+    last = min(int(program[0]), program.size - PROGRAM_HEADER) - 1
+    if not depth > 0.0 or last < 1:
+        return 0.0
+    x = depth / program[1]
+    if not 0.0 <= x < last:
+        return 0.0
+    i = PROGRAM_HEADER + int(x)
+    return (program[i + 1] - program[i]) / program[1]
+
+
+@jit
 def _pressure_kernel(top, values, above, surface_gravity, depth, out):  # type: ignore[no-untyped-def]
     """out [dbar] at each depth from the rows `top` [m] and the pressure `above` them [Pa]."""
     i = 0
