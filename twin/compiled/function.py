@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import threading
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any, TypeVar, cast, overload
@@ -11,8 +10,6 @@ from typing import Any, TypeVar, cast, overload
 from twin.compiled import content
 
 R = TypeVar("R")
-
-_LOCK = threading.RLock()
 
 
 class Compiled:
@@ -71,10 +68,12 @@ class Compiled:
 
     def _refresh(self) -> None:
         import numba
+        from numba.core.compiler_lock import global_compiler_lock
 
         from twin.compiled.folder import decorated
 
-        with _LOCK:
+        # numba's own lock: with a second one, two threads that compile may wait for each other
+        with global_compiler_lock:
             generation = content.generation()
             stamp = self._content()
             if self._dispatcher is None or stamp is None or stamp != self._stamp:
@@ -123,11 +122,12 @@ def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
     has changed: a callback holds copies of what it calls.
     """
     import numba
+    from numba.core.compiler_lock import global_compiler_lock
 
     from twin.compiled.folder import decorated
 
     def compile_now(function: Callable[..., Any]) -> Any:
-        with _LOCK:
+        with global_compiler_lock:
             settings = {"error_model": "numpy", **options}
             module = function.__module__ or "<unknown>"
             return decorated(
