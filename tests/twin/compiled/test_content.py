@@ -9,13 +9,15 @@ import pickle
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from patience import HANG_S
 from trees import keep_compiled
 
-from twin.compiled import content, folder, jit
+from twin.compiled import cfunc, content, folder, jit
 
 ROOT = Path(__file__).parents[3]
 
@@ -184,3 +186,27 @@ def test_without_a_folder_it_compiles_and_says_so(monkeypatch, tmp_path):
         return x / 3.0
 
     assert third(6.0) == 2.0
+
+
+def test_two_threads_that_compile_do_not_wait_for_each_other() -> None:
+    from numba import types
+    from numba.core.compiler_lock import global_compiler_lock
+
+    later = threading.Thread(
+        target=lambda: cfunc(types.void(types.float64))(lambda x: None), daemon=True
+    )
+    made = []
+
+    def compiling() -> None:
+        with global_compiler_lock:  # as numba holds it while it compiles what calls `half`
+            later.start()
+            time.sleep(0.3)  # until the other thread waits for that lock
+            made.append(half.dispatcher)
+
+    half = jit(lambda x: 0.5 * x)
+    first = threading.Thread(target=compiling, daemon=True)
+    first.start()
+    first.join(HANG_S)
+    assert len(made) == 1
+    later.join(HANG_S)
+    assert not later.is_alive()
