@@ -25,6 +25,7 @@ from typing import Self, TypeVar
 
 import numba
 from numba.core.caching import _CacheLocator
+from numba.core.compiler_lock import global_compiler_lock
 
 KEPT_DAYS = 30.0
 """[day] Versions that no process has used for longer are removed."""
@@ -212,7 +213,8 @@ def decorated(decorate: Callable[[bool], T], module: str, stamp: str | None) -> 
     """What `decorate(cache)` returns when numba asks `ContentLocator`; not kept without a stamp."""
     if stamp is None or cache_root() is None:
         return decorate(False)
-    with _located(module, stamp):
+    # where code is kept is numba's setting for all threads
+    with global_compiler_lock, _located(module, stamp):
         return decorate(True)
 
 
