@@ -8,11 +8,12 @@ from __future__ import annotations
 import dataclasses
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
@@ -116,6 +117,8 @@ class ImportReport:
 
 def finite(values: np.ndarray) -> int:
     """How many values are finite."""
+    import numpy as np  # the list of kinds needs this file for its errors alone
+
     return int(np.isfinite(values).sum())
 
 
