@@ -31,7 +31,6 @@ import numpy as np
 
 from benchmarks.figures import measured
 from benchmarks.watched import Watched
-from factory.commands.generate import raw_bytes
 from factory.description import stored_bytes
 from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
@@ -257,7 +256,7 @@ def main(hours: float, as_json: bool) -> int:
     for name, run in runs.items():
         _, preset, text, _ = (part.strip() for part in name.split(","))
         length = float(text.removesuffix(" h"))
-        raw = raw_bytes(make_recipe(preset=preset, hours=length))
+        raw = make_recipe(preset=preset, hours=length).float32_bytes
         store_rows.append({
             "what": name, "wall [s]": run["wall_s"], "CPU [s/h]": run["cpu_s"] / length,
             "peak memory [MB]": run["memory"] / 1e6, "MB per hour": run["bytes"] / 1e6 / length,

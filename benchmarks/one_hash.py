@@ -22,7 +22,7 @@ from benchmarks.faults.__main__ import MEMORY
 from benchmarks.faults.writers import digest
 from benchmarks.kills.cluster import Dask, dask_cluster
 from benchmarks.kills.processes import DONE, children, fork, reference, send, small_recipe, wait
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.sampling.recipe import Recipe
 from twin.cli.text_table import format_table

@@ -28,7 +28,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.watched import Use, Watched
-from factory.generation.generate import Summary, generate
+from factory.generation.generation import Summary, generate
 from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
 from twin.records.storage.stored_files import LocalFiles

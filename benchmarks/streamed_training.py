@@ -70,9 +70,9 @@ def train(options: argparse.Namespace) -> dict[str, object]:
     from learn.data.preparation import training_lengths
     from learn.data.store_checks import parts_of
     from learn.networks.config import NetworkConfig
+    from learn.training.fit_config import FitConfig
     from learn.training.resources import train as train_job
     from learn.training.schedule import TrainingConfig
-    from learn.training.settings import FitConfig
     from twin.navigation.features import select_features
 
     training = TrainingConfig(

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from unchanged import KEPT, PRESETS, SEED, differences, expected_hashes
 
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from twin.records.storage.checksums import array_checksums
 

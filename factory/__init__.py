@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from factory.facade import generate as generate
     from factory.facade import import_logs as import_logs
     from factory.facade import parameters as parameters
-    from factory.generation.generate import Summary as Summary
     from factory.generation.generated_store import GeneratedStore as GeneratedStore
     from factory.generation.generated_store import open_missions as open  # noqa: F401
+    from factory.generation.generation import Summary as Summary
     from factory.sampling.presets import PRESETS as PRESETS
     from twin.records.logged import LogStore as LogStore
     from twin.records.windows import Windows as Windows

@@ -8,8 +8,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from factory.generation.generate import Summary
-from factory.generation.generate import generate as _generate
+from factory.generation.generation import Summary
+from factory.generation.generation import generate as _generate
 from factory.sampling.distribution import Parameter
 from factory.sampling.recipe import make_recipe
 from twin.errors import InputError
@@ -86,7 +86,7 @@ def generate(
 
             executor = stack.enter_context(dask_executor(scheduler))
         if store is not None:
-            from factory.generation.generate import generate_into
+            from factory.generation.generation import generate_into
 
             return generate_into(recipe, store, workers=workers, executor=executor)
         assert out is not None

@@ -20,7 +20,7 @@ from twin.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class ReplayComparison:
     """A replayed mission against the stored one."""
 
     mission: int
@@ -39,7 +39,7 @@ class Comparison:
         return not self.different
 
 
-def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
+def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
     """Fly mission `mission` of the store again and compare.
 
     Raises:
@@ -78,7 +78,7 @@ def replay_mission(run: GeneratedStore, mission: int) -> Comparison:
             gap = np.abs(stored.astype(float) - again)
             only_one = np.isnan(stored) != np.isnan(again)
             different[name] = float("inf") if only_one.any() else float(np.nanmax(gap))
-    return Comparison(
+    return ReplayComparison(
         mission=mission,
         signals=len(names),
         samples=samples,

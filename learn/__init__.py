@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from learn.seams import NETWORKS as NETWORKS
     from learn.seams import OPTIMISERS as OPTIMISERS
     from learn.seams import REPORT_FIGURES as REPORT_FIGURES
+    from learn.training.fit_config import FitConfig as FitConfig
+    from learn.training.fit_config import fit_settings as fit_settings
     from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
     from learn.training.schedule import TrainingConfig as TrainingConfig
-    from learn.training.settings import FitConfig as FitConfig
-    from learn.training.settings import fit_settings as fit_settings
     from twin.navigation.estimators.baseline import Baseline as Baseline
     from twin.navigation.estimators.baseline import Estimate as Estimate
     from twin.seams import BASELINES as BASELINES

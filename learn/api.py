@@ -16,9 +16,9 @@ from learn.run import RUNS, Run, free_name, open_run
 from learn.run_evaluation import evaluate_run
 from learn.run_folder import training_folder
 from learn.training import fitting
+from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import Watch
 from learn.training.resources import Resources, training_resources
-from learn.training.settings import FitConfig, fit_settings
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.records.storage.store_path import StorePath

@@ -217,7 +217,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
         )
         return None
     say("flying the paper's test in three currents")
-    from factory.generation.generate import generate
+    from factory.generation.generation import generate
     from factory.sampling.recipe import make_recipe
 
     path = run.folder / PAPER_TEST_STORE

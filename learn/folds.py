@@ -18,9 +18,9 @@ from learn.data.labels import LabelConfig
 from learn.data.logs import SPEED
 from learn.files import read_sealed, write_sealed
 from learn.run import Run
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
-from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import InputError, quoted
 from twin.navigation.features import channels_of

@@ -11,9 +11,9 @@ from learn.evaluation.evaluation import evaluate
 from learn.files import read_sealed, write_sealed
 from learn.run import ABLATION, SEEDS, Run
 from learn.run_evaluation import evaluation_split
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
-from learn.training.settings import FitConfig
 from twin.cli.console import to_json
 from twin.errors import quoted
 from twin.navigation.features import SENSORS, features_of

@@ -51,7 +51,7 @@ BREAKS = (
     ),
     Break(
         "a unit in an exporter",
-        "factory/exporting/og1/terms.py",
+        "factory/exporting/og1/og1_terms.py",
         '    "DEPTH": "m",\n',
         '    "DEPTH": "cm",\n',
         tests("tests/factory/exporting/test_og1_content.py", "-k", "units"),

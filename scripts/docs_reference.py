@@ -51,7 +51,7 @@ AREAS = {
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.run": "Train and judge",
-    "learn.training.settings": "Train and judge",
+    "learn.training.fit_config": "Train and judge",
     "learn": "Kinds of your own",
 }
 """Heading of a name by where it is defined: the first place that fits"""

@@ -43,9 +43,9 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def own_variables():
-    """A test may declare variables of its own: the schema is as it was afterwards."""
+    """A test may declare variables, as an import of a payload does: afterwards they are gone."""
     from twin.records.schema import VARIABLES
 
     before = dict(VARIABLES)

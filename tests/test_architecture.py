@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import re
 from collections import defaultdict
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -61,6 +62,8 @@ LAZY_BOTH_WAYS = {
     "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
 }
 """Folders of which one names the other only for when it is asked, and why"""
+MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
+"""File names and public classes that stand at two places are fewer"""
 COMPUTED_IMPORTS = {
     "twin.lazy": "public names, by the places of each face",
     "twin.plugins": "kinds, by the places of each registry",
@@ -278,21 +281,61 @@ def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_loo
 
 
 def below_the_faces(module: str) -> list[str]:
-    """What a command imports that is no public face and not what all commands share."""
+    """What a command imports that is below a public face.
+
+    Not below one are what all commands share and what stands beside the face of its own package:
+    `TOP_LEVEL` and the other commands.
+    """
+    package = module.partition(".")[0]
+    own = {f"{package}.{name}" for name in TOP_LEVEL[package]}
     return sorted(
         other
         for other in imported(module)
         if modules()[other].name != "__init__.py"
-        and other not in ("twin.errors", "twin.version")
-        and not other.startswith("twin.cli.")
+        and other not in ("twin.errors", "twin.version", *own)
+        and not other.startswith(("twin.cli.", f"{package}.commands."))
     )
 
 
-def test_commands_of_twin_call_public_faces_and_nothing_below() -> None:
-    commands = [module for module in modules() if module.startswith("twin.commands.")]
+@pytest.mark.parametrize("package", PACKAGES)
+def test_commands_call_public_faces_and_nothing_below(package: str) -> None:
+    commands = [module for module in modules() if module.startswith(f"{package}.commands.")]
     assert commands
     assert {module: found for module in commands if (found := below_the_faces(module))} == {}
+
+
+def test_what_is_below_a_face_is_noticed() -> None:
     assert below_the_faces("twin.show.check_page")
+    assert "factory.generation.executors" in below_the_faces("factory.store_check")
+
+
+def doubled(places: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """Names that stand at more than one place, from pairs of both."""
+    found = defaultdict(list)
+    for name, place in places:
+        found[name].append(place)
+    return {name: each for name, each in found.items() if len(each) > 1}
+
+
+def test_few_files_share_a_name() -> None:
+    """A kind's name in two seams, a seam's base, a command named as what it does; little else."""
+    files = [(path.name, module) for module, path in modules().items()]
+    found = doubled(one for one in files if one[0] not in ("__init__.py", "__main__.py"))
+    assert len(found) < MOST_DOUBLED_FILES, found
+    assert "base.py" in found
+
+
+def test_few_public_classes_share_a_name() -> None:
+    """A reader who meets one must not take it for the other."""
+    classes = [
+        (node.name, module)
+        for module in modules()
+        for node in tree(module).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
+    found = doubled(classes)
+    assert len(found) < MOST_DOUBLED_CLASSES, found
+    assert doubled([("Hold", "a"), ("Dvl", "b"), ("Hold", "c")]) == {"Hold": ["a", "c"]}
 
 
 def test_a_lazy_face_shows_no_name_of_a_module_beside_it() -> None:

@@ -230,7 +230,7 @@ def test_what_a_sensor_returns_is_checked(result, message, monkeypatch):
         SENSORS.unregister("smell")
 
 
-def test_a_sensor_with_gaps_makes_a_sound_store_and_a_figure(tmp_path, own_variables):
+def test_a_sensor_with_gaps_makes_a_sound_store_and_a_figure(tmp_path):
     """NaN where it says nothing; drawn without a truth, and without the sensor at hand."""
 
     def measure(self, signals, **_):
@@ -274,7 +274,7 @@ def test_the_table_of_sensors_is_the_registry_s():
 
 
 @needs_docs
-def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch, own_variables):
+def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with files_of("docs/reference/sensors.md", tmp_path) as modules:
         assert modules == ["turbidity"]
@@ -299,7 +299,7 @@ def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch, own_vari
 
 
 @needs_docs
-def test_an_installed_sensor_needs_no_import(tmp_path, own_variables):
+def test_an_installed_sensor_needs_no_import(tmp_path):
     """As a distribution brings it: the command line takes it, verifies and replays its store."""
     installed = tmp_path / "turbidity-1.0.dist-info"
     installed.mkdir()

@@ -131,7 +131,7 @@ def _flights() -> dict[str, Trajectory]:
 def _generate(inputs: Path) -> Write:
     from benchmarks.faults.here import Here
     from factory.generation.completion import log_of
-    from factory.generation.generate import generate
+    from factory.generation.generation import generate
     from factory.sampling.recipe import make_recipe
 
     recipes = {
@@ -244,12 +244,12 @@ def _network(inputs: Path) -> Write:
 
 def _fit(inputs: Path) -> Write:
     from benchmarks.faults.here import Here
-    from factory.generation.generate import generate
+    from factory.generation.generation import generate
     from factory.sampling.recipe import make_recipe
     from learn.networks.config import NetworkConfig
+    from learn.training.fit_config import FitConfig
     from learn.training.fitting import fit
     from learn.training.schedule import TrainingConfig
-    from learn.training.settings import FitConfig
 
     store = inputs / "missions.zarr"
     recipe = make_recipe(hours=0.2, changes=SHORT)

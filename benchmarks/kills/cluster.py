@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import Recipe
 
 WORKER = ("--no-dashboard", "--no-nanny", "--nthreads", "1")

@@ -31,7 +31,7 @@ from benchmarks.kills.processes import (
     wait,
     wrong,
 )
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.sampling.recipe import Recipe
 from twin.records.presence import is_complete

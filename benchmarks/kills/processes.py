@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.faults.writers import digest
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.site import generating
 from factory.sampling.recipe import Recipe, make_recipe
 from twin.errors import TwinError

@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.kills.processes import small_recipe
 from factory.__main__ import PROGRAM as FACTORY
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from learn.__main__ import PROGRAM as LEARN
 from twin.cli.program import Program
 from twin.records.attributes import SETTINGS, VERSION

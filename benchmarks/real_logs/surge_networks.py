@@ -24,7 +24,7 @@ from benchmarks.real_logs.samples import (
     level_speed,
     sample,
 )
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import thinning_step
 from learn.data.normalisation import Normalisation, NormalisationFit

@@ -30,9 +30,8 @@ class Distributions(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print the table."""
-        from factory.sampling.parameters import declared, override, parameter_table
-        from factory.sampling.presets import PRESETS, read_changes
-        from twin.vehicle.vehicle import load_vehicle
+        from factory.sampling import PRESETS, declared, override, parameter_table, read_changes
+        from twin import load_vehicle
 
         changes = read_changes(self.config, self.set)
         table = parameter_table(load_vehicle(self.vehicle))

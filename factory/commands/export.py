@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from factory.exporting.base import EXPORTERS, ExportOptions
+from factory.exporting import EXPORTERS, ExportOptions
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.text_table import counted
@@ -58,8 +58,8 @@ class ExportStore(JsonOption):
         exporter = EXPORTERS[self.to]
         if self.mission is not None:
             check_missions(self.mission)
-        from factory.generation.generated_store import open_exportable
-        from twin.records.logged import LogStore
+        from factory.generation import open_exportable
+        from twin.records import LogStore
 
         run = open_exportable(self.store)
         missions = list(range(len(run))) if self.mission is None else list(self.mission)
@@ -73,7 +73,7 @@ class ExportStore(JsonOption):
         size = sum(path.stat().st_size for path in written)
         console.say(f"wrote {counted(len(missions), what)} to {out} ({size / 1e6:.1f} MB)")
         if "vehicle" in exporter.takes and self.vehicle is None and isinstance(run, LogStore):
-            from twin.identify.start_values import start_vehicle
+            from twin.identify import start_vehicle
 
             name = start_vehicle(self.store).name
             console.warn(

@@ -29,7 +29,7 @@ class Finish(JsonOption):
         from factory.commands.generate import import_numpy_with_one_thread, show_summary
 
         import_numpy_with_one_thread()
-        from factory.generation.parts import finish
+        from factory.generation import finish
 
         summary, recipe = finish(self.store)
         show_summary(recipe, summary, console)

@@ -16,9 +16,8 @@ from twin.cli.endings import interruption
 from twin.cli.options import EngineOption, StoreArgument
 
 if TYPE_CHECKING:
-    from factory.generation.generate import Summary, Watcher
-    from factory.generation.parts import StorePart
-    from factory.sampling.recipe import Recipe
+    from factory.generation import StorePart, Summary, Watcher
+    from factory.sampling import Recipe
 
 DEFAULT_OUT = Path("data/missions.zarr")
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
@@ -76,7 +75,7 @@ class Generate(EngineOption, JsonOption):
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
         import_numpy_with_one_thread()
-        from factory.generation.parts import parse_part, slurm_part
+        from factory.generation import parse_part, slurm_part
 
         part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()
@@ -98,8 +97,7 @@ class Generate(EngineOption, JsonOption):
         return 0
 
     def _all(self, recipe: Recipe, history: str, console: Console) -> Summary:
-        from factory.generation.executors import dask_executor
-        from factory.generation.generate import generate
+        from factory.generation import dask_executor, generate
 
         with contextlib.ExitStack() as stack:
             executor = None
@@ -118,7 +116,7 @@ class Generate(EngineOption, JsonOption):
             )
 
     def _part(self, recipe: Recipe, part: StorePart, history: str, console: Console) -> int:
-        from factory.generation.parts import generate_part, hours_of
+        from factory.generation import generate_part, hours_of
         from twin.errors import InputError
 
         for name in ("overwrite", "workers", "scheduler"):
@@ -139,9 +137,7 @@ class Generate(EngineOption, JsonOption):
         return 0
 
     def _recipe(self) -> Recipe:
-        from factory.sampling.drawn_plan import check_room
-        from factory.sampling.presets import read_changes
-        from factory.sampling.recipe import make_recipe
+        from factory.sampling import check_room, make_recipe, read_changes
 
         # what is to be resumed may be nearly complete; an object storage has room
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
@@ -160,9 +156,9 @@ class Generate(EngineOption, JsonOption):
 
 def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
     """What a run did, as a table and as JSON."""
-    from twin.physics.scenario import ENGINES
+    from twin.physics import ENGINES
 
-    raw = raw_bytes(recipe)
+    raw = recipe.float32_bytes
     console.answer(
         out=summary.store,
         preset=recipe.preset,
@@ -222,26 +218,8 @@ def import_numpy_with_one_thread() -> None:
         del os.environ[BLAS_THREADS]
 
 
-def raw_bytes(recipe: Recipe) -> int:
-    """Size [bytes] of the same signals as plain float32, without padding."""
-    from factory.sampling.distribution import Fixed
-    from factory.sampling.drawn_plan import samples_in
-    from factory.sampling.vehicle_parameters import FLOOR
-    from twin.physics.true_signals import simulated_signals
-    from twin.records.schema import HYDROGRAPHY, WITH_FLOOR
-
-    simulated = set(simulated_signals(recipe.vehicle))
-    if recipe.distributions["water.stratified"] != Fixed(0.0):
-        simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
-    if FLOOR[0].name in recipe.table:
-        simulated |= {name for name in WITH_FLOOR if name.startswith("true_")}
-    measured = {entry.name for entry in recipe.suite.writes(simulated)}
-    signals = len(measured.union(simulated))
-    return 4 * signals * sum(samples_in(duration) for duration in recipe.plan.durations_s)
-
-
 def _splits(recipe: Recipe) -> str:
-    from twin.records.attributes import SPLITS
+    from twin.records import SPLITS
 
     counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
     return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

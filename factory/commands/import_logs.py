@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from factory.importing.formats.base import IMPORTERS
+from factory.importing import IMPORTERS
 from twin.cli.console import Console, JsonOption
 
 CHOICES = "{" + ",".join(IMPORTERS.names()) + "}"
@@ -71,11 +71,9 @@ class ImportLogs(JsonOption):
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
-        from factory.importing.deployment_log import OTHER_KIND, UNREADABLE
-        from factory.importing.import_run import import_logs
-        from factory.importing.plausibility import DiveRules
+        from factory.importing import OTHER_KIND, UNREADABLE, DiveRules, import_logs
         from twin.errors import InputError
-        from twin.records.store import check_target, write_store
+        from twin.records import check_target, write_store
 
         if not self.min_depth > 0.0:
             raise InputError(f"--min-depth must be positive, not {self.min_depth:g}")

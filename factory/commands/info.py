@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from twin.records.logged import LogStore
+    from twin.records import LogStore
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
@@ -59,8 +59,8 @@ class Info(JsonOption):
     def run(self, console: Console) -> int:
         """Print what the store holds."""
         from factory.description import drawn_rows, split_rows, stored_bytes, unfinished
-        from factory.generation.generated_store import open_missions
-        from twin.records.logged import LogStore
+        from factory.generation import open_missions
+        from twin.records import LogStore
 
         begun = unfinished(self.store)
         if begun is not None:

@@ -15,7 +15,7 @@ from twin.cli.options import StoreArgument
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from twin.records.logged import LogStore
+    from twin.records import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that a page may have."""
@@ -40,11 +40,10 @@ class PlotStore(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and save."""
-        from factory.generation.generated_store import open_missions
+        from factory.generation import open_missions
         from factory.missions_page import store_page
         from twin.errors import InputError
-        from twin.records.logged import LogStore
-        from twin.records.storage.whole import whole_file
+        from twin.records import LogStore, whole_file
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")

@@ -39,8 +39,8 @@ class WriteReference(JsonOption):
     def run(self, console: Console) -> int:
         """Generate, compare, and say what differs."""
         import_numpy_with_one_thread()
-        from factory.sampling.presets import reference_set
-        from twin.records.storage.checksums import array_checksums
+        from factory.sampling import reference_set
+        from twin.records.storage import array_checksums
         from twin.version import PHYSICS_VERSION
 
         wanted = reference_set(self.name)
@@ -76,9 +76,8 @@ class WriteReference(JsonOption):
         return 1
 
     def _generate(self, console: Console) -> None:
-        from factory.generation.generate import generate
-        from factory.sampling.presets import reference_set
-        from factory.sampling.recipe import make_recipe
+        from factory.generation import generate
+        from factory.sampling import make_recipe, reference_set
 
         wanted = reference_set(self.name)
         recipe = make_recipe(preset=wanted.preset, hours=wanted.hours, seed=wanted.seed)

@@ -33,7 +33,7 @@ class Repair(JsonOption):
         from factory.commands.generate import import_numpy_with_one_thread
 
         import_numpy_with_one_thread()
-        from factory.generation.rebuild import lost, repair
+        from factory.generation import lost, repair
 
         damage = lost(self.store)
         if damage is not None:

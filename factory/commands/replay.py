@@ -30,7 +30,7 @@ class ReplayMission(JsonOption):
     def run(self, console: Console) -> int:
         """Replay; exit code 1 when a byte differs."""
         from factory.flown_again import replay_failure, replay_mission
-        from factory.generation.generated_store import GeneratedStore
+        from factory.generation import GeneratedStore
 
         run = GeneratedStore(self.store)
         if self.attempt is not None:

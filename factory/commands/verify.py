@@ -39,8 +39,7 @@ class Verify(JsonOption):
         if self.workers < 1:
             raise InputError(f"--workers {self.workers} must be at least 1")
         from factory.store_check import MAX_NAMED, StoreReport, check_files
-        from twin.records.storage.checksums import LIST
-        from twin.records.storage.object_storage import files_at
+        from twin.records.storage import LIST, files_at
 
         files = check_files(self.store, self.workers)
         plain = files_at(self.store).exists(LIST)
@@ -74,11 +73,10 @@ class Verify(JsonOption):
 
     def _read(self, console: Console) -> tuple[str, StoreReport]:
         """What a mission is called, and what reading them shows."""
-        from factory.generation.generated_store import is_flight, open_missions
+        from factory.generation import is_flight, open_missions
         from factory.soundness import verify_missions
         from factory.store_check import StoreReport
-        from twin.records.logged import LogStore
-        from twin.records.reader import MissionStore
+        from twin.records import LogStore, MissionStore
 
         with MissionStore(self.store) as reader:
             if is_flight(reader.attributes):

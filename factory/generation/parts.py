@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from factory.generation import completion
 from factory.generation.completion import complete
 from factory.generation.executors import Job
-from factory.generation.generate import (
+from factory.generation.generation import (
     Summary,
     Watcher,
     summary_of,

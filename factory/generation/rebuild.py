@@ -29,7 +29,7 @@ from factory.generation.completion import (
     complete,
 )
 from factory.generation.executors import Job
-from factory.generation.generate import told
+from factory.generation.generation import told
 from factory.generation.mission_block import Signals, fly_whole
 from factory.generation.site import Site, locked
 from factory.generation.store_assembly import leave_shard, open_tree

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from factory.importing.deployment_log import OTHER_KIND as OTHER_KIND
+    from factory.importing.deployment_log import UNREADABLE as UNREADABLE
     from factory.importing.formats.base import IMPORTERS as IMPORTERS
     from factory.importing.formats.base import Importer as Importer
     from factory.importing.formats.base import ReadOptions as ReadOptions
@@ -12,5 +14,6 @@ if TYPE_CHECKING:
     from factory.importing.formats.base import register as register
     from factory.importing.formats.base import sniff as sniff
     from factory.importing.import_run import import_logs as import_logs
+    from factory.importing.plausibility import DiveRules as DiveRules
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -23,6 +23,7 @@ from factory.sampling.drawn_plan import (
     Plan,
     given_current,
     plan_missions,
+    samples_in,
     stored_current,
 )
 from factory.sampling.mission_kind import propelled
@@ -33,14 +34,15 @@ from factory.sampling.presets import (
     paper_test_parameters,
     paper_test_plan,
 )
+from factory.sampling.vehicle_parameters import FLOOR
 from twin.errors import InputError, StoreError, TwinError, unknown_name
 from twin.fossen.structure import LANES
 from twin.physics.lanes import INTEGRATOR, Lane, flown_abreast
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
-from twin.physics.true_signals import declare_parts
+from twin.physics.true_signals import declare_parts, simulated_signals
 from twin.records import attributes
-from twin.records.schema import SCHEMA_VERSION
+from twin.records.schema import HYDROGRAPHY, SCHEMA_VERSION, WITH_FLOOR
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.version import __version__
@@ -168,6 +170,18 @@ class Recipe:
             return paper_test_plan()
         hours = DEFAULT_HOURS if self.hours is None else self.hours
         return plan_missions(self.distributions["mission.duration_h"], hours=hours, seed=self.seed)
+
+    @property
+    def float32_bytes(self) -> int:
+        """Size [bytes] of the missions' signals as plain float32, without padding."""
+        simulated = set(simulated_signals(self.vehicle))
+        if self.distributions["water.stratified"] != Fixed(0.0):
+            simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
+        if FLOOR[0].name in self.table:
+            simulated |= {name for name in WITH_FLOOR if name.startswith("true_")}
+        measured = {entry.name for entry in self.suite.writes(simulated)}
+        samples = sum(samples_in(duration) for duration in self.plan.durations_s)
+        return 4 * len(measured | simulated) * samples
 
     def parameters(self, mission: int, attempt: int) -> Parameters:
         """What one attempt at one mission is made of; raises MissionError."""

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from learn.run import newest_run, open_run
+from learn import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 from twin.errors import InputError
@@ -32,12 +32,12 @@ class Compare(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print one table."""
-        from learn.report.result_tables import comparison_rows
+        from learn.report import comparison_rows
 
         figures = {}
         for run in [open_run(path) for path in self.runs] or [newest_run()]:
             if self.store is not None:
-                from learn.api import evaluate
+                from learn import evaluate
 
                 found = dict(evaluate(run, self.store, split=self.split).figures)
             else:

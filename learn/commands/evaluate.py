@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from learn.run import DEFAULT_STORE, newest_run, open_run
+from learn import newest_run, open_run
+from learn.run import DEFAULT_STORE
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
@@ -20,8 +21,8 @@ from twin.cli.text_table import counted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from learn.evaluation.score import ReferenceVelocity
-    from twin.navigation.estimators.baseline import Estimate
+    from learn import Estimate
+    from learn.evaluation import ReferenceVelocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +49,11 @@ class Evaluate(JsonOption):
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.api import evaluate
-        from learn.evaluation.judged_tracks import TrackCollector, check_target
-        from learn.evaluation.log_score import sentences
+        from learn import evaluate
+        from learn.evaluation import TrackCollector, check_target, sentences
         from learn.files import check_file, check_folder
         from learn.finishing import write_evaluation_page
-        from learn.report.result_tables import dive_rows, summary_rows, verdicts
+        from learn.report import dive_rows, summary_rows, verdicts
         from learn.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
@@ -68,7 +68,7 @@ class Evaluate(JsonOption):
             check_target(self.tracks)
             check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
         if self.out is not None:
-            from twin.show.figures.page_layout import check_page_target
+            from twin.show.figures import check_page_target
 
             check_folder(self.out, "--out")
             check_page_target(self.out)
@@ -122,7 +122,7 @@ class Evaluate(JsonOption):
 
 def _count(options: Evaluate) -> int:
     """Missions that will be evaluated; errors as `Selection`."""
-    from learn.data.dataset import Selection, any_channel
+    from learn.data import Selection, any_channel
 
     with Selection(options.store, any_channel(options.store), split=options.split) as selection:
         return len(selection)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from learn.run import newest_run, open_run
+from learn import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.program import EXIT_OK
 
@@ -41,11 +41,11 @@ class ExportNetwork(JsonOption):
     def run(self, console: Console) -> int:
         """Export, check, say where."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        from learn.api import export
+        from learn import export
 
         folder = self.run_folder or newest_run().folder
         checked = export(folder, self.out, to=self.to, store=self.store)
-        from learn.networks.onnx_export import TOLERANCE
+        from learn.networks import TOLERANCE
 
         run = open_run(folder)
         first = next(iter(checked.values()))
@@ -77,8 +77,8 @@ def _features_line(features: Sequence[str]) -> str:
 
 def _inputs_line(features: Sequence[str]) -> str:
     """What a sample of the C code holds, in lines of a terminal."""
+    from twin.navigation import sources
     from twin.navigation.features import channels_of
-    from twin.navigation.settings import sources
 
     text = f"a sample holds: {', '.join(sources(channels_of(features)))}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

@@ -6,30 +6,28 @@ import contextlib
 import os
 import shlex
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from learn import NETWORKS, OPTIMISERS
 from learn.run import RUNS, checked_name, free_name
-from learn.seams import NETWORKS, OPTIMISERS
-from learn.training.training_progress import Shares, Watcher, event_writer_type
+from learn.training import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
 from twin.errors import InputError, unknown_name
-from twin.registry import Registry
 
 if TYPE_CHECKING:
+    from learn import FitConfig, Run
     from learn.folds import Unit
-    from learn.run import Run
-    from learn.training.resources import Resources
-    from learn.training.settings import FitConfig, TrainingJob
-    from learn.training.trainer import TrainingReport
+    from learn.training import Resources, TrainingJob, TrainingReport
 
-CHOICES = {
+CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
     "network": NETWORKS,
     "inputs": ("full", "glider"),
     "optimiser": OPTIMISERS,
@@ -150,7 +148,7 @@ class Fit(JsonOption):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import train_and_finish
         from learn.run_folder import training_folder
-        from learn.training.settings import fit_settings
+        from learn.training import fit_settings
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
@@ -174,7 +172,7 @@ class Fit(JsonOption):
         with contextlib.ExitStack() as stack:
             executor = None
             if self.scheduler is not None:
-                from factory.generation.executors import dask_executor
+                from factory.generation import dask_executor
 
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
@@ -210,9 +208,9 @@ class Fit(JsonOption):
             given = getattr(self, option)
             if given is None or given in allowed:
                 continue
-            if isinstance(allowed, Registry):
-                raise allowed.unknown(given)
-            raise InputError(unknown_name(f"word for --{option}", given, allowed))
+            if isinstance(allowed, tuple):
+                raise InputError(unknown_name(f"word for --{option}", given, allowed))
+            _ = allowed[given]  # says what there is
 
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
@@ -268,7 +266,7 @@ class Fit(JsonOption):
         console.say()
 
     def _report(self, console: Console, run: Run) -> None:
-        from learn.report.result_tables import paper_sentence, summary_rows, verdicts
+        from learn.report import paper_sentence, summary_rows, verdicts
 
         figures, paper = run.figures, run.paper_figures
         assert figures is not None

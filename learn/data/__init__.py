@@ -1,1 +1,11 @@
 """Data: missions of a store as the sequences that networks learn from."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from learn.data.dataset import Selection as Selection
+    from learn.data.dataset import any_channel as any_channel
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

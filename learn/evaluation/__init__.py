@@ -1,1 +1,13 @@
 """Evaluation: velocities and tracks judged against the truth."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from learn.evaluation.judged_tracks import TrackCollector as TrackCollector
+    from learn.evaluation.judged_tracks import check_target as check_target
+    from learn.evaluation.log_score import sentences as sentences
+    from learn.evaluation.score import ReferenceVelocity as ReferenceVelocity
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -1,1 +1,10 @@
 """Networks: from what a vehicle measures to its velocity through the water."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from learn.networks.onnx_export import TOLERANCE as TOLERANCE
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -16,7 +16,7 @@ from learn.networks.predictor import Ensemble, Prediction
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.translation import Translation
 from twin.logs.flight_estimator import FlightEstimator
 from twin.navigation.estimators.base import (

@@ -1,1 +1,16 @@
 """Training: networks fitted to missions, side by side."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from learn.training.fit_config import TrainingJob as TrainingJob
+    from learn.training.fit_config import fit_settings as fit_settings
+    from learn.training.resources import Resources as Resources
+    from learn.training.trainer import TrainingReport as TrainingReport
+    from learn.training.training_progress import Shares as Shares
+    from learn.training.training_progress import Watcher as Watcher
+    from learn.training.training_progress import event_writer_type as event_writer_type
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

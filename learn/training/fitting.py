@@ -33,8 +33,8 @@ from learn.run import (
 )
 from learn.run_folder import RunFolder, training_folder
 from learn.seams import NETWORKS, OPTIMISERS
+from learn.training.fit_config import FitConfig, TrainingJob
 from learn.training.resources import Resources, choose_residence
-from learn.training.settings import FitConfig, TrainingJob
 from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json

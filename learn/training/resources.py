@@ -29,7 +29,7 @@ from learn.networks.predictor import Predictor, groups_by_length
 from learn.run import open_run, stem
 from learn.run_folder import CHECKPOINT
 from learn.training.feed import recalled_columns
-from learn.training.settings import FitConfig, TrainingJob
+from learn.training.fit_config import FitConfig, TrainingJob
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
 from twin.records.windows import buffers

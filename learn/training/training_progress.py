@@ -10,7 +10,7 @@ from twin.cli.console import Console
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from learn.training.settings import FitConfig, TrainingJob
+    from learn.training.fit_config import FitConfig, TrainingJob
     from learn.training.trainer import TrainingReport
     from twin.cli.progress import Progress
 

@@ -21,8 +21,8 @@ from typing import Any
 
 from learn.run_folder import resume_command
 from learn.seams import NETWORKS, OPTIMISERS
+from learn.training.fit_config import TrainingJob
 from learn.training.resources import Resources, train
-from learn.training.settings import TrainingJob
 from learn.training.trainer import TrainingReport
 from twin.errors import TwinError
 from twin.records.storage.store_path import store_path

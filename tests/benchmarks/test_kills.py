@@ -13,7 +13,7 @@ from benchmarks.kills.kinds import KINDS, Ground
 from benchmarks.kills.processes import small_recipe, wrong
 from benchmarks.kills.versions import check_versions
 from benchmarks.one_hash import hashes
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 
 NEEDS_DASK = pytest.mark.skipif(find_spec("distributed") is None, reason="needs dask.distributed")
 NEEDS_COMPILER = pytest.mark.skipif(compiler() is None, reason="the clock needs a C compiler")

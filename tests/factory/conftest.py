@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import Recipe, make_recipe
 
 SHORT = {

@@ -18,7 +18,7 @@ from patience import little_work
 
 import factory
 from factory.__main__ import PROGRAM
-from factory.commands.generate import BLAS_THREADS, raw_bytes
+from factory.commands.generate import BLAS_THREADS
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.drawn_plan import check_room
 from factory.sampling.presets import read_changes
@@ -283,7 +283,7 @@ def test_bad_config_files_are_told(tmp_path: Path, text: str, message: str) -> N
 def test_float32_size_counts_every_sample_of_every_signal() -> None:
     recipe = make_recipe(hours=0.2)
     samples = sum(round(duration / 0.5) + 1 for duration in recipe.plan.durations_s)
-    assert raw_bytes(recipe) == 4 * len(SIMULATED) * samples
+    assert recipe.float32_bytes == 4 * len(SIMULATED) * samples
 
 
 def test_generating_leaves_the_environment_as_it_was(

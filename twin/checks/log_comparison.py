@@ -25,7 +25,7 @@ from twin.checks.log_samples import (
     logged_samples,
     notes_of,
 )
-from twin.checks.log_turns import Turned, fly_turns
+from twin.checks.log_turns import FlownTurn, fly_turns
 from twin.checks.replayed_dive import ReplayedDive, read_dive
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.lazy import resolve
@@ -151,7 +151,7 @@ def _phases(
         if isinstance(flight, Trajectory)
     ]
     phases: dict[Phase, PhaseComparison] = {}
-    turned: list[Turned] = []
+    turned: list[FlownTurn] = []
     notes: list[str] = []
     if turning is not None and turning.same:
         turns = [(dive, flight) for dive, flight in flown if dive.turning is not None]

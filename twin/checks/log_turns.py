@@ -36,7 +36,7 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 
-Turned = tuple[ReplayedDive, Trajectory, Array]
+FlownTurn = tuple[ReplayedDive, Trajectory, Array]
 """A dive, its flight with the log's turns, and the number of the leg at each sample, (time,)"""
 
 
@@ -75,7 +75,7 @@ def fly_turns(
     flown: Sequence[tuple[ReplayedDive, Trajectory]],
     turning: Turning,
     engine: str = "mujoco",
-) -> tuple[list[Turned], list[SimulationUnstable]]:
+) -> tuple[list[FlownTurn], list[SimulationUnstable]]:
     """Dives with the log's turns, and what ended those that could not be flown.
 
     Args:
@@ -99,7 +99,7 @@ def fly_turns(
             ],
             [run for run in runs if isinstance(run, SimulationUnstable)],
         )
-    found: list[Turned] = []
+    found: list[FlownTurn] = []
     failed: list[SimulationUnstable] = []
     for (dive, flight), positions in zip(flown, follow, strict=True):
         controller = _Turned(vehicle, dive, positions)

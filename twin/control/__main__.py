@@ -21,7 +21,7 @@ KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the 
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class ViewTask:
     """Watch a policy fly a task; needs a screen."""
 
     task: Annotated[str, tyro.conf.arg(help=", ".join(TASKS))] = "hold"
@@ -74,7 +74,8 @@ PROGRAM = Program(
     name="python -m twin.control",
     summary="Control tasks for a glider, in the dm_control viewer.",
     commands=commands_of(
-        __name__, {_VIEW: (f"{__name__}:View", "watch a policy fly a task (the default command)")}
+        __name__,
+        {_VIEW: (f"{__name__}:ViewTask", "watch a policy fly a task (the default command)")},
     ),
 )
 

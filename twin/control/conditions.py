@@ -83,7 +83,7 @@ RANDOMISERS: Registry[Maker] = seams.RANDOMISERS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Surroundings:
+class EpisodeConditions:
     """A constant current, and what a randomiser draws."""
 
     current: Current | None
@@ -102,7 +102,7 @@ def conditions_of(
     vehicle: Vehicle,
     depth: float,
     duration: float,
-) -> Surroundings | None:
+) -> EpisodeConditions | None:
     """What draws an environment's conditions; None where nothing is asked for.
 
     Args:
@@ -132,4 +132,4 @@ def conditions_of(
             f"randomise {randomise!r}: give a name, a mapping of distributions or an object with "
             "draw(random)"
         )
-    return Surroundings(current=current, randomiser=randomise)
+    return EpisodeConditions(current=current, randomiser=randomise)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.vehicle_draws import normal_draws
+from twin.navigation.current.current_parameters import CALIBRATION, DIVE, MODES
 from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg
 from twin.navigation.current.models import FILTER, CurrentPool
 from twin.navigation.current.modes import passage
-from twin.navigation.current.parameters import CALIBRATION, DIVE, MODES
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]

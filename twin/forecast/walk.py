@@ -21,9 +21,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from twin.forecast import schedule, way
-from twin.forecast.schedule import Schedule, middle, usual_duration
-from twin.forecast.way import WayPool, plain_velocity
+from twin.forecast import surfacing_schedule, way_pool
+from twin.forecast.surfacing_schedule import SurfacingSchedule, middle, usual_duration
+from twin.forecast.way_pool import WayPool, plain_velocity
 from twin.geodesy import position
 from twin.logs.logged_leg import LoggedLeg
 from twin.navigation.current import Leg, Reaches, models
@@ -47,8 +47,10 @@ class Priors:
     """What is believed before the first dive; the shipped values hold over deployments."""
 
     current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: models.PRIORS)
-    way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: way.PRIORS)
-    schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: schedule.PRIORS)
+    way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: way_pool.PRIORS)
+    schedule: Mapping[str, Prior] = dataclasses.field(
+        default_factory=lambda: surfacing_schedule.PRIORS
+    )
     surfacing_reach: Pair = (0.81, 4.8)
     """[1] squared distances within which the two ellipses of a surfacing lie"""
     current_reach: Pair = (0.69, 3.1)
@@ -157,7 +159,7 @@ def walk(
     pool = CurrentPool(
         latitude=latitude, time=legs[0].leg.start, field=field is not None, priors=priors.current
     )
-    ways, ends, tide = WayPool(priors.way), Schedule(priors.schedule), TidalFit(RIVAL_DAYS)
+    ways, ends, tide = WayPool(priors.way), SurfacingSchedule(priors.schedule), TidalFit(RIVAL_DAYS)
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
     times = list(dives) or [(one.leg.start, one.leg.end) for one in legs]
     parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
@@ -205,7 +207,7 @@ def _judge(
     before: Sequence[LoggedLeg],
     one: LoggedLeg,
     leg: Leg,
-    known: tuple[CurrentPool, WayPool, Schedule, TidalFit],
+    known: tuple[CurrentPool, WayPool, SurfacingSchedule, TidalFit],
     reaches: tuple[Reaches, Reaches],
     field: FieldMean | None,
 ) -> HindcastSurfacing:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from twin.identify.fit import identify as identify
     from twin.identify.handling import Handling as Handling
     from twin.identify.handling import handle as handle
-    from twin.identify.logged import Log as Log
-    from twin.identify.logged import load_logs as load_logs
+    from twin.identify.logged_missions import Log as Log
+    from twin.identify.logged_missions import load_logs as load_logs
     from twin.identify.residuals import DiveResiduals as DiveResiduals
     from twin.identify.residuals import dive_residuals as dive_residuals
     from twin.identify.residuals import noise_of_dives as noise_of_dives

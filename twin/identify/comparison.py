@@ -53,7 +53,7 @@ LEAST_DEVIATIONS = 2.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Channel:
+class ComparedQuantity:
     """One quantity that is compared."""
 
     unit: str
@@ -66,7 +66,7 @@ class Channel:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Noise:
+class ResidualNoise:
     """How far a channel's residuals are off, and how many of them make an independent one."""
 
     deviation: float
@@ -103,7 +103,7 @@ class Comparison(abc.ABC):
         self,
         nominal: Calibration,
         parameters: tuple[UnknownParameter, ...],
-        channels: Mapping[str, Channel],
+        channels: Mapping[str, ComparedQuantity],
         dives: Mapping[str, Sequence[int]],
     ):
         """`dives`: of each channel the dive of each of its series."""
@@ -207,7 +207,9 @@ class Comparison(abc.ABC):
         ]
         return np.concatenate([*parts, np.full(self.size, PRIOR)])
 
-    def reweight(self, x: Array, known: Mapping[str, Noise] | None = None) -> dict[str, Noise]:
+    def reweight(
+        self, x: Array, known: Mapping[str, ResidualNoise] | None = None
+    ) -> dict[str, ResidualNoise]:
         """Weights of the next fit, by the residuals themselves, or by a `known` noise."""
         found = {}
         for name, series in self.missed(x).items():
@@ -228,10 +230,10 @@ class Comparison(abc.ABC):
         passes: int,
         *,
         bounds: tuple[Array, Array] | None = None,
-        first: Mapping[str, Noise] | None = None,
+        first: Mapping[str, ResidualNoise] | None = None,
         progress: Callable[[float], None] = lambda part: None,
         **ends: Any,
-    ) -> tuple[Array, dict[str, Noise]]:
+    ) -> tuple[Array, dict[str, ResidualNoise]]:
         """Robust least squares from `x` on: offsets and noise, weights taken again each pass.
 
         `first`: noise that the first pass weighs by, where the residuals at `x` say nothing yet.
@@ -287,7 +289,7 @@ def shares(series: Sequence[Array], scale: float) -> list[Array]:
     return [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in series]
 
 
-def noise_of(series: Sequence[Array], channel: Channel) -> Noise:
+def noise_of(series: Sequence[Array], channel: ComparedQuantity) -> ResidualNoise:
     """Deviation and autocorrelation of a channel's residuals, outliers weighted down."""
     together = np.concatenate(list(series))
     scale = max(robust_scale(together), channel.least)
@@ -297,7 +299,7 @@ def noise_of(series: Sequence[Array], channel: Channel) -> Noise:
     samples = channel.samples or correlation_samples(
         [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)], channel.longest
     )
-    return Noise(deviation=max(deviation, channel.least), samples=samples)
+    return ResidualNoise(deviation=max(deviation, channel.least), samples=samples)
 
 
 def robust_scale(values: Array) -> float:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import Channel, Comparison
-from twin.identify.logged import Log
+from twin.identify.comparison import ComparedQuantity, Comparison
+from twin.identify.logged_missions import Log
 from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
 from twin.identify.translation import Translation
 from twin.identify.unknowns import UnknownParameter
@@ -57,8 +57,8 @@ class DepthRates(Comparison):
         longest = round(LONGEST_CORRELATION / logs[0].period)
         # Differences of one series: each current enters two of them, hence twice the variance.
         channels = {
-            "depth_rate": Channel(unit="m/s", least=1e-12, longest=longest),
-            "current": Channel(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=2.0),
+            "depth_rate": ComparedQuantity(unit="m/s", least=1e-12, longest=longest),
+            "current": ComparedQuantity(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=2.0),
         }
         dives = {"depth_rate": range(len(logs)), "current": self.pairs}
         super().__init__(nominal, parameters, channels, dives)

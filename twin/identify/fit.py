@@ -18,9 +18,15 @@ from scipy.optimize import least_squares
 from twin.errors import InputError
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import LEAST_DEVIATIONS, LEAST_DIVES, LEAST_GAIN, Noise, gain_of
+from twin.identify.comparison import (
+    LEAST_DEVIATIONS,
+    LEAST_DIVES,
+    LEAST_GAIN,
+    ResidualNoise,
+    gain_of,
+)
 from twin.identify.depth_rates import LEAST_PAIRS, DepthRates
-from twin.identify.logged import Log, gliding
+from twin.identify.logged_missions import Log, gliding
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
@@ -283,7 +289,7 @@ def _start(
 
 def _solve(
     problem: DepthRates, x: Array, passes: int, report: Callable[[float], None]
-) -> tuple[Array, Array, Noise]:
+) -> tuple[Array, Array, ResidualNoise]:
     """Robust fit; offsets, their covariance and the noise of the depth rate."""
     x, noise = problem.fit(x, passes, progress=report, **FINE)
     jacobian = problem.jacobian(x)
@@ -298,7 +304,7 @@ def _result(
     wanted: tuple[UnknownParameter, ...],
     notes: Mapping[str, str],
     before: Mapping[str, float],
-    noise: Noise,
+    noise: ResidualNoise,
 ) -> Identification:
     calibration, nominal = problem.calibration(x), problem.nominal
     deviation = np.sqrt(np.diag(covariance))

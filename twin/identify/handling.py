@@ -23,10 +23,10 @@ from twin.identify.calibration import Calibration
 from twin.identify.comparison import Fitted
 from twin.identify.fit import UNDETERMINED
 from twin.identify.gains import Phase, with_gains
-from twin.identify.logged import Log, gliding
+from twin.identify.logged_missions import Log, gliding
 from twin.identify.pitch import PITCHING, balanced, pump_of
 from twin.identify.proof import failures
-from twin.identify.turning import channel_of, turned
+from twin.identify.turning_fit import channel_of, turned
 from twin.identify.turning_windows import windows_of
 from twin.identify.unknowns import UnknownParameter
 from twin.mission.glide_balance import steady_glide

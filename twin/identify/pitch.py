@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import Channel, Comparison, Fitted, Noise
-from twin.identify.logged import Log
+from twin.identify.comparison import ComparedQuantity, Comparison, Fitted, ResidualNoise
+from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of, steady_parts
 from twin.identify.unknowns import UnknownParameter
 from twin.vehicle.parts import Pump
@@ -200,7 +200,9 @@ class Pitches(Comparison):
         self.seen = [observations(log, nominal) for log in logs]
         # speeds are the flight model's, which these alone do not change
         self.flies = any(p.name not in NAMES for p in parameters)
-        channel = Channel(unit="rad", least=float(LEAST_PITCH), samples=INDEPENDENT / LENGTH)
+        channel = ComparedQuantity(
+            unit="rad", least=float(LEAST_PITCH), samples=INDEPENDENT / LENGTH
+        )
         super().__init__(nominal, parameters, {"pitch": channel}, {"pitch": range(len(logs))})
 
     @property
@@ -234,6 +236,6 @@ def balanced(logs: Sequence[Log], nominal: Calibration) -> Fitted | None:
         return None
     # the battery's zero first: from far off every pitch is near 90 deg and says nothing
     x = np.zeros(pitches.size)
-    first = {"pitch": Noise(deviation=float(FIRST_DEVIATION), samples=1.0)}
+    first = {"pitch": ResidualNoise(deviation=float(FIRST_DEVIATION), samples=1.0)}
     x, _ = pitches.fit(x, PASSES, first=first, max_nfev=50)
     return pitches.fitted(x)

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import Comparison, Noise, Residuals
+from twin.identify.comparison import Comparison, ResidualNoise, Residuals
 from twin.identify.depth_rates import DepthRates
 from twin.identify.lateral import turning_part
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.pitch import Pitches
-from twin.identify.turning import BIASES, Turns, channel_of
+from twin.identify.turning_fit import BIASES, Turns, channel_of
 from twin.identify.turning_windows import groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
@@ -35,8 +35,8 @@ class DiveResiduals:
     """What dives say of a vehicle near a calibration."""
 
     unknowns: tuple[str, ...]
-    """Names of the parameters, then of the biases of `twin.identify.turning`: the columns of each
-    Jacobian, in spreads"""
+    """Names of the parameters, then of the biases of `twin.identify.turning_fit`: the columns of
+    each Jacobian, in spreads"""
     channels: Mapping[str, Residuals]
     """"depth_rate" [m/s], and where the log has enough of them "pitch" [rad], "yaw_rate" [rad/s]
     and "roll" [rad]"""
@@ -57,7 +57,7 @@ def dive_residuals(
     logs: Sequence[Log],
     calibration: Calibration,
     parameters: Sequence[UnknownParameter],
-    noise: Mapping[str, Noise] | None = None,
+    noise: Mapping[str, ResidualNoise] | None = None,
 ) -> DiveResiduals:
     """Residuals of dives, model less log, their deviations and their Jacobian at a calibration.
 
@@ -86,9 +86,9 @@ def dive_residuals(
     return DiveResiduals(unknowns=unknowns, channels=channels)
 
 
-def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, Noise]:
+def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, ResidualNoise]:
     """How far each channel of these dives is off, and over how many residuals."""
-    found: dict[str, Noise] = {}
+    found: dict[str, ResidualNoise] = {}
     for comparison in _comparisons(logs, calibration, ()):
         found |= comparison.reweight(np.zeros(comparison.size))
     return found

@@ -21,10 +21,10 @@ from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import correlation_samples, robust_scale
-from twin.identify.logged import Log, gliding
+from twin.identify.logged_missions import Log, gliding
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
-from twin.identify.turning import channel_of
+from twin.identify.turning_fit import channel_of
 from twin.identify.unknowns import UnknownParameter, choose
 from twin.mission.controller import Schedule
 from twin.physics.fleet import Fleet

@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.logged import AFLOAT, Log, load_logs
+from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.start_values import balance
 from twin.identify.translation import Translation, fly
 

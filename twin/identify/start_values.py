@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.errors import InputError
-from twin.identify.logged import check_channels
+from twin.identify.logged_missions import check_channels
 from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
 from twin.identify.lateral import Glide
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.speed import density_of, motion_of, steady_parts
 from twin.identify.translation import Translation
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.logged import check_channels, load_logs
+from twin.identify.logged_missions import check_channels, load_logs
 from twin.identify.start_values import start_vehicle
 from twin.logs.corrected_track import (
     SMOOTHER,

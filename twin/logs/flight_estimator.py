@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 from twin import seams
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of
 from twin.identify.translation import Translation
 from twin.records.reader import MissionStore

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.speed import horizontal, motion_of, start_of
 from twin.identify.translation import Translation
 from twin.logs.flight_estimator import FlightEstimator
@@ -21,7 +21,8 @@ Mask = NDArray[np.bool_]
 LEAST_COSINE = 0.2
 """cos(pitch) cos(roll) below which heave cannot be solved for"""
 RATE_WINDOW = 20.0
-"""[s] of the filter of depth rate and vertical velocities (`twin.identify.logged.WINDOW`)"""
+"""[s] of the filter of depth rate and of vertical velocities, `WINDOW` of
+`twin.identify.logged_missions`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -1,1 +1,10 @@
 """Navigation: where a vehicle is, estimated on board under way and from its record afterwards."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.navigation.settings import sources as sources
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

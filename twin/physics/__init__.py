@@ -6,6 +6,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.physics.lookup_tables import floor_table as floor_table
+    from twin.physics.scenario import ENGINES as ENGINES
     from twin.physics.start import parse_place as parse_place
     from twin.physics.start import utc_text as utc_text
 

@@ -60,7 +60,7 @@ class Aground(FloorError):
         self.time_s = time_s
 
 
-Flown = Trajectory | SimulationUnstable | Aground
+LaneResult = Trajectory | SimulationUnstable | Aground
 """What comes of one lane"""
 
 
@@ -346,7 +346,7 @@ def fly_in_lanes(
     return [result for result in results if result is not None]
 
 
-def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, Flown]]:
+def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, LaneResult]]:
     """Fly lanes on this thread; the index of each with what came of it, made when it is asked for.
 
     So the logs of a block are in memory at once, and their trajectories are not.
@@ -377,7 +377,7 @@ def _sizes(count: int, threads: int) -> list[int]:
 
 def _flown(
     lanes: Sequence[Lane], members: Sequence[int], *, single: bool = False, lean: bool = False
-) -> Iterator[tuple[int, Flown]]:
+) -> Iterator[tuple[int, LaneResult]]:
     """What comes of the lanes of one block."""
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
@@ -389,7 +389,7 @@ def _flown(
 
 def _outcome(
     lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None, lean: bool
-) -> Flown:
+) -> LaneResult:
     """What one lane flew."""
     if not math.isnan(counts[ln.FLOOR_TIME]):
         return Aground(index, float(counts[ln.FLOOR_TIME]))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.records.attributes import SPLITS as SPLITS
     from twin.records.coordinates import unix_seconds as unix_seconds
     from twin.records.logged import LogStore as LogStore
     from twin.records.mission_dataset import dataset_of as dataset_of

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify.answer import Identification
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
 from twin.show import style
 

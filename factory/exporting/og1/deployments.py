@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import JoinedDives, conductivity, flight_terms, payload
-from factory.exporting.og1.flown_track import Flown, flown
+from factory.exporting.og1.flown_track import FlownTracks, flown
 from factory.exporting.og1.missions import corrected_places, gps_fixes, tracks
-from factory.exporting.og1.terms import (
+from factory.exporting.og1.og1_terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
@@ -129,7 +129,7 @@ def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
 
 
 def _series(
-    track: JoinedDives, deployment: str, found: Flown, metadata: Metadata
+    track: JoinedDives, deployment: str, found: FlownTracks, metadata: Metadata
 ) -> Iterator[tuple[str, Og1Variable]]:
     logs = track.logs
     at = {"coordinates": COORDINATES}

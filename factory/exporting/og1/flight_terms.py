@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.flown_track import Flown
-from factory.exporting.og1.terms import COORDINATES, PAYLOAD, UNITS, VELOCITY
+from factory.exporting.og1.flown_track import FlownTracks
+from factory.exporting.og1.og1_terms import COORDINATES, PAYLOAD, UNITS, VELOCITY
 from factory.exporting.og1.variables import ENDING, Og1Variable, flags, quality
 from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
@@ -75,7 +75,7 @@ def reckoning(reckoned: NDArray[np.bool_], deviation: Array) -> Iterator[tuple[s
     yield "POSITION_SD", Og1Variable(deviation, attributes, fill=np.nan, kind="f4")
 
 
-def flight_terms(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable]]:
+def flight_terms(track: JoinedDives, found: FlownTracks) -> Iterator[tuple[str, Og1Variable]]:
     """Velocities and currents by the flight model; none without one."""
     if all(found.tracks[mission].dive is None for mission in track.missions):
         return
@@ -127,7 +127,7 @@ LEAST_SPEED = 0.05
 """[m/s] below which an angle of attack means nothing"""
 
 
-def _currents(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable]]:
+def _currents(track: JoinedDives, found: FlownTracks) -> Iterator[tuple[str, Og1Variable]]:
     """The depth-averaged current of each dive by the flight model, at the samples of the dive."""
     for axis, standard in (
         ("north", "northward_sea_water_velocity"),

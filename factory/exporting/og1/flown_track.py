@@ -1,4 +1,4 @@
-"""Flown: the corrected tracks, velocities and currents that an OG1.0 file holds.
+"""Flown tracks: the corrected tracks, velocities and currents that an OG1.0 file holds.
 
 They are `twin.logs`'s where the vehicle's flight can be modelled. Where it cannot, the vehicle's
 own dead-reckoned track is corrected at the fixes in the same way, and without one the straight line
@@ -56,7 +56,7 @@ class FlownTrack:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Flown:
+class FlownTracks:
     """The tracks of the missions of a store."""
 
     tracks: dict[int, FlownTrack]
@@ -64,7 +64,7 @@ class Flown:
     """Which vehicle's flight model, or why there is none"""
 
 
-def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None) -> Flown:
+def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None) -> FlownTracks:
     """Tracks of these missions.
 
     Args:
@@ -83,7 +83,7 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
             raise
         reason = " ".join(str(error).split())
         tracks = {mission: _unmodelled(run, mission) for mission in missions}
-        return Flown(tracks=tracks, model=f"none: {reason}")
+        return FlownTracks(tracks=tracks, model=f"none: {reason}")
     tracks = {}
     for one in found.missions:
         mission = one.dive.mission
@@ -99,7 +99,9 @@ def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None
             currents=tuple(c for c in found.currents if c.mission == mission),
             reckoned=_reckoned(run, mission),
         )
-    return Flown(tracks=tracks, model=f"flight model of vehicle {found.calibration.vehicle.name}")
+    return FlownTracks(
+        tracks=tracks, model=f"flight model of vehicle {found.calibration.vehicle.name}"
+    )
 
 
 def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata
 from factory.exporting.og1.flight_terms import JoinedDives, reckoning
-from factory.exporting.og1.flown_track import Flown, FlownTrack, flown
-from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
-from factory.exporting.og1.terms import (
+from factory.exporting.og1.flown_track import FlownTrack, FlownTracks, flown
+from factory.exporting.og1.og1_terms import (
     ASCENT,
     COORDINATES,
     DESCENT,
@@ -41,6 +40,7 @@ from factory.exporting.og1.terms import (
     sensor_attributes,
     simulated_terms,
 )
+from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.variables import (
     ENDING,
     Og1Variable,
@@ -224,7 +224,7 @@ def _signal(values: Array, stored: str, attributes: Mapping[str, Any]) -> Og1Var
     return Og1Variable(values, described, fill=np.nan, kind="f4")
 
 
-def corrected_places(track: JoinedDives, found: Flown) -> Iterator[tuple[str, Og1Variable]]:
+def corrected_places(track: JoinedDives, found: FlownTracks) -> Iterator[tuple[str, Og1Variable]]:
     """The corrected track, its deviation and flags."""
     methods = ", ".join(dict.fromkeys(found.tracks[mission].method for mission in track.missions))
     latitude, longitude = _degrees(track, lambda mission: found.tracks[mission].position)

@@ -15,7 +15,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.terms import (
+from factory.exporting.og1.og1_terms import (
     COORDINATES,
     DVL_MODE_FILL,
     DVL_MODES,

@@ -17,8 +17,8 @@ from hubs import read_with
 from logs import Flight, write_slocum
 
 from factory.exporting import ExportOptions
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.importing import import_logs
 from factory.sampling.recipe import make_recipe
 from glider_twin_hubs import HUGGINGFACE, LEROBOT, huggingface

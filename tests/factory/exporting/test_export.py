@@ -14,7 +14,7 @@ from compliance import complaints, needs_checker
 from factory.exporting import EXPORTERS
 from factory.exporting.flat_table import export_parquet
 from factory.exporting.og1.missions import export_og1, phases
-from factory.exporting.og1.terms import PHASES, sensor_attributes
+from factory.exporting.og1.og1_terms import PHASES, sensor_attributes
 from factory.generation.generated_store import GeneratedStore
 from factory.missions_page import store_page
 from twin.errors import InputError, StoreError

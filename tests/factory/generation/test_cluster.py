@@ -18,7 +18,7 @@ import factory
 from factory.description import unfinished
 from factory.generation import executors as cluster
 from factory.generation.executors import Job, dask_executor
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.mission_block import fly_block
 from factory.generation.site import Site
 from factory.sampling.recipe import Recipe

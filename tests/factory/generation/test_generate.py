@@ -21,15 +21,15 @@ import pytest
 from patience import HANG_S
 from trees import contents
 
-import factory.generation.generate
+import factory.generation.generation
 import factory.generation.mission_block
 import twin.records.storage.stored_files
 from benchmarks.faults.here import Here
 from factory.description import unfinished
 from factory.flown_again import replay_failure
 from factory.generation.executors import Job
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.generation.manifest import LEAST_SHARD
 from factory.generation.mission_block import fly_block
 from factory.generation.site import Site, generating, locked
@@ -185,7 +185,7 @@ def _stop_before_shards(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Pa
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generate, "assemble", stop)
+        patch.setattr(factory.generation.generation, "assemble", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
 
@@ -423,7 +423,7 @@ def test_an_overwrite_that_was_stopped_is_resumed(
     store = tmp_path / "missions.zarr"
     shutil.copytree(paper_store, store)
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generate, "assemble", _interrupt)
+        patch.setattr(factory.generation.generation, "assemble", _interrupt)
         with pytest.raises(KeyboardInterrupt):
             generate(recipe(seed=1), store, workers=1, overwrite=True)
     assert contents(store) == contents(paper_store)

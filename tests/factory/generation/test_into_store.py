@@ -13,7 +13,7 @@ import xarray as xr
 from zarr.storage import MemoryStore
 
 import factory
-from factory.generation.generate import generate_into
+from factory.generation.generation import generate_into
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 

@@ -14,8 +14,8 @@ from s3 import s3_server
 from factory.__main__ import main
 from factory.description import unfinished
 from factory.generation.executors import dask_executor
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.generation.rebuild import repair
 from factory.sampling.recipe import Recipe

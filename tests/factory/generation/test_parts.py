@@ -11,7 +11,7 @@ import pytest
 from patience import HANG_S
 from trees import contents
 
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.manifest import Layout
 from factory.generation.parts import (
     StorePart,

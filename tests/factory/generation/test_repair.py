@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from trees import contents
 
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.generation.rebuild import lost, repair
 from factory.sampling.recipe import Recipe
 from factory.store_check import check_files

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 from patience import HANG_S
 
-import factory.generation.generate
+import factory.generation.generation
 from factory.description import unfinished
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.generation.manifest import MOST_IN_BLOCK
 from factory.generation.site import Site, generating, locked
 from factory.sampling.recipe import Recipe
@@ -45,7 +45,7 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generate, "assemble", stop)
+        patch.setattr(factory.generation.generation, "assemble", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
     blocks = sorted((Site(store, made.digest).folder / "blocks").glob("*.npz"))

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from unchanged import PRESETS, SEED, differences, expected_hashes
 
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from twin.records.storage.checksums import array_checksums
 

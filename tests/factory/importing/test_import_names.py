@@ -111,7 +111,7 @@ def test_a_wrong_mapping_is_refused(word: str, message: str, tmp_path: Path) -> 
         import_logs("slocum", paths, payload=[word])
 
 
-def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path, own_variables) -> None:
+def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path) -> None:
     """A store with a sensor of one's own was opened before in this process."""
     VARIABLES.pop("measured_turbidity", None)
     declare_stored("measured_turbidity", {"units": "NTU", "long_name": "turbidity"})
@@ -120,7 +120,7 @@ def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path, own
     assert dataset["measured_turbidity"].attrs["units"] == "1"
 
 
-def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path, own_variables) -> None:
+def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path) -> None:
     VARIABLES.pop("measured_turbidity", None)
     declare(Variable("measured_turbidity", "m", "of another kind"))
     paths = write_slocum(tmp_path, FLIGHT, sci_flntu_turb_units=np.ones(len(FLIGHT.time)))

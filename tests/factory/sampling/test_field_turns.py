@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 
 HOURS = 4.0

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from factory.flown_again import replay_mission
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.missions_page import store_page
-from factory.sampling.dives import SawToothKind
 from factory.sampling.draw import Parameters, kind_of, sensor_seed
 from factory.sampling.fly import Impossible, build_mission, build_scenario, fly
 from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for, register
 from factory.sampling.mission_water import DEEPEST_FLOOR_M
 from factory.sampling.parameters import parameter_table
+from factory.sampling.profiles import SawToothKind
 from factory.sampling.recipe import Recipe, make_recipe
 from factory.sampling.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
 from factory.sampling.vehicle_errors import spread_vehicle

@@ -14,8 +14,8 @@ import factory
 from factory.__main__ import PROGRAM
 from factory.description import drawn_rows
 from factory.flown_again import replay_mission
-from factory.generation.generate import generate
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
 from factory.missions_page import store_page
 from factory.sampling.draw import draw_parameters
 from factory.sampling.fly import build_scenario

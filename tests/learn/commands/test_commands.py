@@ -13,10 +13,10 @@ from learn.__main__ import PROGRAM
 from learn.files import SEAL, write_json, write_sealed
 from learn.networks.config import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
 from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, WriteError
 from twin.seams import BASELINES
 
@@ -450,7 +450,7 @@ def test_without_runs_the_newest_is_bad_input(tmp_path, monkeypatch):
 
 
 def test_a_factory_store_brings_the_papers_test(tmp_path, monkeypatch, capsys):
-    from factory.generation.generate import generate
+    from factory.generation.generation import generate
     from factory.sampling.recipe import make_recipe
     from learn.report.result_tables import paper_sentence
 

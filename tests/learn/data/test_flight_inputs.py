@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import learn
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import load_missions
 from learn.data.store_checks import input_groups

@@ -17,9 +17,9 @@ from learn.data.labels import (
 from learn.data.preparation import prepare
 from learn.data.store_checks import few_labels, few_missions, labels_in
 from learn.networks.config import NetworkConfig
+from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig, fit_settings
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
 from twin.navigation.features import select_features

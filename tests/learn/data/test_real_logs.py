@@ -22,10 +22,10 @@ from learn.evaluation.log_score import LogReference, score_row
 from learn.folds import folds_with_labels, leave_out_each
 from learn.networks.config import NetworkConfig
 from learn.report.card import RunOrigin
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
 from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import INPUT_SETS, select_features

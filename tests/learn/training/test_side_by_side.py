@@ -12,10 +12,10 @@ from learn.__main__ import PROGRAM
 from learn.networks.config import NetworkConfig
 from learn.repeated_fits import Seeds, other_seeds
 from learn.run import METRICS, SEEDS, open_run
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import TrainingStart, fit, fit_each
 from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError, TwinError
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import learn
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
 from learn.data.labels import LabelConfig

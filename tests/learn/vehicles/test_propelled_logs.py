@@ -17,10 +17,10 @@ from learn.data.labels import LabelConfig
 from learn.finishing import finish
 from learn.folds import folds_with_labels, leave_out_each, read_folds
 from learn.networks.config import NetworkConfig
+from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
 from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
-from learn.training.settings import FitConfig
 from twin.errors import InputError, StoreError
 from twin.navigation.features import select_features
 from twin.records.store import write_store

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import learn
-from factory.generation.generate import generate
+from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
 from learn.data.store_checks import parts_of
-from learn.training.settings import fit_settings
+from learn.training.fit_config import fit_settings
 from twin.errors import InputError
 from twin.navigation.features import FEATURES, GLIDER_PARTS, feature, mirror_signs, select_features
 from twin.vehicle.vehicle import load_vehicle

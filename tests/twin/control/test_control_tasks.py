@@ -274,7 +274,7 @@ def test_the_viewer_says_that_it_needs_a_screen():
 
 def test_the_viewer_names_unknown_policies():
     from twin.cli.console import Console
-    from twin.control.__main__ import View
+    from twin.control.__main__ import ViewTask
 
     with pytest.raises(InputError, match="did you mean 'autopilot'"):
-        View(policy="autopilt").run(Console("test"))
+        ViewTask(policy="autopilt").run(Console("test"))

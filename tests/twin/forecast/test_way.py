@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from twin.forecast.schedule import Schedule, middle, usual_duration
-from twin.forecast.way import WayPool, guided_way, plain_velocity
+from twin.forecast.surfacing_schedule import SurfacingSchedule, middle, usual_duration
+from twin.forecast.way_pool import WayPool, guided_way, plain_velocity
 from twin.logs.logged_leg import REPORTED, LoggedLeg
 from twin.navigation.current import Leg
 
@@ -111,7 +111,7 @@ def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
     rng = np.random.default_rng(1)
     ends = 1.6e9 - 1.6e9 % (4.0 * HOUR) + 4.0 * HOUR * np.arange(20) + rng.uniform(0, 60, 20)
     gaps = rng.uniform(600.0, 5400.0, 20)  # late starts make short dives
-    schedule = Schedule()
+    schedule = SurfacingSchedule()
     known = dives(ends, gaps)
     for begin, end in known[:-1]:
         schedule.learn(begin, end)
@@ -122,7 +122,7 @@ def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
 
 def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so() -> None:
     rng = np.random.default_rng(2)
-    schedule, time = Schedule(), 0.0
+    schedule, time = SurfacingSchedule(), 0.0
     for _ in range(20):
         begin = time + rng.uniform(600.0, 9000.0)
         time = begin + 5400.0 + rng.uniform(-60.0, 60.0)
@@ -131,7 +131,7 @@ def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so() -
 
 
 def test_a_clock_much_longer_than_the_dives_says_nothing() -> None:
-    schedule = Schedule()
+    schedule = SurfacingSchedule()
     for k in range(5):
         schedule.learn(1000.0 * k, 1000.0 * k + 700.0)
     assert not {"every 1 h", "every 4 h"} & {*schedule.expect(6000.0).names}

@@ -11,7 +11,7 @@ from twin.identify import identify, load_calibration, load_logs
 from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
 from twin.identify.pitch import PITCHING
 from twin.identify.residuals import dive_residuals, noise_of_dives
-from twin.identify.turning import TURNING
+from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
 from twin.vehicle.vehicle import load_vehicle
 

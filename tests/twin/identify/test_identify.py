@@ -24,7 +24,7 @@ from twin.identify import (
     load_logs,
     motion_of,
 )
-from twin.identify.logged import gliding
+from twin.identify.logged_missions import gliding
 from twin.identify.pitch import PITCHING
 from twin.identify.start_values import balance
 from twin.identify.unknowns import PARAMETERS, choose, with_known

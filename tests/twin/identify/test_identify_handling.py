@@ -19,11 +19,11 @@ from twin.identify.comparison import PRIOR, bootstrap, cut
 from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
 from twin.identify.handling import handle, with_usual_glide
 from twin.identify.lateral import Glide, exponential, linearised
-from twin.identify.logged import ATTITUDE_WINDOW, _rates
+from twin.identify.logged_missions import ATTITUDE_WINDOW, _rates
 from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
 from twin.identify.proof import failures
 from twin.identify.start_values import start_vehicle
-from twin.identify.turning import TURNING, munk_moment
+from twin.identify.turning_fit import TURNING, munk_moment
 from twin.identify.vehicle_file import largest_step, vehicle_xml
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide

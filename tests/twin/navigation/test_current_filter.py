@@ -17,8 +17,8 @@ from twin.navigation.current import (
     pass_leg,
     tune,
 )
+from twin.navigation.current.current_parameters import likely_logarithms, parameters_of, prior_cost
 from twin.navigation.current.modes import HOUR, modes_of, passage
-from twin.navigation.current.parameters import likely_logarithms, parameters_of, prior_cost
 
 LATITUDE = 31.5
 SOME = CurrentParameters(constituents=("M2", "K1"))

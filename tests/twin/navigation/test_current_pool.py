@@ -17,7 +17,7 @@ from twin.navigation.current.models import (
     PERSISTENCE,
     TIDE,
     CurrentPool,
-    Recent,
+    RecentMean,
     TidalFit,
 )
 from twin.navigation.current.pool import Mixture, Pool, Prior
@@ -132,7 +132,7 @@ def tidal(time):
 
 def test_persistence_is_the_last_current_and_nothing_else() -> None:
     legs = legs_in(tidal, 6)
-    one, three = Recent(1), Recent(3)
+    one, three = RecentMean(1), RecentMean(3)
     assert np.isnan(one.expect(legs[0])[0]).all()
     for leg in legs[:5]:
         one.learn(leg)

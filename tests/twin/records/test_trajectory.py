@@ -105,7 +105,7 @@ def test_it_plots_itself(flown):
 
 
 @pytest.mark.parametrize("parts", [(), ("pump",), ("shift", "rotation", "pump", "test_rudder")])
-def test_figures_have_a_panel_for_each_part(flown, parts, own_variables):
+def test_figures_have_a_panel_for_each_part(flown, parts):
     from twin.records.schema import Variable, declare
 
     keep = {n: v for n, v in flown.items() if not n.startswith("commanded_") or "pitch" in n}

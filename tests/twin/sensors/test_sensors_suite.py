@@ -188,7 +188,7 @@ def test_encoders_follow_the_parts_of_the_vehicle(truth):
         measure(SensorSuite(encoders=Encoders(resolutions={"rotaton": 1.0})), two)
 
 
-def test_a_part_of_a_new_name_gets_its_own_channel(truth, own_variables):
+def test_a_part_of_a_new_name_gets_its_own_channel(truth):
     for group in ("true", "commanded"):
         declare(Variable(f"{group}_test_fin", "degree", "fin angle", limits=(-90.0, 90.0)))
     values = np.linspace(0.0, 1.0, N)

@@ -20,10 +20,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.navigation.current.current_parameters import CurrentParameters
 from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg, replay
 from twin.navigation.current.modes import Innovation
-from twin.navigation.current.parameters import CurrentParameters
 from twin.navigation.current.tuning import tune
 
 Array = NDArray[np.float64]

@@ -28,17 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.navigation.current.modes import (
-    LONGEST,
-    Innovation,
-    Modes,
-    Passage,
-    modes_of,
-    passage,
-    transition,
-    turns,
-)
-from twin.navigation.current.parameters import (
+from twin.navigation.current.current_parameters import (
     CALIBRATION,
     DEGREES,
     DIVE,
@@ -48,6 +38,16 @@ from twin.navigation.current.parameters import (
     even,
     pair,
     square,
+)
+from twin.navigation.current.modes import (
+    LONGEST,
+    Innovation,
+    Modes,
+    Passage,
+    modes_of,
+    passage,
+    transition,
+    turns,
 )
 from twin.navigation.current.record import CurrentForecast, Record
 from twin.navigation.current.smoother import SmoothedTrack, smoothed

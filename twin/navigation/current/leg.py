@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.navigation.current.current_parameters import CurrentParameters
 from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter
 from twin.navigation.current.modes import Innovation
-from twin.navigation.current.parameters import CurrentParameters
 
 Array = NDArray[np.float64]
 

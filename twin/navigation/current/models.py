@@ -14,9 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.navigation.current.current_parameters import CONSTITUENTS, CurrentParameters
 from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg, begin_leg, pass_leg
-from twin.navigation.current.parameters import CONSTITUENTS, CurrentParameters
 from twin.navigation.current.pool import Mixture, Pool, Prior
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class CurrentModel(Protocol):
         """Take a leg whose fix has come."""
 
 
-class Recent:
+class RecentMean:
     """The mean current of the last dives; of the last one: persistence."""
 
     def __init__(self, dives: int):
@@ -172,8 +172,8 @@ class CurrentPool:
     ):
         self.filtered = Filtered(latitude, time)
         self.models: dict[str, CurrentModel] = {
-            PERSISTENCE: Recent(1),
-            MEAN: Recent(3),
+            PERSISTENCE: RecentMean(1),
+            MEAN: RecentMean(3),
             TIDE: TidalFit(2.0),
             FILTER: self.filtered,
         }

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.navigation.current.parameters import (
+from twin.navigation.current.current_parameters import (
     CALIBRATION,
     CONSTITUENTS,
     DIVE,

@@ -19,10 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg, replay
-from twin.navigation.current.modes import Innovation
-from twin.navigation.current.parameters import (
+from twin.navigation.current.current_parameters import (
     DEGREES,
     FIELD,
     FIELD_SPREAD,
@@ -33,6 +30,9 @@ from twin.navigation.current.parameters import (
     parameters_of,
     prior_cost,
 )
+from twin.navigation.current.filter import CurrentFilter
+from twin.navigation.current.leg import Leg, replay
+from twin.navigation.current.modes import Innovation
 
 Array = NDArray[np.float64]
 

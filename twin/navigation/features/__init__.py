@@ -23,6 +23,7 @@ from twin.navigation.features.base import is_part_channel as is_part_channel
 from twin.navigation.features.base import register as register
 from twin.navigation.features.base import trailing_mean as trailing_mean
 from twin.navigation.features.base import trailing_slope as trailing_slope
+from twin.navigation.features.feature_steps import FeatureSteps as FeatureSteps
 from twin.navigation.features.selection import DEFAULT_GROUPS as DEFAULT_GROUPS
 from twin.navigation.features.selection import FLIGHT as FLIGHT
 from twin.navigation.features.selection import INPUT_SETS as INPUT_SETS
@@ -34,5 +35,4 @@ from twin.navigation.features.selection import groups as groups
 from twin.navigation.features.selection import leave_out as leave_out
 from twin.navigation.features.selection import mirror_signs as mirror_signs
 from twin.navigation.features.selection import select_features as select_features
-from twin.navigation.features.steps import FeatureSteps as FeatureSteps
 from twin.numbers import Array as Array

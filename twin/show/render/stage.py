@@ -58,7 +58,7 @@ class Reshaped:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Turned:
+class TurnedBody:
     """A body that is turned as the part of its name is."""
 
     body: int
@@ -108,7 +108,7 @@ class Stage:
     """The current beside the glider, chase camera"""
     hull_length: float
     """[m]"""
-    turned: dict[str, Turned]
+    turned: dict[str, TurnedBody]
     """The fins and propellers that are drawn, by the names of their parts"""
 
     def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
@@ -230,18 +230,18 @@ def lay_out(
 
 def turned_bodies(
     model: mujoco.MjModel, vehicle: Vehicle, prefix: str = VEHICLE
-) -> dict[str, Turned]:
+) -> dict[str, TurnedBody]:
     """The bodies of the file that show its parts' turning; a part without one is not seen.
 
     `prefix` is what stands before the file's names in the model.
     """
-    found: dict[str, Turned] = {}
+    found: dict[str, TurnedBody] = {}
     for part in vehicle.parts:
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{part.name}")
         if body < 0 or part.drawn_axis is None:
             continue
         axis = flip_vector(np.array(part.drawn_axis))
-        found[part.name] = Turned(body=body, rest=model.body_quat[body].copy(), axis=axis)
+        found[part.name] = TurnedBody(body=body, rest=model.body_quat[body].copy(), axis=axis)
     return found
 
 

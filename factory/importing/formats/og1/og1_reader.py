@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
-from factory.exporting.og1.terms import ASCENT, DESCENT, INFLECTION, SENSORS, SURFACING, VARIATION
+from factory.exporting.og1.og1_terms import (
+    ASCENT,
+    DESCENT,
+    INFLECTION,
+    SENSORS,
+    SURFACING,
+    VARIATION,
+)
 from factory.exporting.og1.variables import ENDING, ESTIMATED
 from factory.importing.angles import REACH, to_degrees
 from factory.importing.cleaning import clean, from_degrees, to_dbar

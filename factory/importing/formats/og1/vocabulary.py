@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.metadata import INSTRUMENTS
-from factory.exporting.og1.terms import (
+from factory.exporting.og1.og1_terms import (
     MEASURED,
     NOT_LOGGED,
     ON_A_GRID,

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import Channel, Comparison, Fitted
+from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.lateral import Lateral, linearised, turning_part
-from twin.identify.logged import Log
+from twin.identify.logged_missions import Log
 from twin.identify.pitch import righting_arm, with_righting_arm
 from twin.identify.turning_windows import Group, averaged, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
@@ -254,8 +254,8 @@ class Turns(Comparison):
         first = groups[0]
         longest = round(LONGEST_CORRELATION / (first.period * first.count))
         channels = {
-            "yaw_rate": Channel(unit="rad/s", least=LEAST_TURN, longest=longest),
-            "roll": Channel(unit="rad", least=LEAST_ROLL, longest=longest),
+            "yaw_rate": ComparedQuantity(unit="rad/s", least=LEAST_TURN, longest=longest),
+            "roll": ComparedQuantity(unit="rad", least=LEAST_ROLL, longest=longest),
         }
         rolled = [g for g in groups if g.position is not None and self.channel == "rotation"]
         dives = {
@@ -351,7 +351,7 @@ def _windows(group: Group, values: Array) -> list[Array]:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Turned:
+class TurningFit:
     """What the turns of a log say."""
 
     fitted: Fitted
@@ -377,7 +377,7 @@ def turning_parameters(
     return found
 
 
-def turned(logs: Sequence[Log], calibration: Calibration) -> Turned | None:
+def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
     """Fit what turns the vehicle; None where no phase has turns enough."""
     part = turning_part(calibration.vehicle)
     windows = windows_of(logs, calibration)
@@ -409,7 +409,7 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> Turned | None:
         calibration = _resting(calibration, part.name, neutral)
         flown = _resting(fitted.calibration, part.name, neutral)
         fitted = dataclasses.replace(fitted, calibration=flown)
-    return Turned(
+    return TurningFit(
         fitted=fitted, asymmetry=asymmetry, groups=tuple(groups), neutral=neutral, apart=apart
     )
 

@@ -1,4 +1,4 @@
-"""Schedule: when a dive that begins now will end, by when those before it ended.
+"""Surfacing schedule: when a dive that begins now will end, by when those before it ended.
 
 Gliders surface after a time under water, a time after the last surfacing, or by the clock: every
 hour, two, three or four. Which of these a pilot has ordered shows in the dives themselves.
@@ -41,7 +41,7 @@ def usual_duration(before: Sequence[tuple[float, float]]) -> float:
     return float(np.median([end - begin for begin, end in before[-3:]]))
 
 
-class Schedule:
+class SurfacingSchedule:
     """Orders to surface, mixed by how well they foretold the ends so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = PRIORS):
