@@ -59,6 +59,7 @@ TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
 IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
 WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
 EULER, LENGTH, DIAMETER, ALIVE = AT["euler"], AT["length"], AT["diameter"], AT["alive"]
+WRONG = AT["wrong"]
 TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
 
@@ -333,9 +334,9 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
         ok = (u * u + v * v + w * w <= FASTEST * FASTEST) and (
             (p * p + q * q + r * r) * h * h <= 1.0
         )
-        b[RATE * lanes + l] = 0.0 if ok else 1.0
+        b[WRONG * lanes + l] = 0.0 if ok else 1.0
     for l in range(lanes):
-        wrong = max(wrong, b[RATE * lanes + l])
+        wrong = max(wrong, b[WRONG * lanes + l])
     return wrong == 0.0
 
 
@@ -343,7 +344,7 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
 def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
     """Take the lanes out that `_sound` marked."""
     for l in range(lanes):
-        if b[RATE * lanes + l] != 0.0 and b[ALIVE * lanes + l] != 0.0:
+        if b[WRONG * lanes + l] != 0.0 and b[ALIVE * lanes + l] != 0.0:
             counts[l, FAILED], counts[l, FAIL_TIME] = 1.0, b[TIME * lanes + l] + h
             b[ALIVE * lanes + l] = 0.0
 

@@ -56,6 +56,7 @@ HEAD = {
     "length": 1,
     "diameter": 1,  # [m] of the hull
     "alive": 1,  # 1: flies, 0: has ended and stands still
+    "wrong": 1,  # 1: has left physics in the last step
     "time": 1,  # [s] since the lane's start
 }
 PART = ("now", "command", "low", "high", "lag", "rate", "one_way")

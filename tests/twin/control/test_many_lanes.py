@@ -117,6 +117,23 @@ def test_one_that_goes_unstable_ends_alone():
     assert not env.step(np.zeros((3, 3), np.float32))[2].any()
 
 
+def test_vehicles_that_are_not_stepped_stay_where_they_are():
+    env = in_lanes("depth", 3)
+    env.reset(seed=0)
+    physics = env.physics
+
+    def states():
+        return np.column_stack(
+            [physics.north(), physics.depth(), physics.pitch(), physics.velocity_through_water()]
+        )
+
+    before = states()
+    physics.step(20, np.array([True, False, True]))
+    moved = states() != before
+    assert moved[[0, 2]].any(axis=1).all()
+    assert not moved[1].any()
+
+
 def test_measurements_are_copies():
     env = in_lanes("energy", 2)
     env.reset(seed=0)

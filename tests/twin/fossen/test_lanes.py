@@ -9,6 +9,8 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
 
 import twin
 from twin.checks import agreement
@@ -17,13 +19,15 @@ from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
 from twin.fossen.structure import LANES
 from twin.mission.controller import FollowedPositions, Schedule
-from twin.physics.lanes import fly_in_lanes
+from twin.physics.lanes import Aground, Lane, flown_abreast, fly_in_lanes
 from twin.physics.stiffness import file_timestep
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
+from twin.water.current.grid import Grid
 from twin.water.current.profile import Profile
 from twin.water.current.uniform import Uniform
 from twin.water.density import DensityProfile
+from twin.water.floor.bathymetry import GridFloor
 
 STRAIGHT = Schedule(times=[0.0], commands=[(0.02, 0.0, -200.0)])
 
@@ -83,12 +87,42 @@ def test_every_shipped_vehicle_flies_as_the_scalar_model_does(name):
     assert found.position_percent < 0.1
 
 
-def test_the_step_has_order_two():
-    """In a current that is linear in space, and with the rotary damping solved for."""
+@pytest.fixture(scope="module")
+def across(tmp_path_factory):
+    """A current that grows to the north and to the east, by 0.02 m/s a metre, at every depth."""
+    north = np.array([-400.0, 0.0, 400.0])
+    degree = 111_194.9
+    grown = 0.02 * north
+    shape = (1, 2, len(north), len(north))
+    data = xr.Dataset(
+        {
+            "vo": (("time", "depth", "latitude", "longitude"), np.empty(shape)),
+            "uo": (("time", "depth", "latitude", "longitude"), np.empty(shape)),
+        },
+        {
+            "time": np.array(["2000-01-01"], "datetime64[ns]"),
+            "depth": [0.0, 2000.0],
+            "latitude": north / degree,
+            "longitude": north / degree,
+        },
+    )
+    data["vo"][:], data["uo"][:] = grown[:, None], grown
+    for name in data.data_vars:
+        data[name].attrs["units"] = "m s-1"
+    path = tmp_path_factory.mktemp("across") / "across.nc"
+    data.to_netcdf(path)
+    return Grid(path=str(path), latitude_deg=0.0, longitude_deg=0.0, time="2000-01-01")
+
+
+DEEP = Profile(depth=(0.0, 2000.0), north=(0.0, 4.0), east=(1.0, 0.0))
+
+
+@pytest.mark.parametrize("current", ["deep", "across"])
+def test_the_step_has_order_two(current, across):
+    """In currents that are linear in space, and with the rotary damping solved for."""
     vehicle = load_vehicle("glider")
     manoeuvre = agreement.draw_manoeuvre(vehicle, 1, 100.0)
-    depths = (0.0, 2000.0)
-    shear = Profile(depth=depths, north=(0.0, 4.0), east=(1.0, 0.0))
+    shear = DEEP if current == "deep" else across
     manoeuvre = dataclasses.replace(manoeuvre, current=shear)
     reference = fossen_of(vehicle, manoeuvre, 100.0, 0.005)
     errors = []
@@ -167,21 +201,21 @@ def test_a_steady_glide_is_the_trim():
 
 
 def test_the_specific_force_is_that_of_the_motion():
-    """By differences of the velocity over ground in a sheared current."""
-    shear = Profile(depth=(0.0, 500.0), north=(0.0, 2.0), east=(0.5, 0.0))
-    flown = twin.simulate(scenario(current=shear, sample_period=0.1, duration=60.0))
-    names = [f"true_velocity_{axis}" for axis in ("north", "east", "down")]
-    velocity = np.stack([flown[name] for name in names], -1)
-    rate = np.gradient(velocity, 0.1, axis=0)[200:-1]
-    still = twin.simulate(
-        dataclasses.replace(
-            scenario(current=shear, sample_period=0.1, duration=60.0), engine="mujoco"
-        )
-    )
-    for axis in "xyz":
-        name = f"true_specific_force_{axis}"
-        np.testing.assert_allclose(flown[name][200:-1], still[name][200:-1], atol=2e-3)
-    assert np.abs(rate).max() > 1e-4
+    """Turned to the Earth and with gravity it is the slope of the velocity over ground, where the
+    current that the hull moves through has the largest part in it."""
+    shear = Profile(depth=(0.0, 200.0), north=(0.0, 8.0), east=(2.0, 0.0))
+    vehicle = load_vehicle("glider").replace(imu_position=(0.0, 0.0, 0.0))
+    given = scenario(vehicle=vehicle, current=shear, sample_period=0.1, duration=60.0)
+    flown = twin.simulate(given)
+    velocity = np.stack([flown[f"true_velocity_{axis}"] for axis in ("north", "east", "down")], -1)
+    rate = np.gradient(velocity, 0.1, axis=0)
+    force = np.stack([flown[f"true_specific_force_{axis}"] for axis in "xyz"], -1)
+    angles = np.stack([flown[f"true_{name}"] for name in ("heading", "pitch", "roll")], -1)
+    felt = Rotation.from_euler("ZYX", angles, degrees=True).apply(force)
+    felt[:, 2] += vehicle.gravity
+    steady = slice(200, -1)
+    np.testing.assert_allclose(felt[steady], rate[steady], atol=2e-4)
+    assert np.abs(rate[steady, 0]).max() > 2e-3
 
 
 def test_the_log_is_that_of_mujoco_row_for_row():
@@ -350,3 +384,20 @@ def test_a_followed_part_goes_where_it_is_told_from_the_start_of_each_leg():
         wanted = positions[np.minimum(first + np.rint(since / 20.0).astype(int), first + 3)]
         np.testing.assert_array_equal(said[when][clear], wanted[clear])
         assert clear.sum() > 60
+
+
+def test_a_sloping_sea_floor_is_met_where_the_track_meets_it():
+    """Looked for every third step, at the place of the step between two looks."""
+    north = np.array([0.0, 60.0])
+    depth = np.stack([130.0 - 2.0 * north] * 2, axis=1)
+    slope = GridFloor(north_m=north, east_m=north - 30.0, depth_m=depth)
+    starts = [{"depth": 100.0 + 0.31 * k, "v_rel": (0.35, 0.0, 0.01)} for k in range(12)]
+    given = [scenario(start=one, duration=60.0, sample_period=0.1, timestep=0.1) for one in starts]
+    lanes = [Lane(dataclasses.replace(one, floor=slope)) for one in given]
+    for k, found in flown_abreast(lanes):
+        free = twin.simulate(given[k])
+        altitude = 130.0 - 2.0 * free["true_north"] - free["true_depth"]
+        looks = np.arange(1, len(free.time), 3)
+        touched = looks[altitude[looks] < 0.5 * given[k].vehicle.hull_diameter]
+        assert isinstance(found, Aground)
+        assert found.time_s == pytest.approx(free.time[touched[0]], abs=1e-9)
