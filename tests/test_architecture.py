@@ -64,6 +64,10 @@ LAZY_BOTH_WAYS = {
 """Folders of which one names the other only for when it is asked, and why"""
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
 """File names and public classes that stand at two places are fewer"""
+SHARED_COMMANDS = {
+    "factory.commands.generate": "finish, repair and reference show what they made as it does",
+}
+"""Commands that others import, and why"""
 COMPUTED_IMPORTS = {
     "twin.lazy": "public names, by the places of each face",
     "twin.plugins": "kinds, by the places of each registry",
@@ -283,8 +287,8 @@ def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_loo
 def below_the_faces(module: str) -> list[str]:
     """What a command imports that is below a public face.
 
-    Not below one are what all commands share and what stands beside the face of its own package:
-    `TOP_LEVEL` and the other commands.
+    Not below one are what all commands share and what stands beside the face of its own package,
+    `TOP_LEVEL`. No command imports another one but those of `SHARED_COMMANDS`.
     """
     package = module.partition(".")[0]
     own = {f"{package}.{name}" for name in TOP_LEVEL[package]}
@@ -292,8 +296,8 @@ def below_the_faces(module: str) -> list[str]:
         other
         for other in imported(module)
         if modules()[other].name != "__init__.py"
-        and other not in ("twin.errors", "twin.version", *own)
-        and not other.startswith(("twin.cli.", f"{package}.commands."))
+        and other not in ("twin.errors", "twin.version", *own, *SHARED_COMMANDS)
+        and not other.startswith("twin.cli.")
     )
 
 
