@@ -34,12 +34,15 @@ the nearest cache. What a lane does is the same in both, to the last bit"""
 STATE_WORDS = 14
 """north, east, depth [m]; quaternion body to NED, scalar first (4); v_r [m/s] (3); rates [rad/s]
 (3), body FRD; the hull's temperature [degC]"""
+POSE_WORDS = 7
+"""of them, position and quaternion"""
 FLOW_WORDS = 15
 """of `sample_gradient`: the current [m/s] NED (3), its local rate (3), its gradient (9)"""
 HEAD = {
     "state": STATE_WORDS,
-    "rate": STATE_WORDS,  # of the state, per second
-    "before": STATE_WORDS,  # rate one step before
+    "rate": STATE_WORDS,  # of the state, per second; the quaternion's is that half a step later
+    "before": STATE_WORDS - POSE_WORDS,  # rate one step before, of what is no pose
+    "going": 3,  # velocity over ground half a step later
     "looked": 4,  # north, east, depth [m] and time [s] at which the water was looked up
     "flow": FLOW_WORDS,  # there; the current is linear about it
     "density": 1,  # [kg/m3] there
@@ -302,7 +305,7 @@ def structure_of(
 
 _TERMS = (
     "rotation", "rows_times", "columns_times", "quaternion_rate", "with_mass", "hung_mass",
-    "mass_matrix", "balanced", "solved", "restoring", "buoyant_moment", "strain", "added",
+    "mass_matrix", "cross", "balanced", "solved", "restoring", "buoyant_moment", "strain", "added",
 )  # fmt: skip
 
 
@@ -331,17 +334,26 @@ def _write(w: _Writer, vehicle: Vehicle, volume: float, zeros: Mapping[str, floa
         f"fx, fy, fz, fk, fm, fn = balanced(wrench, body, m_a, scale, {coupling}, nu, omega, "
         "(p, q, r), grad, path, push)"
     )
-    for axis, (name, first) in enumerate((("fk", 10), ("fm", 11), ("fn", 12))):
+    before = [row(AT["before"] + k) for k in range(6)]
+    for axis, name in enumerate(("fk", "fm", "fn")):
         # x = (M + g D)^-1 (F + g D x of the step before)
         w.add(f"d{axis} = g * max(d{axis}, 0.0)")
-        w.add(f"{name} += d{axis} * {row(AT['before'] + first)}")
+        w.add(f"{name} += d{axis} * {before[3 + axis]}")
     w.add("m = mass_matrix(body, m_a, scale)")
     w.add(
         "m = (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8], m[9] + d0, m[10], m[11], m[12],"
         " m[13], m[14] + d1, m[15], m[16], m[17], m[18], m[19], m[20] + d2)"
     )
     w.add("x = solved(m, (fx, fy, fz, fk, fm, fn))")
-    w.add("turning = quaternion_rate(e0, e1, e2, e3, omega)")
+    # leapfrog: a pose goes on by the velocity half a step later
+    for k, name in enumerate(("u", "v", "w", "wx", "wy", "wz")):
+        w.add(f"half_{name} = {name} + g * (x[{k}] - 0.5 * {before[k]})")
+    w.add("swing = cross(omega, nu)")
+    later = (f"half_{name} + 0.5 * g * swing[{k}]" for k, name in enumerate(("u", "v", "w")))
+    w.add(f"ahead = rows_times(rot, ({', '.join(later)}))")
+    for k in range(3):
+        w.add(f"{row(AT['going'] + k)} = ahead[{k}] + flow[{k}] + 0.5 * g * path_rate[{k}]")
+    w.add("turning = quaternion_rate(e0, e1, e2, e3, (half_wx, half_wy, half_wz))")
     lag = w.number(vehicle.hull_thermal_lag)
     outputs = [
         *(f"velocity[{k}]" for k in range(3)),
