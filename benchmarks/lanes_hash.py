@@ -35,7 +35,8 @@ import twin
 from factory.sampling.fly import build_scenario
 from factory.sampling.recipe import Recipe
 from twin.cli.text_table import format_table
-from twin.fossen.structure import LANES, Arithmetic
+from twin.fossen.lane_block import LANES
+from twin.fossen.structure import Arithmetic
 from twin.physics.lanes import Lane, fly_in_lanes
 from twin.records.trajectory import Trajectory
 

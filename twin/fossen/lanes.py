@@ -1,6 +1,6 @@
 """Lanes: many vehicles of one structure flown side by side, compiled.
 
-One call flies a block (`twin.fossen.structure`) through many steps, with guidance at the control
+One call flies a block (`twin.fossen.lane_block`) through many steps, with guidance at the control
 period, sensors' truth at the sample period, and every lane in its own water under its own plan.
 
 Integrator: one evaluation a step. Velocities v go on by Adams and Bashforth's method of two steps,
@@ -28,7 +28,7 @@ from numba.extending import intrinsic
 from twin.compiled import elementary, jit
 from twin.compiled.portable import portable
 from twin.fossen.equations import FASTEST, part_after
-from twin.fossen.structure import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
+from twin.fossen.lane_block import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
 from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
@@ -484,15 +484,3 @@ def go_on(  # type: ignore[no-untyped-def]
                             b[(BEFORE + i) * lanes + l] = b[(RATE + POSE_WORDS + i) * lanes + l]
             call_rate(rate, at, h)
         _turn(b, lanes)
-
-
-def width(parts: int, joints: int) -> int:
-    """Numbers of a row of the log."""
-    return 17 + 7 + joints + 6 + joints + 2 * parts
-
-
-def empty_block(size: int) -> np.ndarray:
-    """A block of `size` zeros that begins on a line of the cache."""
-    raw = np.zeros(size + 8)
-    first = (-raw.ctypes.data % 64) // 8
-    return raw[first : first + size]

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from twin.errors import FloorError, InputError, SimulationUnstable, StepTooLong
 from twin.fossen import lanes as ln
 from twin.fossen import terms
-from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
+from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
+from twin.fossen.structure import Structure, structure_of
 from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
@@ -212,7 +213,7 @@ class LaneBlock:
         self.lanes = lanes
         self.width = next(width for width in LANES if len(lanes) <= width)
         structure: Structure = first.structure
-        self.b = ln.empty_block(structure.size * self.width)
+        self.b = empty_block(structure.size * self.width)
         self.rate = structure.rate(self.width)
         rows = self.b.reshape(-1, self.width)
         # what fills a block up stands still beside the others

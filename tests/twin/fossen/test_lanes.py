@@ -15,7 +15,7 @@ from twin.checks import agreement
 from twin.errors import FloorError, InaccurateStep, InputError, SimulationUnstable, StepTooLong
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
-from twin.fossen.structure import LANES
+from twin.fossen.lane_block import LANES
 from twin.mission.controller import FollowedPositions, Schedule
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.stiffness import file_timestep
