@@ -90,7 +90,7 @@ class Stiffness:
         if said and timestep * self.rest > STABLE:
             raise StepTooLong(said)
         if said:
-            warnings.warn(said, InaccurateStep, stacklevel=4)
+            warnings.warn(said, InaccurateStep, stacklevel=3)
 
 
 def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
