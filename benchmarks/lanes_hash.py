@@ -1,18 +1,21 @@
 """One hash: small fleets in lanes have the same log on every processor and in every company.
 
-    python -m benchmarks.lanes_hash [--vehicles glider,slocum-200,tethys]
+    python -m benchmarks.lanes_hash [--fleets glider,slocum-200,tethys,gridded,paper,field]
 
-Each vehicle flies under a tide and a wind's current, the Slocum to a waypoint with a fix, alone in
-a block of few, among others in a block of few and of many, and on two threads. All of that is done
-on three processors, each a process of its own: one of SSE2 alone, one of AVX2, one of AVX-512; what
-numba, NumPy and the C library find there is taken from them by their own switches. Printed is the
-SHA-256 of each vehicle's log, and for each processor what its compiled equations are made of:
-operations on several lanes at once, on one, and calls. Without x86 only this processor is asked.
+A fleet is of a vehicle, under a tide and a wind's current, the Slocum to a waypoint with a fix; of
+gliders in a gridded current; or of the missions that a preset of `factory generate` draws. One
+mission of it flies alone in a block of few, among others in a block of few and of many, and on two
+threads. All of that is done on three processors, each a process of its own: one of SSE2 alone, one
+of AVX2, one of AVX-512; what numba, NumPy and the C library find there is taken from them by their
+own switches. Printed is the SHA-256 of each log, and for each processor what the compiled equations
+are made of: operations on several lanes at once, on one, and calls. Without x86 only this processor
+is asked.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import hashlib
 import json
 import math
@@ -20,12 +23,20 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+import xarray as xr
+
 import twin
+from factory.sampling.fly import build_scenario
+from factory.sampling.recipe import Recipe
 from twin.cli.text_table import format_table
-from twin.fossen.structure import LANES, Arithmetic
+from twin.fossen.lane_block import LANES
+from twin.fossen.structure import Arithmetic
 from twin.physics.lanes import Lane, fly_in_lanes
 from twin.records.trajectory import Trajectory
 
@@ -52,17 +63,28 @@ DERIVED = ("true_roll", "true_pitch", "true_heading", "true_energy_")
 """Signals that NumPy derives from the log by arctan2, arcsin and cos of the C library, as it does
 for MuJoCo: their last bit is another one on processors without FMA"""
 VEHICLES = ("glider", "slocum-200", "tethys")
+GRIDDED = "gridded"
+DRAWN = ("paper", "field")
+"""Presets; their missions are cut to SHORT"""
+FLEETS = (*VEHICLES, GRIDDED, *DRAWN)
+HOURS = 200.0
+"""[h] that hold more missions of a preset than fly here"""
 
 
-def fleet(vehicle: str, count: int) -> list[twin.Scenario]:
-    """So many missions of one structure that differ from each other."""
+def fleet(name: str, count: int, folder: Path) -> list[twin.Scenario]:
+    """So many missions of one structure that differ from each other; files lie in the folder."""
+    if name in DRAWN:
+        return drawn(name, count)
+    vehicle = "glider" if name == GRIDDED else name
+    current = twin.parse_current(CURRENT)
+    if name == GRIDDED:
+        current = twin.parse_current(f"grid:{gridded(folder)},lat=49,lon=-16,time=2000-01-05")
     real = twin.load_vehicle(vehicle)
     mission = twin.load_mission("transects" if vehicle == "tethys" else "default")
     if vehicle == "slocum-200":
         to = {"kind": "waypoint", "targets": [{"north_m": 400.0, "east_m": 150.0}],
               "surface_after_s": 600.0, "max_depth_m": 40.0, "pitch_deg": 26.0}  # fmt: skip
         mission = twin.Mission.from_dict({"name": "there", "segments": [to]})
-    current = twin.parse_current(CURRENT)
     return [
         twin.Scenario(
             vehicle=real,
@@ -77,6 +99,47 @@ def fleet(vehicle: str, count: int) -> list[twin.Scenario]:
     ]
 
 
+def drawn(preset: str, count: int) -> list[twin.Scenario]:
+    """The first missions that a store of the preset has, each with its own vehicle and water."""
+    vehicle = twin.load_vehicle("glider")
+    recipe = Recipe(preset=preset, hours=HOURS, seed=0, changes={}, vehicle=vehicle, engine="lanes")
+    found: list[twin.Scenario] = []
+    for mission in range(len(recipe.plan)):
+        scenario = build_scenario(recipe.parameters(mission, 0), vehicle, None, "lanes")
+        found.append(dataclasses.replace(scenario, duration=SHORT))
+        if len(found) == count:
+            return found
+    raise RuntimeError(f"preset {preset!r} has {len(found)} missions in {HOURS:g} h, not {count}")
+
+
+def gridded(folder: Path) -> Path:
+    """A file of a current that turns with depth, place and time."""
+    axes = {
+        "time": np.datetime64("2000-01-04T12:00", "ns") + np.arange(3) * np.timedelta64(1, "D"),
+        "depth": np.array([0.5, 10.0, 50.0, 200.0]),
+        "latitude": 48.9 + 0.05 * np.arange(5),
+        "longitude": -16.1 + 0.05 * np.arange(5),
+    }
+    index = np.meshgrid(*(np.arange(len(axis)) for axis in axes.values()), indexing="ij")
+    east = 0.1 + 0.02 * index[0] - 0.03 * index[1] + 0.01 * index[2] * index[3]
+    velocities = {"uo": ("eastward", east), "vo": ("northward", 0.1 - 0.5 * east)}
+    data = xr.Dataset(
+        {
+            name: (
+                tuple(axes),
+                values,
+                {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"},
+            )
+            for name, (way, values) in velocities.items()
+        },
+        coords=axes,
+    )
+    data["depth"].attrs = {"units": "m", "positive": "down", "axis": "Z"}
+    path = folder / "water.nc"
+    data.to_netcdf(path)
+    return path
+
+
 def digest(flown: Trajectory) -> str:
     """Hash of a log: its states, and its signals without what NumPy derives from them."""
     found = hashlib.sha256(flown.states.tobytes())
@@ -86,10 +149,14 @@ def digest(flown: Trajectory) -> str:
     return found.hexdigest()
 
 
-def hashes(vehicle: str) -> dict[str, str]:
-    """Hash of the same mission in every company."""
+def hashes(name: str) -> dict[str, str]:
+    """Hash of the same mission of a fleet in every company."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _hashes(fleet(name, LANES[-1] + LANES[0], Path(folder)))
+
+
+def _hashes(missions: list[twin.Scenario]) -> dict[str, str]:
     few, many = LANES[0], LANES[-1]
-    missions = fleet(vehicle, many + few)
     ways = {
         "alone": (missions[:1], 1),
         "among few": (missions[: few - 1], 1),
@@ -108,11 +175,11 @@ def hashes(vehicle: str) -> dict[str, str]:
 
 def arithmetic(vehicle: str, lanes: int = LANES[-1]) -> Arithmetic:
     """Of the vehicle's compiled equations."""
-    return Lane(fleet(vehicle, 1)[0]).structure.arithmetic(lanes)
+    return Lane(fleet(vehicle, 1, Path())[0]).structure.arithmetic(lanes)
 
 
 def on_processor(
-    name: str, hashed: Sequence[str] = VEHICLES, counted: Sequence[str] = VEHICLES
+    name: str, hashed: Sequence[str] = FLEETS, counted: Sequence[str] = VEHICLES
 ) -> dict[str, Any]:
     """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`."""
     switches = {"NUMBA_CPU_FEATURES": "", **PROCESSORS[name]} if name in PROCESSORS else {}
@@ -135,7 +202,7 @@ from benchmarks import lanes_hash as this
 
 hashed, counted = map(json.loads, sys.argv[1:])
 print(json.dumps({
-    "hashes": {vehicle: this.hashes(vehicle) for vehicle in hashed},
+    "hashes": {name: this.hashes(name) for name in hashed},
     "arithmetic": {vehicle: vars(this.arithmetic(vehicle)) for vehicle in counted},
 }))
 """
@@ -153,27 +220,29 @@ def processors() -> tuple[str, ...]:
 
 
 def main() -> int:
-    """Print the hashes; exit code 1 when a vehicle has more than one, or code is not packed."""
+    """Print the hashes; exit code 1 when a fleet has more than one, or code is not packed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vehicles", default=",".join(VEHICLES))
-    vehicles = tuple(parser.parse_args().vehicles.split(","))
-    rows, logs = [], {vehicle: set() for vehicle in vehicles}  # type: ignore[var-annotated]
+    parser.add_argument("--fleets", default=",".join(FLEETS))
+    fleets = tuple(parser.parse_args().fleets.split(","))
+    counted = tuple(name for name in fleets if name in VEHICLES)
+    rows, logs = [], {name: set() for name in fleets}  # type: ignore[var-annotated]
     packed = True
     for processor in processors():
-        both = on_processor(processor, vehicles, vehicles)
-        for vehicle, found in both["hashes"].items():
-            made = both["arithmetic"][vehicle]
-            code = Arithmetic(made["packed"], made["scalar"], tuple(made["calls"]))
-            packed = packed and code.vector_code
-            logs[vehicle] |= set(found.values())
-            kinds = len(set(found.values()))
-            first = next(iter(found.values()))
-            row = {"processor": processor, "vehicle": vehicle, "ways": len(found), "hashes": kinds}
-            row |= {"SHA-256 of the log": first, "packed": code.packed, "scalar": code.scalar}
-            rows.append({**row, "calls": len(code.calls)})
+        both = on_processor(processor, fleets, counted)
+        for name, found in both["hashes"].items():
+            logs[name] |= set(found.values())
+            kinds, first = len(set(found.values())), next(iter(found.values()))
+            row = {"processor": processor, "fleet": name, "ways": len(found), "hashes": kinds}
+            row |= {"SHA-256 of the log": first, "packed": "", "scalar": "", "calls": ""}
+            if name in counted:
+                made = both["arithmetic"][name]
+                code = Arithmetic(made["packed"], made["scalar"], tuple(made["calls"]))
+                packed = packed and code.vector_code
+                row |= {"packed": code.packed, "scalar": code.scalar, "calls": len(code.calls)}
+            rows.append(row)
     print(format_table(rows))
-    for vehicle, found in logs.items():
-        print(f"{vehicle}: {len(found)} hash{'es' if len(found) > 1 else ''}")
+    for name, found in logs.items():
+        print(f"{name}: {len(found)} hash{'es' if len(found) > 1 else ''}")
     return 0 if packed and all(len(found) == 1 for found in logs.values()) else 1
 
 

@@ -26,6 +26,8 @@ MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
 """Of a store, a mission's number, its signals, and the checks that count what is found"""
 MISSIONS_AT_ONCE = 16
 """Missions that are read and checked together: some 100 MB of hours of all signals"""
+SAMPLES_AT_ONCE = 16 * 7200
+"""Samples of them; short missions, which cost more to ask for than to read, are more at a time"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -91,7 +93,8 @@ def check_missions(
     Returns:
       The bytes read.
     """
-    size, total = MISSIONS_AT_ONCE, len(stored)
+    total = len(stored)
+    size = max(MISSIONS_AT_ONCE, SAMPLES_AT_ONCE // max(stored.dataset.sizes[TIME], 1))
     ranges = [range(first, min(first + size, total)) for first in range(0, total, size)]
     if workers == 1 or len(ranges) < 2:
         found = (_check_range(stored, names, tuple(checks), check, one) for one in ranges)

@@ -29,7 +29,7 @@ def flip_quaternion(quaternion: ArrayLike) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """The cross product of two vectors of shape (3,), faster than `np.cross`, to the same bits."""
-    (a0, a1, a2), (b0, b1, b2) = a, b
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 

@@ -36,7 +36,7 @@ from factory.sampling.presets import (
 )
 from factory.sampling.vehicle_parameters import FLOOR
 from twin.errors import InputError, StoreError, TwinError, unknown_name
-from twin.fossen.structure import LANES
+from twin.fossen.lane_block import LANES
 from twin.physics.lanes import INTEGRATOR, Lane, flown_abreast
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario

@@ -167,6 +167,7 @@ def test_what_is_found_does_not_depend_on_the_workers(
     tmp_path: Path, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 1)
+    monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
     monkeypatch.setattr("twin.records.storage.checksums.FILES_AT_ONCE", 2)
     store = tmp_path / "copy.zarr"
     shutil.copytree(paper_store, store)

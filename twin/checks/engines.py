@@ -23,7 +23,7 @@ from twin.checks.agreement import (
     draw_manoeuvre,
 )
 from twin.errors import SimulationUnstable
-from twin.fossen.structure import LANES
+from twin.fossen.lane_block import LANES
 from twin.physics.scenario import ENGINES
 from twin.physics.simulation import simulate_many
 from twin.physics.stiffness import file_timestep

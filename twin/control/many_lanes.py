@@ -17,7 +17,8 @@ from twin.control.conditions import Conditions
 from twin.control.placing import water_of
 from twin.errors import InputError, VehicleError
 from twin.fossen import lanes as ln
-from twin.fossen.structure import AT, LANES, PART, PARTS_AT, structure_of
+from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
+from twin.fossen.structure import structure_of
 from twin.numbers import Array
 from twin.physics.lanes import column, joined, refuse_obstacles
 from twin.physics.lookup_tables import Tables
@@ -48,7 +49,7 @@ class ManyLanes:
         parts, blocks = self._structure.parts, -(-count // WIDTH)
         self._rate = self._structure.rate(WIDTH)
         words = self._structure.size * WIDTH
-        self._blocks = ln.empty_block(blocks * words).reshape(blocks, words)
+        self._blocks = empty_block(blocks * words).reshape(blocks, words)
         self._rows = self._blocks.reshape(blocks, self._structure.size, WIDTH)
         self._counts = np.zeros((blocks, WIDTH, len(ln.COUNTS)))
         self._fresh = np.zeros((blocks, WIDTH), np.bool_)

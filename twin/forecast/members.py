@@ -29,7 +29,7 @@ from twin.forecast.draws import (
 )
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
-from twin.fossen.structure import LANES
+from twin.fossen.lane_block import LANES
 from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
 from twin.mission import Mission
 from twin.mission.segments.base import SURFACED_MARGIN_M

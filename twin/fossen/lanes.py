@@ -1,16 +1,19 @@
 """Lanes: many vehicles of one structure flown side by side, compiled.
 
-One call flies a block (`twin.fossen.structure`) through many steps, with guidance at the control
+One call flies a block (`twin.fossen.lane_block`) through many steps, with guidance at the control
 period, sensors' truth at the sample period, and every lane in its own water under its own plan.
 
-Integrator: Adams and Bashforth's method of two steps, one evaluation a step, with the damping D of
-the body's rates taken implicitly about the acceleration x of the step before,
+Integrator: one evaluation a step. Velocities v go on by Adams and Bashforth's method of two steps,
+with the damping D of the body's rates taken implicitly about the acceleration x of the step before,
 
-    (M + g D) x = F(y) + g D x_before,      y += h (3/2 y' - 1/2 y'_before) with v_r' = x,
+    (M + g D) x = F(y) + g D x_before,      v += h (3/2 x - 1/2 x_before),
 
 which has order 2 whatever D is, and for g = h is stable however large the damping is, also where
-the law damps up to twice as much as D says. Parts move by their exact solution. The water is looked
-up every LOOKS steps, so that its error falls with the square of the step too.
+the law damps up to twice as much as D says. A pose goes on by the velocity at the middle of the
+step, v + h (x - 1/2 x_before) of the v before: to a motion that swings, as a hull on the water does
+in heave and pitch, that is the leapfrog method, which neither damps it nor swings it up while
+h omega < 2. Parts move by their exact solution. The water is looked up every LOOKS steps, so that
+its error falls with the square of the step too.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from numba.extending import intrinsic
 from twin.compiled import elementary, jit
 from twin.compiled.portable import portable
 from twin.fossen.equations import FASTEST, part_after
-from twin.fossen.structure import AT, PART, PARTS_AT, STATE_WORDS
+from twin.fossen.lane_block import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
 from twin.mission.controller import MEMORY, followed
 from twin.mission.guidance import guidance_step
@@ -53,8 +56,8 @@ LOOKS = 3
 """Steps from one look at the water to the next: it is taken where the lane will be at the middle
 one, and is linear about it"""
 
-STATE, RATE, BEFORE, LOOKED = AT["state"], AT["rate"], AT["before"], AT["looked"]
-FLOW, DENSITY, DENSITY_SLOPE = AT["flow"], AT["density"], AT["density_slope"]
+STATE, RATE, BEFORE, GOING = AT["state"], AT["rate"], AT["before"], AT["going"]
+LOOKED, FLOW, DENSITY, DENSITY_SLOPE = AT["looked"], AT["flow"], AT["density"], AT["density_slope"]
 TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
 IMMERSION, LEVER, CURRENT = AT["immersion"], AT["lever"], AT["current"]
 WATER, NET_MASS, PATH_RATE = AT["water"], AT["net_mass"], AT["path_rate"]
@@ -303,14 +306,19 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
 @jit(nogil=True)
 def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
     """The end of the step from the rates here and one step before, of the lanes that are alive."""
-    for k in range(STATE_WORDS):
-        at = k * lanes
+    for k in range(POSE_WORDS):
+        at, going = (STATE + k) * lanes, (GOING + k if k < 3 else RATE + k) * lanes
         for l in range(lanes):
-            i = at + l
-            here, rate = b[STATE * lanes + i], b[RATE * lanes + i]
-            there = here + h * (1.5 * rate - 0.5 * b[BEFORE * lanes + i])
-            b[STATE * lanes + i] = there if b[ALIVE * lanes + l] != 0.0 else here
-            b[BEFORE * lanes + i] = rate
+            here = b[at + l]
+            there = here + h * b[going + l]
+            b[at + l] = there if b[ALIVE * lanes + l] != 0.0 else here
+    for k in range(POSE_WORDS, STATE_WORDS):
+        at, now, before = (STATE + k) * lanes, (RATE + k) * lanes, (BEFORE + k - POSE_WORDS) * lanes
+        for l in range(lanes):
+            here, rate = b[at + l], b[now + l]
+            there = here + h * (1.5 * rate - 0.5 * b[before + l])
+            b[at + l] = there if b[ALIVE * lanes + l] != 0.0 else here
+            b[before + l] = rate
     for l in range(lanes):
         i = (STATE + 3) * lanes + l
         w, x, y, z = b[i], b[i + lanes], b[i + 2 * lanes], b[i + 3 * lanes]
@@ -418,8 +426,8 @@ def fly(  # type: ignore[no-untyped-def]
         _wet(b, lanes)
         if step == 0:  # there is no step before: its rate is that of the start
             call_rate(rate, address, 0.0)
-            for i in range(STATE_WORDS * lanes):
-                b[BEFORE * lanes + i] = b[RATE * lanes + i]
+            for i in range((STATE_WORDS - POSE_WORDS) * lanes):
+                b[BEFORE * lanes + i] = b[(RATE + POSE_WORDS) * lanes + i]
         call_rate(rate, address, h)
         if step % per_sample == 0:
             _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
@@ -471,21 +479,9 @@ def go_on(  # type: ignore[no-untyped-def]
             _wet(b, lanes)
             if step == -1:
                 call_rate(rate, at, 0.0)
-                for i in range(STATE_WORDS):
+                for i in range(STATE_WORDS - POSE_WORDS):
                     for l in range(lanes):
                         if fresh[k, l]:
-                            b[(BEFORE + i) * lanes + l] = b[(RATE + i) * lanes + l]
+                            b[(BEFORE + i) * lanes + l] = b[(RATE + POSE_WORDS + i) * lanes + l]
             call_rate(rate, at, h)
         _turn(b, lanes)
-
-
-def width(parts: int, joints: int) -> int:
-    """Numbers of a row of the log."""
-    return 17 + 7 + joints + 6 + joints + 2 * parts
-
-
-def empty_block(size: int) -> np.ndarray:
-    """A block of `size` zeros that begins on a line of the cache."""
-    raw = np.zeros(size + 8)
-    first = (-raw.ctypes.data % 64) // 8
-    return raw[first : first + size]

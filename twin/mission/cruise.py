@@ -7,7 +7,10 @@ surge, heave and pitch balance (`twin.mission.glide_balance`), found by Newton's
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+import operator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -51,9 +54,18 @@ def steady_flight(
       MissionError: the propeller cannot drive it so fast (the largest speed is named), or no such
         flight exists.
     """
+    found = _steady_flight(vehicle, pitch, speed, tuple(np.asarray(position, float).tolist()))
+    return dataclasses.replace(found, position=found.position.copy())
+
+
+@functools.lru_cache(maxsize=256)
+def _steady_flight(
+    vehicle: Vehicle, pitch: float | None, speed: float, rest: tuple[float, ...]
+) -> SteadyCruise:
+    """The same, once: segments of a mission, and its time limit, ask for few flights."""
     driving, pitching = vehicle.steered_index("speed"), vehicle.steered_index("pitch")
     assert driving is not None
-    position = np.array(position, dtype=np.float64)
+    position = np.array(rest)
     position[driving] = cruise_rate(vehicle, speed)
     if pitching is None:
         return SteadyCruise(pitch=pitch or 0.0, angle_of_attack=0.0, position=position)
@@ -106,10 +118,10 @@ def cruise_rate(vehicle: Vehicle, speed: float) -> float:
             f"speed_m_s = {speed:g}: propeller {driving.name!r} of vehicle {vehicle.name!r} drives "
             f"it at up to {slow:.2f} m/s ({driving.high:g} rad/s); give less"
         )
-    low, high = 0.0, float(driving.high)
+    low, high, left = 0.0, float(driving.high), surplus_at(vehicle, speed)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        if surplus(vehicle, middle, speed) >= 0.0:
+        if left(middle) >= 0.0:
             high = middle
         else:
             low = middle
@@ -118,11 +130,28 @@ def cruise_rate(vehicle: Vehicle, speed: float) -> float:
 
 def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
     """Thrust less drag [N] at a propeller's `rate` [rad/s] and `speed` [m/s] straight ahead."""
-    nu_r = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
-    density = vehicle.reference_density
-    force = float(vehicle.law.wrench(nu_r, density)[0])
-    position = vehicle.rest
-    position[vehicle.part_names.index(vehicle.steering["speed"])] = rate
-    for part, at in zip(vehicle.parts, vehicle.allocated(position), strict=True):
-        force += float(part.wrench(float(at), nu_r, density, DEEP)[0])
-    return force
+    return surplus_at(vehicle, speed)(rate)
+
+
+def surplus_at(vehicle: Vehicle, speed: float) -> Callable[[float], float]:
+    """`surplus` at a speed, of the rate; parts that do not go along with it are asked once."""
+    nu_r, density = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), vehicle.reference_density
+    driving, position = vehicle.steering["speed"], vehicle.rest
+    place = vehicle.part_names.index(driving)
+    moved = {driving, *(one.part for one in vehicle.followers if one.lead == driving)}
+    hull = float(vehicle.law.wrench(nu_r, density)[0])
+
+    def push(part: Part, at: float) -> float:
+        return float(part.wrench(float(at), nu_r, density, DEEP)[0])
+
+    pushes = [push(*one) for one in zip(vehicle.parts, position, strict=True)]
+    turning = [(k, part) for k, part in enumerate(vehicle.parts) if part.name in moved]
+
+    def left(rate: float) -> float:
+        position[place] = rate
+        at = vehicle.allocated(position, (driving,))
+        for k, part in turning:
+            pushes[k] = push(part, at[k])
+        return functools.reduce(operator.add, pushes, hull)  # sum() rounds otherwise from 3.12 on
+
+    return left

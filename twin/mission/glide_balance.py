@@ -185,11 +185,13 @@ def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Arra
 
     wrench = vehicle.law.wrench(nu, density)
     volume = vehicle.neutral_volume
-    for part, place in zip(vehicle.parts, position, strict=True):
-        wrench = wrench + part.wrench(float(place), nu, density, DEEP)
-        own = part.displaced(float(place))
-        volume += own
-        wrench[3:] -= density * own * gravity * cross(np.array(part.position), down)
+    for part, place in zip(vehicle.parts, position.tolist(), strict=True):
+        if part.fossen_wrench is not None:
+            wrench = wrench + part.wrench(place, nu, density, DEEP)
+        if part.fossen_volume is not None:
+            own = part.displaced(place)
+            volume += own
+            wrench[3:] -= density * own * gravity * cross(np.array(part.position), down)
     wrench[:3] += (mass - density * volume) * gravity * down - cross(omega, impulse + water[:3])
     wrench[3:] += gravity * cross(first, down) - cross(omega, spin + water[3:])
     wrench[3:] -= cross(velocity, impulse + water[:3])

@@ -18,10 +18,11 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import FloorError, InputError, SimulationUnstable
+from twin.errors import FloorError, InputError, SimulationUnstable, StepTooLong
 from twin.fossen import lanes as ln
 from twin.fossen import terms
-from twin.fossen.structure import AT, LANES, PART, PARTS_AT, Structure, structure_of
+from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
+from twin.fossen.structure import Structure, structure_of
 from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
@@ -32,7 +33,7 @@ from twin.physics.obstacles import obstacle_names
 from twin.physics.outcome import trajectory
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
-from twin.physics.stiffness import file_timestep
+from twin.physics.stiffness import file_timestep, stiffness_in
 from twin.physics.true_signals import LEAN
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
@@ -95,6 +96,10 @@ class Lane:
             vehicle, neutral_volume=volume, zeros=scenario.encoder_zeros
         )
         self.timestep = scenario.timestep or file_timestep(vehicle)
+        if scenario.timestep is not None:
+            stiff = stiffness_in(scenario, vehicle, self.tables)
+            if stiff is not None:
+                stiff.check(self.timestep)
         self.per_sample = _whole(scenario.sample_period, self.timestep)
         self.samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
         self.joints = _driving(vehicle.xml)
@@ -208,7 +213,7 @@ class LaneBlock:
         self.lanes = lanes
         self.width = next(width for width in LANES if len(lanes) <= width)
         structure: Structure = first.structure
-        self.b = ln.empty_block(structure.size * self.width)
+        self.b = empty_block(structure.size * self.width)
         self.rate = structure.rate(self.width)
         rows = self.b.reshape(-1, self.width)
         # what fills a block up stands still beside the others
@@ -303,17 +308,18 @@ def fly_in_lanes(
     scenarios: Sequence[Scenario],
     *,
     threads: int = 0,
-    single: bool = False,
+    numbers: Sequence[int | None] = (),
     lean: bool = False,
     until_flown: bool = False,
     follow: Sequence[FollowedPositions] = (),
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it.
+    Each element is the trajectory, or the `SimulationUnstable` that ended it; a `StepTooLong`
+    before it began.
 
     Args:
-      single: errors name no index of a mission.
+      numbers: by which errors name each scenario, None: by none; its place by default.
       lean: trajectories hold few signals, see `true_signals.from_log`.
       until_flown: a run ends when its mission is flown, though it has a duration.
       follow: of each scenario a part that follows positions and not its guidance; none by default.
@@ -323,19 +329,24 @@ def fly_in_lanes(
       Aground: a vehicle came to the sea floor, which lanes do not feel.
     """
     plans: Plans = {}
-    lanes = [
-        Lane(scenario, plans, until_flown=until_flown, follow=positions)
-        for scenario, positions in itertools.zip_longest(scenarios, follow)
-    ]
+    lanes: list[Lane] = []
+    places: list[int] = []
+    results: list[Trajectory | SimulationUnstable | None] = [None] * len(scenarios)
+    for place, (scenario, positions) in enumerate(itertools.zip_longest(scenarios, follow)):
+        try:
+            lanes.append(Lane(scenario, plans, until_flown=until_flown, follow=positions))
+            places.append(place)
+        except StepTooLong as error:
+            results[place] = error
+    named = [numbers[place] if numbers else place for place in places]
     count = threads or os.cpu_count() or 1
     blocks = _blocks(lanes, count)
-    results: list[Trajectory | SimulationUnstable | None] = [None] * len(lanes)
 
     def fly(members: list[int]) -> None:
-        for index, found in _flown(lanes, members, single=single, lean=lean):
+        for index, found in _flown(lanes, members, named, lean=lean):
             if isinstance(found, Aground):
                 raise found
-            results[index] = found
+            results[places[index]] = found
 
     if count == 1 or len(blocks) == 1:
         for members in blocks:
@@ -352,7 +363,7 @@ def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, LaneResult]]:
     So the logs of a block are in memory at once, and their trajectories are not.
     """
     for members in _blocks(lanes, 1):
-        yield from _flown(lanes, members)
+        yield from _flown(lanes, members, range(len(lanes)))
 
 
 def _blocks(lanes: Sequence[Lane], threads: int) -> list[list[int]]:
@@ -376,15 +387,18 @@ def _sizes(count: int, threads: int) -> list[int]:
 
 
 def _flown(
-    lanes: Sequence[Lane], members: Sequence[int], *, single: bool = False, lean: bool = False
+    lanes: Sequence[Lane],
+    members: Sequence[int],
+    numbers: Sequence[int | None],
+    *,
+    lean: bool = False,
 ) -> Iterator[tuple[int, LaneResult]]:
-    """What comes of the lanes of one block."""
+    """What comes of the lanes of one block; errors name each by its number."""
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
     for k, index in enumerate(members):
         rows, ours = logs.pop()  # a log is let go of once it is told
-        named = None if single else index
-        yield index, _outcome(lanes[index], rows, ours, block.counts[k], named, lean)
+        yield index, _outcome(lanes[index], rows, ours, block.counts[k], numbers[index], lean)
 
 
 def _outcome(

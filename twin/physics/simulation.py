@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-import warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InaccurateStep, InputError, SimulationUnstable, StepTooLong, TwinError
+from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import flip_quaternion, flip_vector
-from twin.mission import Mission
 from twin.mission.controller import Command, Controller, Observation
 from twin.mission.mission_file import DONE
 from twin.numbers import Array
@@ -26,7 +24,7 @@ from twin.physics.native import block as b
 from twin.physics.outcome import trajectory_of
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
-from twin.physics.stiffness import STABLE, Stiffness, stiffness_of
+from twin.physics.stiffness import stiffness_in
 from twin.records.trajectory import INNOVATIONS, Trajectory
 from twin.vehicle.vehicle import Vehicle
 
@@ -73,7 +71,8 @@ class Simulation:
         self.scenario = scenario
         self.duration = scenario.run_time()
         self.tables = tables_of(scenario, self.duration) if tables is None else tables
-        stiff = _stiffness(scenario, self.tables)
+        vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
+        stiff = stiffness_in(scenario, vehicle, self.tables)
         self.model = compile_model(
             scenario.vehicle,
             hydrodynamics=scenario.hydrodynamics,
@@ -86,7 +85,8 @@ class Simulation:
             centred=scenario.centred,
             stiff=stiff,
         )
-        _check_step(stiff, self.model)
+        if stiff is not None and header(self.model)["centred"]:
+            stiff.check(float(self.model.opt.timestep))
         check_integration(self.model, scenario.sample_period, self._samples(), self.duration)
         model = self.model
         self._row = b.log_row(model.nq, model.nv, model.nu)
@@ -323,28 +323,6 @@ class Simulation:
         return found
 
 
-def _stiffness(scenario: Scenario, tables: Tables) -> Stiffness | None:
-    """Of the fastest that the scenario is known to go; None where nothing says how it flies."""
-    plan = tables.plan if tables.control == b.CONTROL_MISSION else None
-    if scenario.navigate is not None and isinstance(scenario.mission, Mission):
-        plan, _ = scenario.mission_in_metres().compile(scenario.believed_vehicle)
-    return stiffness_of(
-        with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics),
-        plan,
-        start=math.hypot(*scenario.begin.v_rel),
-    )
-
-
-def _check_step(stiff: Stiffness | None, model: mujoco.MjModel) -> None:
-    """Refuse a step that would be unstable, warn of one that is not accurate."""
-    timestep = float(model.opt.timestep)
-    if stiff is None or not header(model)["centred"] or not stiff.too_long(timestep):
-        return
-    if timestep * stiff.rest > STABLE:
-        raise StepTooLong(stiff.too_long(timestep))
-    warnings.warn(stiff.too_long(timestep), InaccurateStep, stacklevel=3)
-
-
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
     """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD.
 
@@ -384,7 +362,7 @@ def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajec
                 "engine='lanes' runs no Python between its steps: a controller needs "
                 "engine='mujoco'"
             )
-        found = fly_in_lanes([scenario], threads=1, single=True)[0]
+        found = fly_in_lanes([scenario], threads=1, numbers=[None])[0]
         if isinstance(found, SimulationUnstable):
             raise found
         return found
@@ -424,7 +402,8 @@ def simulate_many(
     if abreast:
         from twin.physics.lanes import fly_in_lanes
 
-        found = fly_in_lanes([scenarios[index] for index in abreast], threads=threads)
+        lanes = [scenarios[index] for index in abreast]
+        found = fly_in_lanes(lanes, threads=threads, numbers=abreast)
         flown = dict(zip(abreast, found, strict=True))
 
     def fly(item: tuple[int, Scenario]) -> Trajectory | SimulationUnstable:

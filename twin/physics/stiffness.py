@@ -11,19 +11,24 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import MissionError, VehicleError
+from twin.errors import InaccurateStep, MissionError, StepTooLong, VehicleError
+from twin.mission import Mission
 from twin.mission import mission_file as g
 from twin.mission.glide_balance import left_over, mass_matrix
 from twin.mission.way import level_way, way
+from twin.physics.native import block as b
 from twin.vehicle.mjcf import MjcfReader
 
 if TYPE_CHECKING:
+    from twin.physics.lookup_tables import Tables
+    from twin.physics.scenario import Scenario
     from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -74,6 +79,18 @@ class Stiffness:
             f"{'unstable' if unstable else 'off by a millimetre per second or more'}; take at most "
             f"{rounded(self.longest):g} s"
         )
+
+    def check(self, timestep: float) -> None:
+        """Warn, InaccurateStep, of a step [s] that is not accurate.
+
+        Raises:
+          StepTooLong: it would be unstable.
+        """
+        said = self.too_long(timestep)
+        if said and timestep * self.rest > STABLE:
+            raise StepTooLong(said)
+        if said:
+            warnings.warn(said, InaccurateStep, stacklevel=3)
 
 
 def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
@@ -147,6 +164,14 @@ def stiffness_of(
             return None
         speed, angle = 0.0, 0.0
     return stiffness(vehicle, max(speed, start), angle)
+
+
+def stiffness_in(scenario: Scenario, vehicle: Vehicle, tables: Tables) -> Stiffness | None:
+    """Of a scenario's vehicle at the fastest that it is known to go there."""
+    plan = tables.plan if tables.control == b.CONTROL_MISSION else None
+    if scenario.navigate is not None and isinstance(scenario.mission, Mission):
+        plan, _ = scenario.mission_in_metres().compile(scenario.believed_vehicle)
+    return stiffness_of(vehicle, plan, start=math.hypot(*scenario.begin.v_rel))
 
 
 def file_timestep(vehicle: Vehicle) -> float:

@@ -11,7 +11,7 @@ import twin
 from twin.control import GliderVectorEnv
 from twin.control.registry import ALL_TASKS
 from twin.errors import InputError, VehicleError
-from twin.fossen.structure import AT
+from twin.fossen.lane_block import AT
 from twin.frames import quaternion_to_euler
 from twin.mission.controller import Schedule
 from twin.physics.start import Start

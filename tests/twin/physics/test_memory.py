@@ -331,7 +331,7 @@ def test_no_address_of_an_array_is_taken_outside_the_native_room():
         "learn/networks/context_delay.py",
         "twin/checks/step_cost.py",
         "twin/control/many_lanes.py",
-        "twin/fossen/lanes.py",
+        "twin/fossen/lane_block.py",
         "twin/physics/lanes.py",
     }
     address = re.compile(r"\.ctypes\b|__array_interface__|ctypes\.addressof|ctypes\.data_as")

@@ -11,6 +11,7 @@ The registry of vehicle parts, and what a kind must have to be one.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
@@ -220,7 +221,7 @@ class Part:
     def displaced(self, position: float) -> float:
         """Volume [m3] that it adds to the neutral one at a position; 0 without a kernel."""
         kernel = type(self).fossen_volume
-        return 0.0 if kernel is None else 1e-6 * float(kernel(np.array(self.values()), position))
+        return 0.0 if kernel is None else 1e-6 * float(kernel(self._numbers[0], position))
 
     def wrench(self, position: float, nu_r: Array, density: float, depth: float) -> Array:
         """Force [N] and moment [N m] about the CB at a position, shape (6,); 0 without a kernel.
@@ -232,9 +233,13 @@ class Part:
         kernel = type(self).fossen_wrench
         if kernel is None:
             return np.zeros(6)
-        values, place = np.array(self.values()), np.array(self.position)
         motion = np.asarray(nu_r, dtype=np.float64).tolist()
-        return np.array(kernel(values, place, position, *motion, density, depth))
+        return np.array(kernel(*self._numbers, position, *motion, density, depth))
+
+    @functools.cached_property
+    def _numbers(self) -> tuple[Array, Array]:
+        """`values` and `position` as kernels read them."""
+        return np.array(self.values()), np.array(self.position)
 
     # --- what guidance may do with it -----------------------------------------------------------
 
