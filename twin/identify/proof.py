@@ -96,9 +96,10 @@ def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> li
     part = vehicle.steered("heading")
     assert part is not None
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
-    moved = STEERED * (part.high - part.rest)
+    straight = named[part.name]
+    moved = STEERED * (part.high - straight)
     try:
-        trim = FossenModel(vehicle).trim(positions={**named, part.name: part.rest + moved})
+        trim = FossenModel(vehicle).trim(positions={**named, part.name: straight + moved})
     except (NoSteadyState, InputError) as error:
         return [f"it does not steer in the {_called(phase)}: {error}"]
     turn = trim.turn_rate_rad_s
