@@ -56,7 +56,10 @@ def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ..
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
-        found += _phase(vehicle, phase)
+        try:
+            found += _phase(vehicle, phase)
+        except (MissionError, NoSteadyState, InputError) as error:
+            found.append(f"it does not trim in the {_called(phase)}: {error}")
     return tuple(found) if found else tuple(_flight(vehicle, phases))
 
 
@@ -66,10 +69,7 @@ def _called(phase: Phase) -> str:
 
 
 def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
-    try:
-        state, positions = trimmed(vehicle, phase)
-    except (MissionError, NoSteadyState, InputError) as error:
-        return [f"it does not trim in the {_called(phase)}: {error}"]
+    state, positions = trimmed(vehicle, phase)
     found = []
     for control in ("pitch", "heading"):
         part = vehicle.steered(control)

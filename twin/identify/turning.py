@@ -480,9 +480,10 @@ def _turned(
         room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
         mean, phases = more
         apart = max(phases.values()) - min(phases.values())
-        straight = turns.neutral(x, with_hull=True)
-        assert straight is not None
-        balanced = all(abs(neutral + at - middle) <= room for at in straight[1].values())
+        if own:
+            straight = turns.neutral(x, with_hull=True)
+            assert straight is not None
+            balanced = all(abs(neutral + at - middle) <= room for at in straight[1].values())
         neutral = min(max(neutral + mean, middle - room), middle + room)
         groups = groups_of(windows, channel, neutral)
         calibration = _resting(calibration, part.name, neutral)

@@ -101,7 +101,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         roll = -(c[K_M0] + (c[K_M] + c[K_MY]) * fz) * fy - c[K_MY0] * fz
         l = k * l + s * (roll * speed2 + d1)
         m = k * m + s * ((c[K_M0] + c[K_M] * fz) * fx * speed2 + d2)
-        n = k * n + s * ((c[K_MY] * fy + c[K_MY0]) * fx * speed2 + d3)
+        n = k * n + s * (c[K_MY] * fx * fy * speed2 + c[K_MY0] * fx * speed2 + d3)
 
     x = -ca * cb * drag - ca * sb * side + sa * lift
     y = -sb * drag + cb * side
