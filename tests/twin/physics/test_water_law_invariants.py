@@ -53,6 +53,8 @@ def test_a_hull_bent_to_starboard_is_the_mirror_image_of_one_bent_to_port(model)
         nu = rng.normal(size=6) * [0.5, 0.2, 0.2, 0.05, 0.05, 0.05]
         found = wrench(to_port, sides * nu)
         np.testing.assert_allclose(found, sides * wrench(to_starboard, nu), atol=1e-12)
+        for other in KERNELS.values():
+            np.testing.assert_allclose(found, other(to_port, sides * nu), atol=1e-9)
     assert wrench(to_starboard, np.array([0.4, 0, 0, 0, 0, 0]))[5] == pytest.approx(5 * 0.4**2)
 
 
