@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,6 +200,11 @@ parameter."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
+def biases_beside(names: Collection[str]) -> tuple[str, ...]:
+    """Those of BIASES that are fitted beside parameters of these names."""
+    return BIASES[1:] if "yaw_moment_offset" in names else BIASES
+
+
 def channel_of(calibration: Calibration) -> str | None:
     """The log's channel of the turning part: "rotation", "fin", or None."""
     part = turning_part(calibration.vehicle)
@@ -278,7 +283,7 @@ class Turns(Comparison):
         self.channel = channel_of(nominal)
         own, free = {p.name for p in TURNING}, {p.name for p in parameters}
         self.flies = bool(free - own)
-        self.biases = BIASES[1:] if "yaw_moment_offset" in free else BIASES
+        self.biases = biases_beside(free)
         first = groups[0]
         longest = round(LONGEST_CORRELATION / (first.period * first.count))
         channels = {
