@@ -31,6 +31,9 @@ class RealLogs(JsonOption):
     """folder for a page with the tables and charts beside published figures"""
     keep: Path | None = None
     """file for the rows as JSON, from which the tables of docs/results/real_logs.md are made"""
+    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SECTION...")] = ()
+    """judge these sections alone, of speed, fixes and surge; the other rows of --keep stay
+    [default: all]"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 
@@ -38,12 +41,15 @@ class RealLogs(JsonOption):
         """Import, identify, train, judge, print."""
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         from benchmarks.real_logs.row import table
-        from benchmarks.real_logs.run import TASKS, run_benchmark
+        from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
         from learn.files import check_folder
-        from twin.errors import InputError
+        from twin.errors import InputError, unknown_name
 
         if self.workers is not None and self.workers < 1:
             raise InputError(f"--workers must be at least 1, not {self.workers}")
+        for name in self.only:
+            if name not in SECTIONS:
+                raise InputError(unknown_name("section of --only", name, tuple(SECTIONS)))
         if self.out is not None:
             check_folder(self.out, "--out")
         begin = time.monotonic()
@@ -52,6 +58,7 @@ class RealLogs(JsonOption):
                 self.folder,
                 workers=self.workers or len(os.sched_getaffinity(0)),
                 networks=not self.no_networks,
+                only=self.only or tuple(SECTIONS),
                 say=progress.note,
                 progress=lambda part: progress.update(100.0 * part),
             )
@@ -63,9 +70,12 @@ class RealLogs(JsonOption):
                 console.say()
         console.say(f"{seconds:.0f} s")
         if self.keep is not None:
-            from benchmarks.real_logs.markdown import keep
+            from benchmarks.real_logs.markdown import keep, kept
 
-            keep(rows, self.keep)
+            measured = {task for name in self.only or SECTIONS for task in SECTIONS[name]}
+            others = kept(self.keep) if self.only and self.keep.exists() else []
+            stay = [row for row in others if row.task not in {*measured, "skipped"}]
+            keep(sorted([*rows, *stay], key=lambda row: TASKS.index(row.task)), self.keep)
             console.say(f"rows: {self.keep}")
         page = None
         if self.out is not None:

@@ -129,10 +129,19 @@ def _methods(job: DvlJob, logs: list[Log], truth: Truth, *, corrected: bool) -> 
         for log, p in zip(logs, pitches, strict=True)
     ]
     put("steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}")
-    known = ("pitch_offset",) if corrected else ()
-    found = identify(logs, nominal, fixes=False, known=known).calibration
+    known = ("pitch_offset", "pitch_scale") if corrected else ()
+    fit = identify(logs, nominal, fixes=False, known=known)
+    found = fit.calibration
     speeds = [estimate(log, found).speed for log in logs]
     put("twin", "twin", speeds, f"depth rate only; {pitch}")
+    if not corrected:
+        named = identify(logs, nominal, fixes=False, parameters=[*fit.determined, "pitch_scale"])
+        speeds = [estimate(log, named.calibration).speed for log in logs]
+        scale = named["pitch_scale"]
+        note = f"depth rate only; pitch scale {scale.value:.3f} +- {scale.deviation:.3f} with it"
+        errors = score(deployment, logs, speeds, truth)
+        name = "twin, pitch scale estimated too"
+        methods.append(Method(name=name, kind="twin", note=note, errors=errors))
     for kind in job.networks or {}:
         assert job.networks is not None
         speeds = [

@@ -27,6 +27,18 @@ Output = TypeVar("Output")
 
 SHARES = {"import": 0.03, "simulate": 0.17, "speed": 0.05, "fixes": 0.4, "surge": 0.35}
 """Parts of the whole time, roughly, for the progress."""
+SECTIONS = {
+    "speed": (dvl.TASK,),
+    "fixes": (
+        fixes.RATE,
+        fixes.RATE_GLIDING,
+        fixes.RATE_LATER,
+        fixes.RATE_FACTORY,
+        fixes.TRACK,
+    ),
+    "surge": (adcp.TASK,),
+}
+"""Tasks that are judged together, each a table"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,6 +105,7 @@ def run_benchmark(
     *,
     workers: int = 1,
     networks: bool = True,
+    only: Sequence[str] = tuple(SECTIONS),
     say: Say = lambda text: None,
     progress: Done = lambda part: None,
 ) -> list[Row]:
@@ -102,6 +115,7 @@ def run_benchmark(
       root: folders of logs, see `benchmarks.real_logs.source`.
       workers: processes.
       networks: train and judge networks too; without, it takes a third of the time.
+      only: names of SECTIONS.
       say: told what is being done.
       progress: told parts of the whole, which add up to 1.
 
@@ -123,9 +137,11 @@ def run_benchmark(
             pretrained = _pretrained(store, pool, progress)
         else:
             progress(SHARES["simulate"])
-        rows += _speeds(deployments, pool, pretrained, say, progress)
-        rows += _fixes(deployments, pool, pretrained, say, progress)
-        rows += _surges(deployments, pool, pretrained, say, progress)
+        for section, judge in (("speed", _speeds), ("fixes", _fixes), ("surge", _surges)):
+            if section in only:
+                rows += judge(deployments, pool, pretrained, say, progress)
+            else:
+                progress(SHARES[section])
         # errors name the temporary stores: only their folders mean anything to the reader
         rows = [
             dataclasses.replace(row, note=row.note.replace(f"{work}/", "").replace(".zarr", ""))
@@ -135,16 +151,7 @@ def run_benchmark(
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
 
-TASKS = (
-    dvl.TASK,
-    adcp.TASK,
-    fixes.RATE,
-    fixes.RATE_GLIDING,
-    fixes.RATE_LATER,
-    fixes.RATE_FACTORY,
-    fixes.TRACK,
-    "skipped",
-)
+TASKS = (*SECTIONS["speed"], *SECTIONS["surge"], *SECTIONS["fixes"], "skipped")
 """Order of the tables."""
 
 

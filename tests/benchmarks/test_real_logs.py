@@ -13,12 +13,13 @@ from logs import SHARED, Flight, write_csv, write_slocum
 from benchmarks.real_logs import dvl
 from benchmarks.real_logs.__main__ import PROGRAM
 from benchmarks.real_logs.folds import blocks, thinned
+from benchmarks.real_logs.markdown import keep, kept
 from benchmarks.real_logs.page import chart
 from benchmarks.real_logs.public import SteadyModel, fit_steady, kinematic
 from benchmarks.real_logs.published import figures, published_rows
 from benchmarks.real_logs.ridge import ridge
 from benchmarks.real_logs.row import Row, rmse
-from benchmarks.real_logs.run import TASKS, run_benchmark
+from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
 from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed
 from benchmarks.real_logs.source import gather, imported
 from twin.errors import InputError
@@ -143,6 +144,28 @@ def test_a_folder_without_logs_is_an_error(tmp_path: Path) -> None:
         run_benchmark(tmp_path)
 
 
+def test_one_section_alone_leaves_the_other_rows_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tasks = (*SECTIONS["speed"], *SECTIONS["fixes"])
+    old = [Row(task=task, data="a", method="m", kind="twin", value=1.0) for task in tasks]
+    keep(old, tmp_path / "rows.json")
+    asked = {}
+
+    def judged(folder: Path, **options: object) -> list[Row]:
+        asked.update(options)
+        return [dataclasses.replace(row, value=2.0) for row in old if row.task in SECTIONS["speed"]]
+
+    monkeypatch.setattr("benchmarks.real_logs.run.run_benchmark", judged)
+    options = ["--only", "speed", "--keep", str(tmp_path / "rows.json")]
+    assert PROGRAM.main(["real_logs", str(tmp_path), *options]) == 0
+    assert asked["only"] == ("speed",)
+    values = {row.task: row.value for row in kept(tmp_path / "rows.json")}
+    assert values == {task: 2.0 if task in SECTIONS["speed"] else 1.0 for task in tasks}
+    assert PROGRAM.main(["real_logs", str(tmp_path), "--only", "fixs"]) == 2
+    assert "did you mean 'fixes'" in capsys.readouterr().err
+
+
 def test_the_chart_has_a_bar_for_each_method() -> None:
     rows = [
         Row(task="speed", data="a", method=f"m{k}", kind=kind, value=0.01 * (k + 1))
@@ -188,7 +211,11 @@ def test_the_twin_knows_the_speed_of_the_comet(tmp_path: Path) -> None:
     assert twin.value == pytest.approx(0.0163, abs=3e-4)
     assert twin.low < twin.value < twin.high
     assert twin.value < steady.value
-    # no method knows the correction from the depth rate
+    # asked for, the depth rate knows the correction that the author took from the Doppler log
+    scaled = rows["twin, pitch scale estimated too"]
+    assert scaled.note.startswith("depth rate only; pitch scale 0.855 +- 0.072 with it")
+    assert scaled.value < twin.value
+    # without, no method does
     logged = [row for row in compared if "as logged" in row.method]
     assert min(row.value for row in logged if "w/sin" not in row.method) > 2.0 * twin.value
     # a constant that no theory gives, chosen in hindsight, hides most of it

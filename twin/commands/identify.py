@@ -68,7 +68,8 @@ class Identify(JsonOption):
     """leave pitch, turns and gains as the vehicle file has them, and try nothing out: the file is
     then written for estimates of speed, whether the vehicle flies or not"""
     pitch_scale: float | None = None
-    """known error of the pitch sensor: true pitch = scale * measured + offset"""
+    """known error of the pitch sensor: true pitch = scale * measured + offset; it is then not
+    estimated, unless --parameters asks"""
     pitch_offset: float | None = None
     """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
 
@@ -116,8 +117,9 @@ class Identify(JsonOption):
         known = parse_numbers("known", self.known, "a parameter and its value, such as mass=70")
         nominal = with_known(nominal, known)
         given = set(known)
-        if self.pitch_offset is not None and "pitch_offset" not in self.parameters:
-            given.add("pitch_offset")
+        for name in ("pitch_scale", "pitch_offset"):
+            if getattr(self, name) is not None and name not in self.parameters:
+                given.add(name)
         logs = load_logs(self.store, parse_rows(self.missions))
         refined, handling = None, None
         with console.progress(total=1.0, label="identify", unit="") as progress:

@@ -56,7 +56,10 @@ def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ..
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
-        found += _phase(vehicle, phase)
+        try:
+            found += _phase(vehicle, phase)
+        except (MissionError, NoSteadyState, InputError) as error:
+            found.append(f"it does not trim in the {_called(phase)}: {error}")
     return tuple(found) if found else tuple(_flight(vehicle, phases))
 
 
@@ -66,10 +69,7 @@ def _called(phase: Phase) -> str:
 
 
 def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
-    try:
-        state, positions = trimmed(vehicle, phase)
-    except (MissionError, NoSteadyState, InputError) as error:
-        return [f"it does not trim in the {_called(phase)}: {error}"]
+    state, positions = trimmed(vehicle, phase)
     found = []
     for control in ("pitch", "heading"):
         part = vehicle.steered(control)
@@ -96,9 +96,10 @@ def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> li
     part = vehicle.steered("heading")
     assert part is not None
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
-    moved = STEERED * (part.high - part.rest)
+    straight = named[part.name]
+    moved = STEERED * (part.high - straight)
     try:
-        trim = FossenModel(vehicle).trim(positions={**named, part.name: part.rest + moved})
+        trim = FossenModel(vehicle).trim(positions={**named, part.name: straight + moved})
     except (NoSteadyState, InputError) as error:
         return [f"it does not steer in the {_called(phase)}: {error}"]
     turn = trim.turn_rate_rad_s

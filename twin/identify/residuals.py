@@ -23,7 +23,7 @@ from twin.identify.depth_rates import DepthRates
 from twin.identify.lateral import turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import Pitches
-from twin.identify.turning_fit import BIASES, Turns, channel_of
+from twin.identify.turning_fit import Turns, biases_beside, channel_of
 from twin.identify.turning_windows import groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
@@ -72,7 +72,7 @@ def dive_residuals(
       InputError: the calibration does not fly.
     """
     names = tuple(p.name for p in parameters)
-    unknowns = (*names, *BIASES)
+    unknowns = (*names, *biases_beside(names))
     channels: dict[str, Residuals] = {}
     for comparison in _comparisons(logs, calibration, tuple(parameters)):
         x = np.zeros(comparison.size)

@@ -14,10 +14,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from twin.compiled import jit
 from twin.identify.calibration import Calibration
@@ -25,7 +26,13 @@ from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.lateral import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import righting_arm, with_righting_arm
-from twin.identify.turning_windows import Group, averaged, groups_of, windows_of
+from twin.identify.turning_windows import (
+    Group,
+    TurningWindow,
+    averaged,
+    groups_of,
+    windows_of,
+)
 from twin.identify.unknowns import UnknownParameter
 from twin.vehicle.parts import BatteryHinge, Fin
 
@@ -36,10 +43,15 @@ LEAST_WINDOWS = 3
 FARTHEST = 4.0
 """Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a
 ratio of two, damping would grow until no time step holds it."""
+SURE = 2.0
+"""Deviations by which a fit without it must be worse for a hull to turn by a yaw moment of its
+own"""
 ROUNDS = 2
 """Fits of a battery's turns, the later ones from where it was found to hang straight"""
 STEERABLE = 0.8
 """Of its travel within which the neutral position stays, so that the part steers both ways"""
+MOST_LOOKS = 15
+"""of a fit at the residuals and their slopes"""
 PASSES = 3
 """Fits between which weights are taken again."""
 LEAST_TURN = math.radians(0.01)
@@ -60,6 +72,11 @@ def munk_moment(calibration: Calibration) -> float:
     """[kg] that the hull's own yaw moment of sideslip has, over u v: Y_A - X_A."""
     added = calibration.vehicle.added_mass
     return float(max(added[1, 1] - added[0, 0], 1e-3 * calibration.vehicle.mass))
+
+
+def own_sideslip(calibration: Calibration) -> float:
+    """[rad] whose Munk moment is the yaw moment that the hull has without sideslip."""
+    return float(calibration.vehicle.flow_frame.yaw_moment_offset[0]) / munk_moment(calibration)
 
 
 def _side_scale(calibration: Calibration) -> float:
@@ -139,6 +156,15 @@ TURNING = (
         set=lambda c, x: _with_law(c, roll_moment_lift=(x * _side_scale(c),)),
     ),
     UnknownParameter(
+        name="yaw_moment_offset",
+        unit="degree",
+        meaning="yaw moment of the hull without sideslip, as the sideslip with such a Munk moment",
+        spread=3.0,
+        channel="rotation",  # a rudder's neutral position says the same
+        get=lambda c: math.degrees(own_sideslip(c)),
+        set=lambda c, x: _with_law(c, yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
+    ),
+    UnknownParameter(
         name="roll_authority",
         unit="1",
         meaning="first moment of the turning battery over that which rights the vehicle",
@@ -167,9 +193,16 @@ TURNING = (
 
 BIASES = ("yaw_bias", "roll_offset")
 """Fitted beside them: the asymmetry that turns a vehicle at no roll and no rudder (as the sideslip
-[rad] of the same yaw moment on the bare hull), and the roll sensor's zero. What flies is the
-neutral position of the turning part that balances them."""
+[rad] of the same yaw moment on the bare hull) beyond the hull's own, and the roll sensor's zero.
+What flies is the neutral position of the turning part that balances them. A rolled battery balances
+a yaw moment one way in dives and the other way in climbs: there it is the hull's own, a
+parameter."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
+
+
+def biases_beside(names: Collection[str]) -> tuple[str, ...]:
+    """Those of BIASES that are fitted beside parameters of these names."""
+    return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
 def channel_of(calibration: Calibration) -> str | None:
@@ -239,7 +272,6 @@ class Turns(Comparison):
     """Channels "yaw_rate" [rad/s] and, of a battery that turns, "roll" [rad], of every window."""
 
     step = 1e-3
-    biases = BIASES
 
     def __init__(
         self,
@@ -249,8 +281,9 @@ class Turns(Comparison):
     ):
         self.groups = groups
         self.channel = channel_of(nominal)
-        own = {p.name for p in TURNING}
-        self.flies = any(p.name not in own for p in parameters)
+        own, free = {p.name for p in TURNING}, {p.name for p in parameters}
+        self.flies = bool(free - own)
+        self.biases = biases_beside(free)
         first = groups[0]
         longest = round(LONGEST_CORRELATION / (first.period * first.count))
         channels = {
@@ -265,16 +298,27 @@ class Turns(Comparison):
         super().__init__(nominal, parameters, channels, dives)
 
     def asymmetry(self, x: Array) -> tuple[float, float]:
-        """Yaw bias as a sideslip, roll offset [rad]."""
-        yaw, roll = x[len(self.parameters) :] * np.array(BIAS_SPREADS)
-        return float(yaw), float(roll)
+        """Yaw moment as a sideslip, the hull's own and what it lacks, and roll offset [rad]."""
+        yaw, roll = self.beside_hull(x)
+        return own_sideslip(self.calibration(x)) + yaw, roll
 
-    def neutral(self, x: Array) -> tuple[float, dict[bool, float]] | None:
+    def beside_hull(self, x: Array) -> tuple[float, float]:
+        """Of the asymmetry what the hull's own yaw moment lacks, roll offset [rad]."""
+        count = len(self.biases)
+        biases = x[len(x) - count :] * np.array(BIAS_SPREADS[-count:])
+        return (float(biases[0]) if count == len(BIASES) else 0.0), float(biases[-1])
+
+    def neutral(
+        self, x: Array, *, with_hull: bool = False
+    ) -> tuple[float, dict[bool, float]] | None:
         """Position [rad] of the turning part at which the log's vehicle went straight, counted as
         the groups count: mean over them, each as long as it is, and of dives (False) and climbs
-        (True) apart; None without positions."""
+        (True) apart; None without positions.
+
+        It leaves out the hull's own yaw moment, which guidance knows, but `with_hull`.
+        """
         calibration = self.calibration(x)
-        bias, offset = self.asymmetry(x)
+        bias, offset = self.asymmetry(x) if with_hull else self.beside_hull(x)
         found, weights, climbing = [], [], []
         for group in self.groups:
             if group.position is None or not group.used.any():
@@ -301,6 +345,21 @@ class Turns(Comparison):
         at, share, up = np.array(found), np.array(weights), np.array(climbing)
         phases = {c: float(np.average(at[up == c], weights=share[up == c])) for c in set(climbing)}
         return float(np.average(at, weights=share)), phases
+
+    def worse_without(self, x: Array, k: int, bounds: tuple[Array, Array]) -> float:
+        """Deviations by which the fit `x` gets worse with its unknown `k` at the vehicle file's and
+        the others fitted anew: root of the likelihood ratio (Wilks 1938), which does not mind that
+        the unknowns share what they say."""
+        free = np.delete(np.arange(len(x)), k)
+
+        def residual(y: Array) -> Array:
+            return self.residual(np.insert(y, k, 0.0))
+
+        low, high = (bound[free] for bound in bounds)
+        found = least_squares(
+            residual, x[free], bounds=(low, high), x_scale="jac", max_nfev=MOST_LOOKS, xtol=1e-4
+        )
+        return math.sqrt(max(2.0 * float(found.cost) - float(np.sum(self.residual(x) ** 2)), 0.0))
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
         """Model less log, averages of each window."""
@@ -333,12 +392,13 @@ class Turns(Comparison):
             x = np.zeros_like(best)
             x[names.index("yaw_moment")], x[names.index("yaw_damping")] = yaw, damping
             base = self.residual(x)
-            free = range(len(names), len(x))
+            free = [k for k, name in enumerate(names) if name == "yaw_moment_offset"]
+            free += range(len(names), len(x))
             columns = [
                 (self.residual(x + self.step * np.eye(len(x))[k]) - base) / self.step for k in free
             ]
             step, *_ = np.linalg.lstsq(np.stack(columns, axis=1), -base, rcond=None)
-            x[len(names) :] = np.clip(step, -2.0, 2.0)
+            x[free] = np.clip(step, -2.0, 2.0)
             cost = float(np.sum(self.residual(x) ** 2))
             if cost < lowest:
                 best, lowest = x, cost
@@ -357,12 +417,15 @@ class TurningFit:
     fitted: Fitted
     """Its channels are those of `Turns`"""
     asymmetry: tuple[float, float]
-    """Yaw bias as a sideslip, roll offset [rad]"""
+    """Yaw moment without sideslip as one, roll offset [rad]"""
     groups: tuple[Group, ...]
     neutral: float | None
     """[rad] position of the turning part that flies the asymmetry; None: not known"""
     apart: float
     """[rad] by which dives and climbs want it elsewhere; the mean is flown"""
+    balanced: bool
+    """Whether a yaw moment of the hull's own that was fitted is sure, and its part can keep it
+    straight in dives and in climbs"""
 
 
 def turning_parameters(
@@ -378,25 +441,43 @@ def turning_parameters(
 
 
 def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
-    """Fit what turns the vehicle; None where no phase has turns enough."""
-    part = turning_part(calibration.vehicle)
+    """Fit what turns the vehicle; None where no phase has turns enough.
+
+    A hull's own yaw moment is flown where dives and climbs surely want the turning part apart, and
+    it can balance them both.
+    """
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
         return None
-    channel = channel_of(calibration)
+    parameters = turning_parameters(calibration, groups_of(windows, channel_of(calibration)))
+    found = _turned(windows, calibration, parameters)
+    if not found.balanced:
+        rest = tuple(p for p in parameters if p.name != "yaw_moment_offset")
+        found = _turned(windows, calibration, rest)
+    return found
+
+
+def _turned(
+    windows: Sequence[TurningWindow],
+    calibration: Calibration,
+    parameters: tuple[UnknownParameter, ...],
+) -> TurningFit:
+    """These parameters fitted to the windows, with the neutral position that they leave."""
+    part, channel = turning_part(calibration.vehicle), channel_of(calibration)
     groups = groups_of(windows, channel)
     there = all(g.position is not None for g in groups)
-    parameters = turning_parameters(calibration, groups)
-    neutral, apart = None, 0.0
+    neutral, apart, balanced = None, 0.0, True
+    own = [k for k, p in enumerate(parameters) if p.name == "yaw_moment_offset"]
     if part is not None and there:
         neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
     # a battery turns by the sine of its rotation from where it hangs straight: once more from there
     for _ in range(ROUNDS if channel == "rotation" and there else 1):
         turns = Turns(groups, calibration, parameters)
         farthest = np.where([p.logarithmic for p in parameters], FARTHEST, np.inf)
-        farthest = np.append(farthest, np.full(len(BIASES), np.inf))
+        farthest = np.append(farthest, np.full(len(turns.biases), np.inf))
         start = turns.best_start()
-        x, _ = turns.fit(start, PASSES, bounds=(-farthest, farthest), max_nfev=15, xtol=1e-4)
+        bounds = (-farthest, farthest)
+        x, _ = turns.fit(start, PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
         fitted, asymmetry = turns.fitted(x), turns.asymmetry(x)
         more = turns.neutral(x)
         if neutral is None or part is None or more is None:
@@ -404,13 +485,23 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
         room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
         mean, phases = more
         apart = max(phases.values()) - min(phases.values())
+        if own:
+            straight = turns.neutral(x, with_hull=True)
+            assert straight is not None
+            balanced = all(abs(neutral + at - middle) <= room for at in straight[1].values())
         neutral = min(max(neutral + mean, middle - room), middle + room)
         groups = groups_of(windows, channel, neutral)
         calibration = _resting(calibration, part.name, neutral)
         flown = _resting(fitted.calibration, part.name, neutral)
         fitted = dataclasses.replace(fitted, calibration=flown)
+    sure = all(turns.worse_without(x, k, bounds) > SURE for k in own)
     return TurningFit(
-        fitted=fitted, asymmetry=asymmetry, groups=tuple(groups), neutral=neutral, apart=apart
+        fitted=fitted,
+        asymmetry=asymmetry,
+        groups=tuple(groups),
+        neutral=neutral,
+        apart=apart,
+        balanced=balanced and sure,
     )
 
 

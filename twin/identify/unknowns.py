@@ -202,6 +202,15 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         set=lambda c, x: c.replace(pitch_offset=x * DEGREE),
     ),
     UnknownParameter(
+        name="pitch_scale",
+        unit="1",
+        meaning="true pitch over the sensor's",
+        spread=0.1,  # a Slocum's sensor read 1.16 times its pitch (Merckelbach et al. 2019)
+        channel="dives",
+        get=lambda c: c.pitch_scale,
+        set=lambda c, x: c.replace(pitch_scale=x),
+    ),
+    UnknownParameter(
         name="heading_offset",
         unit="degree",
         meaning="true heading less the compass', mean over all headings",

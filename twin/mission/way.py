@@ -17,7 +17,7 @@ import numpy as np
 from twin.errors import MissionError, unknown_name
 from twin.geodesy import great_circle
 from twin.mission.cruise import steady_flight
-from twin.mission.glide_balance import imbalance, steady_glide
+from twin.mission.glide_balance import imbalance, newton, steady_glide
 from twin.mission.mission_file import fail
 from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide, Part
@@ -75,7 +75,8 @@ def way(
         command[pump] = vehicle.pump_for_net_mass(net_mass)
     if vehicle.steered("speed") is not None:
         speed = vehicle.cruise_speed if speed is None else speed
-        return _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
+        driven = _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
+        return _straight(vehicle, label, driven)
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -95,13 +96,14 @@ def way(
             )
             fail(label, field, abs(pitch_deg), rule)
         command[vehicle.part_names.index(pitching.name)] = min(max(glide.shift, low), high)
-    return Way(
+    found = Way(
         pitch=pitch,
         vertical_speed=glide.vertical_speed,
         speed=glide.speed,
         angle_of_attack=glide.angle_of_attack,
         command=command,
     )
+    return _straight(vehicle, label, found)
 
 
 def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
@@ -119,7 +121,41 @@ def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
             "goes ahead: give a saw-tooth"
         )
     speed = vehicle.cruise_speed if speed is None else speed
-    return _driven(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
+    found = _driven(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
+    return _straight(vehicle, label, found)
+
+
+def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
+    """The same way with what turns the vehicle where it goes straight: at rest, but for a hull that
+    turns by itself.
+
+    Side force, roll and yaw moment vanish for sway, roll and the part's position, without a turn.
+    Within the part's travel: what it cannot hold, the heading drifts by.
+
+    Raises:
+      MissionError: no position of the part keeps it straight.
+    """
+    place = vehicle.steered_index("heading")
+    if place is None or not vehicle.law.turns_by_itself:
+        return steady
+    part, alpha = vehicle.parts[place], steady.angle_of_attack
+    scale, command = part.high - part.low, steady.command.copy()
+
+    def left(x: Array) -> Array:
+        command[place] = scale * x[2]
+        ahead, down = (steady.speed * f(alpha) for f in (math.cos, math.sin))
+        velocity = np.array([ahead, x[0], down])
+        wrench = imbalance(vehicle, command, velocity, pitch=steady.pitch, roll=float(x[1]))
+        return wrench[[1, 3, 5]] / (vehicle.mass * vehicle.gravity)
+
+    found = newton(left, np.array([0.0, 0.0, part.rest / scale]))
+    if found is None:
+        raise MissionError(
+            f"{label}: vehicle {vehicle.name!r} turns by itself (its hull's yaw_moment_offset), "
+            f"and no position of its {part.name} keeps it straight at {steady.speed:.2f} m/s"
+        )
+    command[place] = min(max(scale * float(found[2]), part.low), part.high)
+    return dataclasses.replace(steady, command=command)
 
 
 def _driven(

@@ -47,6 +47,24 @@ def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
         assert "left-out dives" in estimate.note
 
 
+def test_a_pitch_scale_that_is_asked_for_comes_back(tmp_path, runs):
+    """The same four dives, with a sensor that reads 1.2 times their pitch."""
+    before = [run["measured_pitch"] for run in runs]
+    for run, pitch in zip(runs, before, strict=True):
+        run.signals["measured_pitch"] = 1.2 * pitch
+    logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs))
+    for run, pitch in zip(runs, before, strict=True):
+        run.signals["measured_pitch"] = pitch
+    nominal = load_calibration("glider")
+    asked = ["neutral_density", "drag", "pitch_scale"]
+    scale = identify(logs, nominal, parameters=asked, fixes=False)["pitch_scale"]
+    assert abs(scale.value - 1.0 / 1.2) < 3.0 * scale.deviation
+    assert scale.determined
+    assert scale.value < 0.95
+    known = identify(logs, nominal, known=["pitch_scale", "pitch_offset"], fixes=False)
+    assert known["pitch_scale"].note == "given as known"
+
+
 def test_an_offset_that_is_asked_for_or_known_is_not_judged(tmp_path, runs):
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:1]))
     names = ["neutral_density", "drag"]

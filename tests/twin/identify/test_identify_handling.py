@@ -70,6 +70,10 @@ def truth():
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory, truth):
+    return logged(tmp_path_factory.mktemp("handling") / "log.zarr", truth)
+
+
+def logged(path, truth):
     """Three missions that change their heading in each dive and climb, with field sensors."""
     runs = []
     for seed, (dive, climb) in enumerate(((22.0, 27.0), (28.0, 23.0), (25.0, 25.0))):
@@ -101,7 +105,7 @@ def store(tmp_path_factory, truth):
         flown.signals.update(measured)
         flown.signals["measured_density"] = flown["true_density"]
         runs.append(flown)
-    return simulated.stored(tmp_path_factory.mktemp("handling") / "log.zarr", runs)
+    return simulated.stored(path, runs)
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +144,30 @@ def test_the_rotation_that_goes_straight_is_found_written_and_flown(handling):
     calibration = handling.identification.calibration
     again = parse_vehicle(vehicle_xml(calibration, {}), Path("mine.xml"))
     assert again.part("rotation").rest == pytest.approx(handling.neutral)
+
+
+def test_a_hull_that_turns_by_itself_is_kept_straight_otherwise_in_dives_and_climbs(
+    tmp_path, truth
+):
+    bent = truth.replace(
+        yaw_moment_offset=(math.radians(-1.0) * munk_moment(load_calibration("glider")),)
+    )
+    logs = load_logs(logged(tmp_path / "log.zarr", bent))
+    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
+    handling = handle(logs, found, proof=False)
+    own = handling.identification["yaw_moment_offset"]
+    assert abs(own.value + 1.0) < 3.0 * own.deviation
+    again = parse_vehicle(vehicle_xml(handling.identification.calibration, {}), Path("mine.xml"))
+    for phase, side in zip(handling.phases, (1.0, -1.0), strict=True):
+        wanted = trimmed(bent, phase)[1][1]
+        assert side * (wanted - NEUTRAL) > math.radians(12.0)
+        assert trimmed(again, phase)[1][1] == pytest.approx(wanted, abs=math.radians(4.0))
+
+
+def test_a_hull_that_no_rotation_keeps_straight_is_refused_with_a_reason(truth):
+    bent = truth.replace(yaw_moment_offset=(munk_moment(load_calibration("glider")),))
+    with pytest.raises(MissionError, match=r"turns by itself .* no position of its rotation"):
+        trimmed(bent, Phase(pitch=-0.42, net_mass=NET_MASS))
 
 
 def test_pitch_by_battery_and_pump_comes_back(handling, truth):

@@ -44,6 +44,21 @@ FLIP = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
 
 
 @pytest.mark.parametrize("model", KERNELS)
+def test_a_hull_bent_to_starboard_is_the_mirror_image_of_one_bent_to_port(model):
+    """Port to starboard: sway, roll rate and yaw rate, side force, roll and yaw moment."""
+    rng, sides = np.random.default_rng(4), np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    to_starboard, to_port = (VEHICLE.replace(yaw_moment_offset=(k,)).law.values() for k in (5, -5))
+    wrench = KERNELS[model]
+    for _ in range(300):
+        nu = rng.normal(size=6) * [0.5, 0.2, 0.2, 0.05, 0.05, 0.05]
+        found = wrench(to_port, sides * nu)
+        np.testing.assert_allclose(found, sides * wrench(to_starboard, nu), atol=1e-12)
+        for other in KERNELS.values():
+            np.testing.assert_allclose(found, other(to_port, sides * nu), atol=1e-9)
+    assert wrench(to_starboard, np.array([0.4, 0, 0, 0, 0, 0]))[5] == pytest.approx(5 * 0.4**2)
+
+
+@pytest.mark.parametrize("model", KERNELS)
 def test_upside_down_is_the_mirror_image(model):
     values, rng = wings_only().law.values(), np.random.default_rng(3)
     wrench = KERNELS[model]
@@ -171,6 +186,7 @@ CHANGES = {
     "yaw_moment_lift": (300.0,),
     "roll_from_yaw": (20.0, 100.0),
     "yaw_from_roll": (-15.0, -200.0),
+    "yaw_moment_offset": (6.0,),
     "linear_angle": 0.01,
     "blend_angle": 0.04,
     "rate_damping_min_speed": 0.9,

@@ -100,6 +100,11 @@ class HullLaw(abc.ABC):
         return None
 
     @property
+    def turns_by_itself(self) -> bool:
+        """Whether its hull turns with every part at rest, in a straight flow."""
+        return False
+
+    @property
     def valid_angle(self) -> float:
         """[rad] up to which flow angles its coefficients were identified."""
         return float(np.pi)
