@@ -51,7 +51,8 @@ def largest_step(vehicle: Vehicle) -> float:
 
 COEFFICIENTS = (
     "drag", "lift", "side_force", "side_force_lift", "roll_moment", "roll_moment_lift",
-    "pitch_moment", "yaw_moment", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
+    "pitch_moment", "yaw_moment", "yaw_moment_lift", "yaw_moment_offset", "roll_from_yaw",
+    "yaw_from_roll",
 )  # fmt: skip
 """Of the hull law, each a `<numeric>` of its name."""
 LOOPS = ("pitch_pid", "heading_pid")
