@@ -103,6 +103,8 @@ class Fault:
     """Smallest and largest size that deployments draw"""
     grows: ClassVar[bool] = False
     """True: the size is what is added a day"""
+    signed: ClassVar[bool] = False
+    """True: its size may be negative"""
     source: ClassVar[str] = ""
     """Where its size and its effect are from"""
     shows: ClassVar[str] = ""
@@ -150,6 +152,15 @@ class Fault:
           size: of the fault at each sample, 0 before it began.
         """
         return {}
+
+    def expected(self, way: Array) -> Mapping[str, Array] | None:
+        """What a fault of size 1 adds to the channels of `twin.health` in each dive, (dives,), by
+        name; None: flights of the twin with and without it tell.
+
+        Args:
+          way: mean velocity through the water by the compass, north and east [m/s], (dives, 2).
+        """
+        return None
 
     # --- what all have --------------------------------------------------------------------------
 

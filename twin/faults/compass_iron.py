@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from twin.faults.base import Array, Condition, Fault, Readings
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -20,6 +24,7 @@ class CompassIron(Fault):
     size_name: ClassVar[str] = "degrees"
     unit: ClassVar[str] = "degree"
     sizes: ClassVar[tuple[float, float]] = (4.0, 15.0)
+    signed: ClassVar[bool] = True
     source: ClassVar[str] = (
         "OceanGliders' procedure for depth-averaged currents: 1 deg or less calibrated, usually up "
         "to 5 without; more where a battery pack is exchanged"
@@ -45,6 +50,17 @@ class CompassIron(Fault):
         most, toward = math.radians(size), math.radians(self.toward)
         iron = (sine + most * math.cos(toward), cosine - most * math.sin(toward))
         return condition.replace(iron=iron)
+
+    def expected(self, way: Array) -> Mapping[str, Array]:
+        """The current that a wrong heading makes of the way through the water."""
+        north, east = way.T
+        heading = np.arctan2(east, north)
+        off = math.radians(1.0) * np.sin(heading - math.radians(self.toward))
+        return {"current_north": off * east, "current_east": -off * north}
+
+    def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
+        """Headings a fourth of a half turn apart: the size has a sign."""
+        return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
         """A heading that is off by it."""

@@ -7,7 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from twin.faults.base import Condition, Fault
+import numpy as np
+
+from twin.faults.base import Array, Condition, Fault
 
 if TYPE_CHECKING:
     from twin.vehicle.parts import Part
@@ -47,6 +49,12 @@ class TurnStuck(Fault):
             return [f"part = {self.part:g} must be above 0 and at most 1"]
         return []
 
+    def expected(self, way: Array) -> Mapping[str, Array]:
+        """It makes no way any more and holds its heading less well: by how much depends on the sea,
+        which flights of the twin without waves do not have."""
+        one = np.ones(len(way))
+        return {"turn_moves": -2.0 * one, "heading_error": 1.0 * one}
+
     def change(self, condition: Condition, size: float) -> Condition:
         """A rate of next to nothing."""
         part = _turning(condition.vehicle)
@@ -64,6 +72,7 @@ class TurnSlips(Fault):
     size_name: ClassVar[str] = "degrees"
     unit: ClassVar[str] = "degree"
     sizes: ClassVar[tuple[float, float]] = (5.0, 15.0)
+    signed: ClassVar[bool] = True
     source: ClassVar[str] = "ours: some teeth of a gear, an eighth to a third of a rudder's travel"
     shows: ClassVar[str] = "another position of the drive, or another roll, at a straight heading"
     otherwise: ClassVar[str] = "a wing or weed on one side, which differs in dives and climbs"
@@ -103,6 +112,7 @@ class PitchSlips(Fault):
     says: ClassVar[str] = "the pitch battery has slipped"
     size_name: ClassVar[str] = "travel"
     sizes: ClassVar[tuple[float, float]] = (0.05, 0.2)
+    signed: ClassVar[bool] = True
     source: ClassVar[str] = "ours: a loose nut, a twentieth to a fifth of the travel"
     shows: ClassVar[str] = "another battery position at the same pitch, in dives and climbs alike"
     otherwise: ClassVar[str] = "water that gathers at one end; another payload"

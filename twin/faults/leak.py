@@ -22,16 +22,16 @@ class WaterTaken(Fault):
     says: ClassVar[str] = "water in the hull"
     size_name: ClassVar[str] = "per_day"
     unit: ClassVar[str] = "L d-1"
-    sizes: ClassVar[tuple[float, float]] = (0.03, 0.2)
+    sizes: ClassVar[tuple[float, float]] = (0.02, 0.08)
     grows: ClassVar[bool] = True
     source: ClassVar[str] = (
-        "ours: from what a pump's reach of 0.2 L hides for a week to what sinks it in a day"
+        "ours: from what a pump's reach of 0.2 L hides for ten days to what it hides for two"
     )
     shows: ClassVar[str] = "faster dives, slower climbs, less vacuum, trim by the bow or stern"
     otherwise: ClassVar[str] = "fresher or warmer water; air in the oil; the hull's temperature"
     find_out: ClassVar[str] = "read the leak detectors and the vacuum at equal temperature; recover"
 
-    per_day: float = 0.1
+    per_day: float = 0.04
     """[L] taken a day"""
     place: float = -0.25
     """where it gathers, over the hull's length, positive forward of the middle"""

@@ -20,6 +20,7 @@ class PressureDrift(Fault):
     unit: ClassVar[str] = "dbar d-1"
     sizes: ClassVar[tuple[float, float]] = (0.1, 0.6)
     grows: ClassVar[bool] = True
+    signed: ClassVar[bool] = True
     source: ClassVar[str] = "ours: strain gauges that fail, above the 0.1 % of full scale of sound"
     shows: ClassVar[str] = "a depth at the surface that is not 0"
     otherwise: ClassVar[str] = "weather: 0.3 dbar between a high and a low"

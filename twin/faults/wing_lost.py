@@ -23,8 +23,8 @@ WING_DRAG = 0.2
 SPAN = 0.2
 """Lever of a wing's forces and weight over the hull's length: the middle of a wing of 0.4 m on a
 hull of 1.8 m, with the hull's radius"""
-HEAVY = 0.0015
-"""Weight of one wing in water over the vehicle's: 0.1 kg of 60, ours"""
+HEAVY = 0.0008
+"""Weight of one wing in water over the vehicle's: 0.04 kg of 54, ours"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
