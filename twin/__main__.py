@@ -37,6 +37,10 @@ PROGRAM = Program(
                 "ForecastSurfacings",
                 "the next surfacings of a glider: places with ellipses, times, energy",
             ),
+            "watch": (
+                "factory.commands.watch:WatchDeployment",
+                "a deployment at sea: new files in, health, forecast and a page out, every day",
+            ),
             "bench": ("Bench", "cost of the physics, side by side in one run"),
             "render": (
                 "Render",

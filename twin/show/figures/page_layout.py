@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import datetime
+import functools
 import html
 import io
 import textwrap
@@ -79,16 +80,21 @@ class Page:
 
     The folder appears, or takes the place of an earlier page, when the page is written.
 
+    Args:
+      beside: names of other files that such a page has in its folder, see `attach`.
+
     Raises:
       WriteError: something that is no page is in the way.
     """
 
-    def __init__(self, folder: Path, title: str, lead: str) -> None:
+    def __init__(self, folder: Path, title: str, lead: str, *, beside: Sequence[str] = ()) -> None:
         self._folder = folder
+        self._ours = functools.partial(_is_page, beside=beside)
+        self._attached: dict[str, str] = {}
         self._title = title
         self._body = [f"<h1>{_text(title)}</h1>", f'<p class="lead">{_text(lead)}</p>']
         self._pictures: dict[str, bytes] = {}
-        check_page_target(folder)
+        check_folder_target(folder, overwrite=True, ours=self._ours)
 
     def section(self, title: str) -> None:
         """A heading."""
@@ -146,8 +152,12 @@ class Page:
         """Text as it is."""
         self._body.append(f"<pre>{_text(text)}</pre>")
 
+    def attach(self, name: str, text: str) -> None:
+        """A file beside the page, of a name that the page was made with."""
+        self._attached[name] = text
+
     def write(self) -> Path:
-        """Write `index.html` and the figures.
+        """Write `index.html`, the figures and what is attached.
 
         Raises:
           WriteError: the disk refuses.
@@ -159,8 +169,9 @@ class Page:
             f"<title>{_text(self._title)}</title>\n<style>{STYLE}</style></head>\n"
             f"<body>\n{body}\n</body></html>\n"
         )
-        with whole_folder(self._folder, overwrite=True, ours=_is_page) as folder:
-            (folder / INDEX).write_text(text, encoding="utf-8")
+        with whole_folder(self._folder, overwrite=True, ours=self._ours) as folder:
+            for name, content in {**self._attached, INDEX: text}.items():
+                (folder / name).write_text(content, encoding="utf-8")
             for name, data in self._pictures.items():
                 (folder / f"{name}{PICTURE}").write_bytes(data)
         return self._folder / INDEX
@@ -186,11 +197,11 @@ def check_page_target(folder: Path) -> None:
     check_folder_target(folder, overwrite=True, ours=_is_page)
 
 
-def _is_page(folder: Path) -> bool:
-    """Whether a folder holds a page and nothing else."""
+def _is_page(folder: Path, beside: Sequence[str] = ()) -> bool:
+    """Whether a folder holds a page, what belongs beside it, and nothing else."""
     names = {path.name for path in folder.iterdir()}
     others = {name for name in names if not name.endswith(PICTURE)}
-    return INDEX in names and others <= {INDEX, LIST}
+    return INDEX in names and others <= {INDEX, LIST, *beside}
 
 
 def _cell(value: object) -> str:

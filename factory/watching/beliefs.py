@@ -1,0 +1,88 @@
+"""Beliefs: what the dives say of the vehicle's channels, one after another, as `beliefs.zarr`.
+
+A function of `log.zarr`, the vehicle and the rate of false alarms alone: no path and no time of a
+run is in it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.health import CHANNELS, DeploymentHealth
+from twin.records.presence import is_derived
+from twin.records.storage.whole import whole_folder
+from twin.records.store import write_zarr
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BELIEFS = "beliefs.zarr"
+DIVE, CHANNEL = "dive", "channel"
+LEVELS = {
+    "level": "level of the channel after the dive",
+    "deviation": "standard deviation of the level",
+    "innovation": "dive's value less the level before it, over its standard deviation",
+    "expected": "variance of that difference",
+    "gain": "part of the difference by which the level moved",
+}
+
+
+def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
+    """What is believed after each dive.
+
+    Args:
+      vehicle: name of the one whose flight model judged.
+
+    Returns:
+      `value`, `level`, `deviation`, `innovation`, `expected` and `gain`, (dive, channel), in the
+      unit of each channel; `evidence` (dive,), log of the odds of a fault; `time` (dive,), UTC of
+      the middle of each dive; attributes with the verdict.
+    """
+    import xarray as xr
+
+    numbers = np.array(health.dives, np.int64)
+    count = len(numbers)
+    fields = {"value": (health.values, "value of the channel in the dive")}
+    fields |= {name: (getattr(health.levels, name), says) for name, says in LEVELS.items()}
+    arrays = {
+        name: ((DIVE, CHANNEL), np.asarray(values[:count], float), {"long_name": says})
+        for name, (values, says) in fields.items()
+    }
+    evidence = np.where(np.isfinite(health.evidence), health.evidence, np.nan)
+    middle = (np.round(health.time * 1e3)).astype("datetime64[ms]").astype("datetime64[ns]")
+    said = {"long_name": "log of the odds of a fault after the dive", "threshold": health.threshold}
+    return xr.Dataset(
+        {
+            **arrays,
+            "evidence": ((DIVE,), evidence, said),
+            "unit": ((CHANNEL,), np.array([one.unit for one in CHANNELS])),
+            "says": ((CHANNEL,), np.array([one.says for one in CHANNELS])),
+        },
+        coords={
+            DIVE: numbers,
+            CHANNEL: np.array([one.name for one in CHANNELS]),
+            "time": ((DIVE,), middle),
+        },
+        attrs={
+            "title": "What the dives of a deployment say of its vehicle",
+            "deployment": health.name,
+            "vehicle": vehicle,
+            "verdict": json.dumps(health.describe(), sort_keys=True),
+        },
+    )
+
+
+def write_beliefs(dataset: xr.Dataset, folder: Path) -> Path:
+    """Write `folder/beliefs.zarr`, in the place of an older one.
+
+    Raises:
+      WriteError: something else is in the way, or the disk refuses.
+    """
+    path = folder / BELIEFS
+    with whole_folder(path, overwrite=True, ours=is_derived) as place:
+        write_zarr(dataset, place)
+    return path

@@ -1,0 +1,112 @@
+"""News: what the dives since the last page changed, and how its forecast did."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from factory.watching.morning import Morning
+from twin.cli.text_table import counted
+from twin.forecast import LoggedLeg
+from twin.geodesy import great_circle, offset, position
+from twin.health import CHANNELS
+from twin.show.dates import moment_of
+
+MOVED = 2.0
+"""Deviations by which a level must move to be told"""
+NEAR_TIME = 0.5
+"""Of the hours that were forecast for a surfacing, within which the true one must lie to be it"""
+
+
+def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
+    """Sentences on what is new.
+
+    Args:
+      before: what `latest.json` of the page before said; None: there was none.
+    """
+    if before is None or before.get("deployment") != now.deployment:
+        return []
+    known = set(before.get("dives", ()))
+    new = [number for number in now.dives if number not in known]
+    said = [_dives(new)]
+    gone = len(known - set(now.dives))
+    if gone:
+        said.append(f"{counted(gone, 'dive')} of the page before no longer in the files")
+    if (was := before.get("verdict")) != now.verdict:
+        said.append(f"Verdict before: {was}")
+    said += _levels(before.get("levels", {}), now)
+    surfaced = _surfaced(before.get("forecast"), now)
+    if surfaced:
+        said.append(surfaced)
+    return said
+
+
+def _dives(new: list[int]) -> str:
+    if not new:
+        return "No new dive"
+    if len(new) == 1:
+        return f"1 new dive, {new[0]}"
+    return f"{len(new)} new dives, {min(new)} to {max(new)}"
+
+
+def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
+    """Channels that have moved."""
+    if now.health is None:
+        return []
+    said = []
+    for k, channel in enumerate(CHANNELS):
+        was = before.get(channel.name)
+        level, deviation = (
+            float(getattr(now.health.levels, name)[-1, k]) for name in ("level", "deviation")
+        )
+        if was is None or channel.name in now.health.lacking:
+            continue
+        step = level - was["level"]
+        if abs(step) > MOVED * math.hypot(deviation, was["deviation"]):
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            said.append(
+                f"{channel.name} ({channel.says}) went from {was['level']:.3g} to {level:.3g}{unit}"
+            )
+    return said
+
+
+def _surfaced(before: Mapping[str, Any] | None, now: Morning) -> str:
+    """The first surfacing that the page before foretold, beside where and when it was."""
+    if not before or not before["surfacings"]:
+        return ""
+    told = before["surfacings"][0]
+    begin = datetime.datetime.fromisoformat(before["start"]["time"]).replace(tzinfo=datetime.UTC)
+    expected = begin.timestamp() + told["time_s"]
+    late = [one for one in now.legs if one.leg.end > begin.timestamp() + 60.0]
+    if not late:
+        return ""
+    leg = min(late, key=lambda one: abs(one.leg.end - expected))
+    if abs(leg.leg.end - expected) > NEAR_TIME * told["time_s"]:
+        return ""
+    latitude, longitude = _end(leg)
+    away = great_circle(latitude, longitude, told["latitude"], told["longitude"])
+    ellipse = told["ellipse_90"]
+    north, east = offset(
+        np.array([latitude]), np.array([longitude]), told["latitude"], told["longitude"]
+    )
+    turn = math.radians(ellipse["bearing_deg"])
+    along = float(north[0]) * math.cos(turn) + float(east[0]) * math.sin(turn)
+    across = -float(north[0]) * math.sin(turn) + float(east[0]) * math.cos(turn)
+    inside = math.hypot(along / ellipse["semi_major_m"], across / ellipse["semi_minor_m"]) <= 1.0
+    minutes = (leg.leg.end - expected) / 60.0
+    return (
+        f"Surfacing foretold for {told['time'][:16].replace('T', ' ')} UTC: it came up "
+        f"{moment_of(leg.leg.end):%Y-%m-%d %H:%M}, {abs(minutes):.0f} min "
+        f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
+        f"{'inside' if inside else 'outside'} the 90 % ellipse"
+    )
+
+
+def _end(leg: LoggedLeg) -> tuple[float, float]:
+    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
+    latitude, longitude = position(north, east, *leg.begin)
+    return float(latitude[0]), float(longitude[0])
