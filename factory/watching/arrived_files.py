@@ -152,7 +152,7 @@ def _without_copies(sums: dict[str, str]) -> dict[str, str]:
 
 def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
     """Settings and files beside the logs that change what an import makes of them."""
-    parts = [f"recursive {deployment.recursive}"]
+    parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
     if importer is None:
         return parts[0]
     if importer.takes_mapping:

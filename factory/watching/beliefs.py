@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.health import CHANNELS, DeploymentHealth
 from twin.records.presence import is_derived
@@ -59,12 +60,12 @@ def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
         {
             **arrays,
             "evidence": ((DIVE,), evidence, said),
-            "unit": ((CHANNEL,), np.array([one.unit for one in CHANNELS])),
-            "says": ((CHANNEL,), np.array([one.says for one in CHANNELS])),
+            "unit": ((CHANNEL,), _words([one.unit for one in CHANNELS])),
+            "says": ((CHANNEL,), _words([one.says for one in CHANNELS])),
         },
         coords={
             DIVE: numbers,
-            CHANNEL: np.array([one.name for one in CHANNELS]),
+            CHANNEL: _words([one.name for one in CHANNELS]),
             "time": ((DIVE,), middle),
         },
         attrs={
@@ -74,6 +75,10 @@ def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
             "verdict": json.dumps(health.describe(), sort_keys=True),
         },
     )
+
+
+def _words(texts: list[str]) -> NDArray[np.object_]:
+    return np.array(texts, dtype=object)  # zarr has no name for texts of a fixed width yet
 
 
 def write_beliefs(dataset: xr.Dataset, folder: Path) -> Path:

@@ -44,6 +44,8 @@ class WatchedDeployment:
     """Folder of a Slocum's cache files; empty: beside the logs"""
     mapping: str = ""
     """What the columns of csv tables are, as `factory import --mapping`"""
+    variation_deg: float | str = ""
+    """[degree] Magnetic variation, east positive; empty: the log's own"""
     goto: str = ""
     """Places "LAT,LON[;LAT,LON]" that it is sent to; empty: it goes on as in its last dive"""
     mission: str = ""
@@ -66,7 +68,7 @@ class WatchedDeployment:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             wanted = type(field.default)
-            if field.name in ("folder", "source"):
+            if field.name in ("folder", "source", "variation_deg"):
                 continue
             if isinstance(value, bool) != (wanted is bool) or not isinstance(
                 value, int | float if wanted is float else wanted
@@ -79,6 +81,10 @@ class WatchedDeployment:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"{where}: {name} = {value:g} must be 0 or above")
+        if self.variation_deg != "" and not _is_number(self.variation_deg):
+            raise InputError(
+                f'{where}: variation_deg = {shown(self.variation_deg)} must be degrees, or ""'
+            )
         if not isinstance(self.source, str) or not self.source:
             raise InputError(f"{where}: source = {shown(self.source)} must name a folder")
         if self.kind != AUTO and self.kind not in IMPORTERS.names():
@@ -144,6 +150,11 @@ class WatchedDeployment:
         return {k: v for k, v in dataclasses.asdict(self).items() if k != "folder"}
 
 
+def _is_number(value: object) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and math.isfinite(value)  # type: ignore[arg-type]
+
+
 _WORDS: dict[type, str] = {
     str: "a text",
     bool: "true or false",
@@ -157,6 +168,7 @@ _HELP = {
     "recursive": "whether folders below the source are watched, too",
     "cache": 'folder of a Slocum\'s .cac files; "": beside the logs',
     "mapping": "for kind csv: what the columns are",
+    "variation_deg": 'magnetic variation, east positive; "": the log\'s own',
     "goto": 'LAT,LON[;LAT,LON] that it is sent to; "": it goes on as in its last dive',
     "mission": "or the mission file that it flies",
     "depth_m": "of its dives to goto; 0: as the last ones",

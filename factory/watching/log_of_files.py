@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LOG = "log.zarr"
+IN_SETTINGS = "--variation-deg", "variation_deg in deployment.toml"
+"""What an import's message calls an option, and what it is here"""
 DIGEST = "files_digest"
 """Attribute of the store: which files made it, and how they were read"""
 
@@ -83,7 +85,7 @@ def log_of_files(
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(place, str(found.source))
+            said = str(error).replace(place, str(found.source)).replace(*IN_SETTINGS)
             return _without(store, staged.digest, said, staged.refused)
     text = json.dumps(json.loads(dataset.attrs[IMPORT_REPORT])).replace(place, str(found.source))
     dataset.attrs[IMPORT_REPORT] = text
@@ -101,6 +103,7 @@ def _imported(deployment: WatchedDeployment, kind: str, place: Path) -> xr.Datas
         [place],
         cache=deployment.place(deployment.cache) if deployment.cache else None,
         mapping=_mapping(deployment),
+        variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
         recursive=True,
     )
     return dataset
@@ -120,12 +123,14 @@ def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
     Raises:
       InputError: none had.
     """
-    moment = np.datetime64(until.replace(tzinfo=None), "ns")
-    seconds = np.nan_to_num(dataset[DIVE_DURATION].values) if DIVE_DURATION in dataset else 0.0
-    ended = dataset[START_TIME].values + (np.asarray(seconds) * 1e9).astype("timedelta64[ns]")
-    rows = np.flatnonzero(ended <= moment)
+    lasted = np.nan_to_num(dataset[DIVE_DURATION].values) if DIVE_DURATION in dataset else 0.0
+    ended = dataset[START_TIME].values + lasted  # [s] unix
+    rows = np.flatnonzero(ended <= until.timestamp())
     if not rows.size:
-        raise InputError(f"no dive had ended by {until.isoformat()}: the first ended {ended.min()}")
+        first = datetime.datetime.fromtimestamp(round(float(np.nanmin(ended))), datetime.UTC)
+        raise InputError(
+            f"no dive had ended by {until:%Y-%m-%d %H:%M} UTC; the first did {first:%Y-%m-%d %H:%M}"
+        )
     return dataset.isel({MISSION: rows})
 
 

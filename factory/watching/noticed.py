@@ -29,7 +29,7 @@ def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, 
         found.append({"event": "nothing to import", "says": log.missing})
     if health is not None and health.alarm:
         first = health.kinds[0]
-        noticed_at = health.dives.index(health.noticed_dive)  # type: ignore[arg-type]
+        noticed_at = health.dives.index(health.noticed_dive)
         found.append(
             {
                 "event": "alarm",
