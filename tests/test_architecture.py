@@ -58,6 +58,8 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
+    "factory.commands <-> twin": "`twin watch`: what a pilot types is `twin`, what imports logs is "
+    "the factory, and the table of commands names its place, unimported",
     "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
 }
 """Folders of which one names the other only for when it is asked, and why"""
