@@ -7,7 +7,7 @@ attitude has currents that the vehicle itself reported, an empty folder has noth
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +16,7 @@ import numpy as np
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.expected_plan import expected_plan
 from factory.watching.log_of_files import LogOfFiles
+from factory.watching.proposals import proposals
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
@@ -72,6 +73,8 @@ class Morning:
     surfacings: Forecast | None = None
     plan: str = ""
     """What the forecast takes it to do, in words"""
+    proposed: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Files with that plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
     """Why something is not told, and what to do about it"""
 
@@ -160,6 +163,7 @@ def morning(
         dives = tuple(int(numbers[row]) for row in rows)
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
+        source = logs.source
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     vehicle = told("vehicle", lambda: _vehicle(deployment, store))
@@ -185,7 +189,7 @@ def morning(
         lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
-    flown, plan = None, ""
+    flown, plan, files = None, "", {}
     if not legs:
         lacking.append("forecast: no dive lies between two fixes and has a known way")
     else:
@@ -193,6 +197,9 @@ def morning(
         answer = told("forecast", lambda: _forecast(deployment, store, vehicle, used, left, legs))
         if answer is not None:
             flown, plan = answer
+        if flown is not None and deployment.goto:
+            mission = flown.request.mission
+            files = told("proposal", lambda: proposals(source, mission)) or {}
     return Morning(
         **shared,
         vehicle=vehicle,
@@ -201,6 +208,7 @@ def morning(
         energy_left_kwh=left,
         surfacings=flown,
         plan=plan,
+        proposed=files,
         lacking=tuple(lacking),
     )
 

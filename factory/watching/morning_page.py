@@ -11,6 +11,7 @@ import numpy as np
 
 from factory.watching.morning import Morning
 from factory.watching.morning_figures import level_figure, track_figure, water_figure
+from factory.watching.proposals import NAMES
 from twin.cli.text_table import counted
 from twin.forecast import NINETY
 from twin.health import CHANNELS, DeploymentHealth
@@ -20,7 +21,7 @@ from twin.show.figures.page_layout import Page
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
-BESIDE = (LATEST, SUMMARY, GEOJSON)
+BESIDE = (LATEST, SUMMARY, GEOJSON, *NAMES)
 MOST_KINDS = 5
 """Kinds of fault in the table"""
 LIKELY = 0.01
@@ -69,6 +70,17 @@ def write_morning(
     if told.health is not None:
         _health(page, told.health)
     _energy(page, told)
+    if told.proposed:
+        page.section("Proposal")
+        page.say(
+            "The plan above as files for the vehicle, which lie beside this page. The forecast "
+            "flies exactly these places, depths, pitches and times. Nothing is sent: read them, "
+            "and send them yourself."
+        )
+        for name, text in told.proposed.items():
+            page.say(name)
+            page.code(text)
+            page.attach(name, text)
     page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
     page.attach(SUMMARY, summary(told, new))
     geojson = (
