@@ -31,7 +31,7 @@ RADIUS = 500.0
 """[m] of arrival, as `twin forecast --goto` has it"""
 STEEP = 8.0
 """[degree] of pitch from which it dives or climbs"""
-HOUR = 3600.0
+HOUR, MINUTE = 3600.0, 60.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -59,18 +59,18 @@ def expected_plan(
         mission = load_mission_for(vehicle, name)
         return ExpectedPlan(mission=mission, words=f"mission {mission.name}")
     depth, pitch = _habits(store, legs, vehicle)
-    depth = deployment.depth_m or depth
-    hours = deployment.surface_every_h or float(
-        np.median([one.leg.duration for one in legs[-LAST:]]) / HOUR
+    depth = deployment.depth_m or float(round(depth))
+    seconds = HOUR * deployment.surface_every_h or MINUTE * round(
+        float(np.median([one.leg.duration for one in legs[-LAST:]])) / MINUTE
     )
     goto, words = deployment.goto, "to goto of deployment.toml"
     if not goto:
         goto, words = _onward(legs[-1])
-    mission = mission_to(
-        goto, depth=depth, pitch_deg=pitch, surface_after_s=HOUR * hours, radius=RADIUS
-    )
+    mission = mission_to(goto, depth=depth, pitch_deg=pitch, surface_after_s=seconds, radius=RADIUS)
     mission.check(vehicle)
-    words += f", dives to {depth:.0f} m at {pitch:.0f} degree, {hours:.1f} h between surfacings"
+    words += (
+        f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
+    )
     return ExpectedPlan(mission=mission, words=words)
 
 
@@ -86,7 +86,7 @@ def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[f
             if (pitch > STEEP).any():
                 steep.append(float(np.median(pitch[pitch > STEEP])))
     usual = math.degrees(vehicle.usual_glide[0])
-    return float(np.median(depths)), float(np.median(steep)) if steep else usual
+    return float(np.median(depths)), float(round(np.median(steep))) if steep else usual
 
 
 def _onward(last: LoggedLeg) -> tuple[str, str]:

@@ -31,6 +31,10 @@ from twin.water.current import Origin
 
 Told = TypeVar("Told")
 KILO = 1e3
+LEAST_DIVES = 3
+"""Dives by whose spread a power's deviation is told"""
+NINETY_REACH = 1.645
+"""Standard deviations either way that hold 90 % of a normal distribution"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -106,6 +110,27 @@ class Morning:
             return 0.0
         return self.used.days_left(self.energy_left_kwh)
 
+    @property
+    def power_deviation(self) -> float | None:
+        """[W] of the mean power, by what the dives took for their hours; None of fewer than 3."""
+        if self.used is None or len(self.used.dives) < LEAST_DIVES:
+            return None
+        hours = np.array([one.hours for one in self.used.dives])
+        taken = np.array([one.measured for one in self.used.dives])
+        rest = taken - hours * taken.sum() / hours.sum()
+        count = len(hours)
+        deviation = np.sqrt((rest**2).sum() * count / (count - 1)) / hours.sum()  # of a ratio
+        return float(deviation * self.used.voltage)
+
+    @property
+    def days_interval(self) -> tuple[float, float] | None:
+        """[d] 90 %, where it goes on as so far: the mean power's deviation alone."""
+        days, spread = self.days_left, self.power_deviation
+        if days is None or spread is None or self.used is None:
+            return None
+        apart = NINETY_REACH * spread / self.used.power
+        return days / (1.0 + apart), days / max(1.0 - apart, 1e-3)
+
     def describe(self) -> dict[str, Any]:
         """JSON-able, as `latest.json` has it."""
         levels: dict[str, Any] = {}
@@ -127,7 +152,9 @@ class Morning:
             "levels": levels,
             "energy": None if self.used is None else self.used.describe(),
             "energy_left_kwh": self.energy_left_kwh,
+            "power_deviation_w": self.power_deviation,
             "days_left": self.days_left,
+            "days_left_90": self.days_interval,
             "plan": self.plan,
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),

@@ -60,13 +60,17 @@ def write_morning(
         _forecast(page, told)
     if told.legs:
         page.section("Track and currents")
-        page.pair([("track", track_figure(told.legs, told.surfacings),
-                    "Fixes with straight lines between those that begin and end a dive, the mean "
-                    "current of each dive, and ellipses that hold 50 and 90 % of the next "
-                    "surfacings."),
-                   ("current", water_figure(told.legs),
-                    "Mean current of each dive: its way over ground less its way through the "
-                    "water.")])  # fmt: skip
+        page.figure(
+            "track",
+            track_figure(told.legs, told.surfacings),
+            "Fixes with straight lines between those that begin and end a dive, the mean current "
+            "of each dive, and ellipses that hold 50 and 90 % of the next surfacings.",
+        )
+        page.figure(
+            "current",
+            water_figure(told.legs),
+            "Mean current of each dive: its way over ground less its way through the water.",
+        )
     if told.health is not None:
         _health(page, told.health)
     _energy(page, told)
@@ -134,8 +138,13 @@ def summary(told: Morning, new: Sequence[str]) -> str:
 def _power(told: Morning) -> str:
     if told.used is None:
         return ""
-    left = "" if told.days_left is None else f", {told.days_left:.1f} days left at it"
-    return f"{told.used.power:.2f} W so far{left}"
+    spread = told.power_deviation
+    said = f"{told.used.power:.2f} W so far"
+    said += "" if spread is None else f" (+- {spread:.2f} by the spread of its dives)"
+    if told.days_left is None or told.days_interval is None:
+        return said if told.days_left is None else f"{said}, {told.days_left:.1f} days left at it"
+    low, high = told.days_interval
+    return f"{said}, {told.days_left:.1f} days left at it (90 %: {low:.1f} to {high:.1f})"
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:

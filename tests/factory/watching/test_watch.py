@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 from logs import SHARED, Flight, write_basestation, write_slocum
 
-from factory.watching import WatchedDeployment, one_pass
+from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning
@@ -25,6 +25,7 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
+from twin.mission import read_targets
 from twin.records.storage.checksums import store_hash
 
 FLIGHT = Flight(dives=3)
@@ -254,6 +255,49 @@ def test_a_pass_writes_beliefs_and_a_page_and_a_replay_gives_the_same_bytes(
     shutil.rmtree(made.folder / BELIEFS)
     kept = store_hash(one_pass(made, replay=True).page.parent.parent / BELIEFS)
     assert kept == store_hash(made.folder / BELIEFS)
+
+
+@pytest.mark.parametrize("step", ["write_beliefs", "write_events", "write_morning"])
+def test_a_pass_that_was_killed_goes_on(
+    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    made = deployment(tmp_path, source)
+    shutil.copy(base[0], source)
+    one_pass(made)
+    for path in base:
+        shutil.copy(path, source)
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(watch_pass, step, killed)
+        with pytest.raises(KeyboardInterrupt):
+            one_pass(made)
+    after = one_pass(made)
+    assert after.changed
+    assert after.new[0] == f"{DIVES - 1} new dives, 2 to {DIVES}"
+    clean = deployment(tmp_path / "clean", source)
+    one_pass(clean)
+    for name in PARTS:
+        assert watch_pass._content(made.folder / name) == watch_pass._content(clean.folder / name)
+
+
+def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source, goto="49.6,-57.9;49.7,-57.9")
+    for path in base:
+        shutil.copy(path, source)
+    told = one_pass(made).told
+    assert told is not None
+    first, second = read_targets(made.folder / "page" / "targets")
+    assert first.latitude == pytest.approx(49.6, abs=1e-5)
+    assert (first.goto, second.goto) == ("T2", "T2")
+    assert "Proposal" in (made.folder / "page" / "index.html").read_text()
+    assert told.plan.startswith("to goto of deployment.toml")
+    one_pass(dataclasses.replace(made, goto=""))
+    assert not (made.folder / "page" / "targets").exists()
 
 
 def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(

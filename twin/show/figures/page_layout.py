@@ -37,10 +37,11 @@ DPI = 200
 INDEX, PICTURE = "index.html", ".png"
 
 STYLE = """
-:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6; --mark: #d55e00; }
+:root { color-scheme: light dark; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
+  --mark: #d55e00; --ground: #fff; --code: #f6f7f9; }
 * { box-sizing: border-box; }
 body { font: 16px/1.55 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
-  background: #fff; max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
+  background: var(--ground); max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .25rem; }
 h2 { font-size: 1.2rem; margin: 2.6rem 0 .6rem; padding-top: .6rem;
   border-top: 1px solid var(--line); }
@@ -69,8 +70,12 @@ figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
 .pair { display: flex; flex-wrap: wrap; gap: 1.5rem; }
 .pair figure { flex: 1 1 24rem; margin: .5rem 0; }
 code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
-pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
+pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
+@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; } .scroll table { min-width: 40rem; }
+  dl.figures { grid-template-columns: 1fr 1fr; } }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
+  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px; } }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
 
