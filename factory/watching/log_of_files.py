@@ -7,10 +7,12 @@ made; with the same ones it stays as it is.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import json
-import tempfile
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +26,8 @@ from twin.errors import InputError, StoreError
 from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
 from twin.records.presence import is_store, read_attributes
 from twin.records.schema import MISSION
+from twin.records.storage.disk import lock, remove, temporary_name
+from twin.records.storage.whole import clean
 from twin.records.store import write_store
 
 if TYPE_CHECKING:
@@ -78,23 +82,36 @@ def log_of_files(
         return _outcome(store, found.digest, changed=False, refused=found.refused)
     if found.missing:
         return _without(store, found.digest, found.missing, found.refused)
-    with tempfile.TemporaryDirectory(prefix="arrived-") as place:
-        staged = found.stage(Path(place))
+    with _staging(store) as place:
+        staged = found.stage(place)
         try:
-            dataset = _imported(deployment, staged.kind, Path(place))
+            dataset = _imported(deployment, staged.kind, place)
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(place, str(found.source)).replace(*IN_SETTINGS)
+            said = str(error).replace(str(place), str(found.source)).replace(*IN_SETTINGS)
             return _without(store, staged.digest, said, staged.refused)
-    text = json.dumps(json.loads(dataset.attrs[IMPORT_REPORT])).replace(place, str(found.source))
-    dataset.attrs[IMPORT_REPORT] = text
-    dataset.attrs[HISTORY] = (
-        f"factory import {staged.kind} of {len(staged.sums)} files that arrived"
-    )
+    copy = json.dumps(f"{place}/")[1:-1]  # as the report's text has it
+    dataset.attrs[IMPORT_REPORT] = dataset.attrs[IMPORT_REPORT].replace(copy, "")
+    dataset.attrs[HISTORY] = f"factory import {staged.kind} of all files that arrived"
     dataset.attrs[DIGEST] = staged.digest + stamp
     write_store(dataset, store, overwrite=True)
     return _outcome(store, staged.digest, changed=True, refused=staged.refused)
+
+
+@contextlib.contextmanager
+def _staging(store: Path) -> Iterator[Path]:
+    """A hidden folder beside the store; what a killed pass left goes away first."""
+    clean(store)
+    place = temporary_name(store)
+    place.mkdir()
+    descriptor = os.open(place, os.O_RDONLY)
+    try:
+        lock(descriptor)  # the next writer of the store removes it once this process is gone
+        yield place
+    finally:
+        remove(place)
+        os.close(descriptor)
 
 
 def _imported(deployment: WatchedDeployment, kind: str, place: Path) -> xr.Dataset:

@@ -197,7 +197,8 @@ def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
     broken = log_of_files(made, made.folder)
     assert broken.missing
     assert str(source) in broken.missing or base[0].name in broken.missing
-    assert "/tmp/arrived-" not in broken.missing
+    assert ".writing-" not in broken.missing
+    assert not list(made.folder.glob(".*writing*"))
     assert broken.store == first.store
 
 
@@ -214,7 +215,7 @@ def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(
         for file in [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]:
             content = file.read_bytes()
             assert str(tmp_path).encode() not in content, file
-            assert b"arrived-" not in content, file
+            assert b".writing-" not in content, file
             assert today not in content, file
 
 
@@ -376,6 +377,18 @@ def test_levels_that_moved_are_news(tmp_path: Path, source: Path) -> None:
     assert news(was, same) == ["No new dive"]
     assert any("rate_dive" in said and "0.3" in said for said in news(was, after))
     assert news(None, after) == []
+
+
+def test_what_a_killed_pass_copied_is_removed_by_the_next(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    left = made.folder / ".log.zarr.writing-0badcafe"
+    left.mkdir()
+    (left / "p9990001.nc").write_bytes(b"half")
+    shutil.copy(base[0], source)
+    assert log_of_files(made, made.folder).changed
+    assert not left.exists()
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no real logs beside the project")
