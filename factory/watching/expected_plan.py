@@ -40,6 +40,8 @@ class ExpectedPlan:
 
     mission: Mission
     words: str
+    guessed: bool = False
+    """Whether nobody says where it goes: the ellipses then hold if it goes there"""
 
 
 def expected_plan(
@@ -63,15 +65,15 @@ def expected_plan(
     seconds = HOUR * deployment.surface_every_h or MINUTE * round(
         float(np.median([one.leg.duration for one in legs[-LAST:]])) / MINUTE
     )
-    goto, words = deployment.goto, "to goto of deployment.toml"
+    goto, words, guessed = deployment.goto, "to goto of deployment.toml", False
     if not goto:
-        goto, words = _onward(legs[-1])
+        goto, words, guessed = _onward(legs[-1])
     mission = mission_to(goto, depth=depth, pitch_deg=pitch, surface_after_s=seconds, radius=RADIUS)
     mission.check(vehicle)
     words += (
         f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
     )
-    return ExpectedPlan(mission=mission, words=words)
+    return ExpectedPlan(mission=mission, words=words, guessed=guessed)
 
 
 def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:
@@ -89,18 +91,20 @@ def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[f
     return float(np.median(depths)), float(round(np.median(steep))) if steep else usual
 
 
-def _onward(last: LoggedLeg) -> tuple[str, str]:
-    """A place "LAT,LON" that it is taken to go to from the end of its last dive, and why."""
+def _onward(last: LoggedLeg) -> tuple[str, str, bool]:
+    """A place "LAT,LON" that it is taken to go to from the end of its last dive, why, and whether
+    that is a guess."""
     ground = np.array(last.leg.over_ground)
     targets = [np.array(target) for target in last.targets]
     ahead = [target for target in targets if np.hypot(*(target - ground)) > ARRIVED]
     if targets and ahead and ahead[-1] is targets[-1]:
-        return _place(ahead[-1], last.begin), "to the waypoint of its last dive"
+        return _place(ahead[-1], last.begin), "to the waypoint of its last dive", False
     way = np.array(last.leg.through_water)
     length = float(np.hypot(*way))
     course = math.degrees(math.atan2(way[1], way[0])) % 360.0
     there = ground + ON * way / max(length, 1.0)
-    return _place(there, last.begin), f"on its last dive's course through the water, {course:.0f}"
+    words = f"on its last dive's course through the water, {course:.0f}"
+    return _place(there, last.begin), words, True
 
 
 def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:

@@ -223,7 +223,12 @@ def morning(
         say("forecast")
         answer = told("forecast", lambda: _forecast(deployment, store, vehicle, used, left, legs))
         if answer is not None:
-            flown, plan = answer
+            flown, plan, guessed = answer
+            if guessed:
+                lacking.append(
+                    "where it goes: nobody says it, so that the ellipses hold only if it goes on as "
+                    "in its last dive; give goto in deployment.toml"
+                )
         if flown is not None and deployment.goto:
             mission = flown.request.mission
             files = told("proposal", lambda: proposals(source, mission)) or {}
@@ -254,8 +259,8 @@ def _forecast(
     used: EnergyUse | None,
     left: float | None,
     legs: tuple[LoggedLeg, ...],
-) -> tuple[Forecast, str]:
-    """The next surfacings from the last fix on, and what it is taken to do."""
+) -> tuple[Forecast, str, bool]:
+    """The next surfacings from the last fix on, what it is taken to do, whether that is guessed."""
     if used is not None:
         vehicle = with_consumption(vehicle, used.consumption)
     plan = expected_plan(deployment, store, vehicle, legs)
@@ -273,4 +278,4 @@ def _forecast(
         energy_left_kwh=left if left and left > 0.0 else None,
     )
     said = ". ".join([plan.words, *request.notes()])
-    return forecast(request, known.at(float(round(known.time)))), said
+    return forecast(request, known.at(float(round(known.time)))), said, plan.guessed

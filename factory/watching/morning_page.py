@@ -29,7 +29,13 @@ LIKELY = 0.01
 
 
 def write_morning(
-    told: Morning, folder: Path, *, new: Sequence[str], made_of: str, as_of: str = ""
+    told: Morning,
+    folder: Path,
+    *,
+    new: Sequence[str],
+    made_of: str,
+    as_of: str = "",
+    came: Sequence[str] = (),
 ) -> Path:
     """Write `folder/page`, in the place of the page before.
 
@@ -37,6 +43,7 @@ def write_morning(
       new: what changed since that page, in sentences.
       made_of: digest of what the page is a function of, for `latest.json`.
       as_of: the moment up to which dives were taken; empty: all.
+      came: what a page of the past foretold beside what came.
 
     Raises:
       WriteError: something that is no page is in the way, or the disk refuses.
@@ -58,6 +65,9 @@ def write_morning(
         page.points(new)
     if told.surfacings is not None:
         _forecast(page, told)
+    if came:
+        page.section("What came")
+        page.points(came)
     if told.legs:
         page.section("Track and currents")
         page.figure(

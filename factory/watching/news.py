@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from twin.show.dates import moment_of
 MOVED = 2.0
 """Deviations by which a level must move to be told"""
 NEAR_TIME = 0.5
-"""Of the hours that were forecast for a surfacing, within which the true one must lie to be it"""
+"""Of the time to the first surfacing that was foretold: as near in time a true one must be to it"""
+MINUTE = 60.0
 
 
 def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
@@ -39,10 +40,7 @@ def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
     if (was := before.get("verdict")) != now.verdict:
         said.append(f"Verdict before: {was}")
     said += _levels(before.get("levels", {}), now)
-    surfaced = _surfaced(before.get("forecast"), now)
-    if surfaced:
-        said.append(surfaced)
-    return said
+    return said + surfaced(before.get("forecast"), now.legs)[:1]
 
 
 def _dives(new: list[int]) -> str:
@@ -74,19 +72,29 @@ def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
     return said
 
 
-def _surfaced(before: Mapping[str, Any] | None, now: Morning) -> str:
-    """The first surfacing that the page before foretold, beside where and when it was."""
-    if not before or not before["surfacings"]:
-        return ""
-    told = before["surfacings"][0]
-    begin = datetime.datetime.fromisoformat(before["start"]["time"]).replace(tzinfo=datetime.UTC)
-    expected = begin.timestamp() + told["time_s"]
-    late = [one for one in now.legs if one.leg.end > begin.timestamp() + 60.0]
-    if not late:
-        return ""
-    leg = min(late, key=lambda one: abs(one.leg.end - expected))
-    if abs(leg.leg.end - expected) > NEAR_TIME * told["time_s"]:
-        return ""
+def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
+    """Surfacings that a page foretold, beside where and when they were.
+
+    Args:
+      foretold: the forecast in `latest.json`; None: there was none.
+      legs: of the deployment, those after the forecast began among them.
+    """
+    if not foretold or not foretold["surfacings"]:
+        return []
+    begin = datetime.datetime.fromisoformat(foretold["start"]["time"]).replace(tzinfo=datetime.UTC)
+    after = [one for one in legs if one.leg.end > begin.timestamp() + MINUTE]
+    near = NEAR_TIME * foretold["surfacings"][0]["time_s"]
+    said = []
+    for told in foretold["surfacings"]:
+        expected = begin.timestamp() + told["time_s"]
+        found = [one for one in after if abs(one.leg.end - expected) <= near]
+        if found:
+            said.append(_beside(told, min(found, key=lambda one: abs(one.leg.end - expected))))
+    return said
+
+
+def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
+    """One surfacing as it was foretold and as it was."""
     latitude, longitude = _end(leg)
     away = great_circle(latitude, longitude, told["latitude"], told["longitude"])
     ellipse = told["ellipse_90"]
@@ -97,7 +105,8 @@ def _surfaced(before: Mapping[str, Any] | None, now: Morning) -> str:
     along = float(north[0]) * math.cos(turn) + float(east[0]) * math.sin(turn)
     across = -float(north[0]) * math.sin(turn) + float(east[0]) * math.cos(turn)
     inside = math.hypot(along / ellipse["semi_major_m"], across / ellipse["semi_minor_m"]) <= 1.0
-    minutes = (leg.leg.end - expected) / 60.0
+    begin = datetime.datetime.fromisoformat(told["time"]).replace(tzinfo=datetime.UTC)
+    minutes = (leg.leg.end - begin.timestamp()) / MINUTE
     return (
         f"Surfacing foretold for {told['time'][:16].replace('T', ' ')} UTC: it came up "
         f"{moment_of(leg.leg.end):%Y-%m-%d %H:%M}, {abs(minutes):.0f} min "

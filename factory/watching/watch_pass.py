@@ -21,9 +21,11 @@ from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.log_of_files import LOG, LogOfFiles, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
-from factory.watching.news import news
+from factory.watching.news import news, surfaced
 from factory.watching.noticed import EVENTS, noticed, write_events
-from twin.records.presence import is_derived
+from twin.forecast import legs_of
+from twin.records.logged import LogStore
+from twin.records.presence import is_derived, is_store
 from twin.records.storage.disk import files_below, lock, remove
 from twin.show.figures.page_layout import INDEX
 from twin.version import __version__
@@ -99,10 +101,11 @@ def one_pass(
         write_beliefs(beliefs(told.health, told.vehicle.name), folder)
     events = noticed(log, told.health)
     write_events(events, folder)
-    new = [] if replay else news(before, told)
+    new = [] if replay or until is not None else news(before, told)
     say("page")
     moment = "" if until is None else f"{until:%Y-%m-%d %H:%M}"
-    write_morning(told, folder, new=new, made_of=made_of, as_of=moment)
+    came = [] if until is None else _came(deployment, told)
+    write_morning(told, folder, new=new, made_of=made_of, as_of=moment, came=came)
     return Passed(
         page=page,
         changed=True,
@@ -113,6 +116,18 @@ def one_pass(
         events=tuple(events),
         same={name: _content(folder / name) == kept for name, kept in was.items() if kept},
     )
+
+
+def _came(deployment: WatchedDeployment, told: Morning) -> list[str]:
+    """What a page of the past foretold beside what came, where the newest log has it."""
+    store = deployment.folder / LOG
+    if told.surfacings is None or not is_store(store):
+        return []
+    with LogStore(store) as logs:
+        if told.deployment not in logs.deployments:
+            return []
+        legs = legs_of(logs, told.deployment)
+    return surfaced(told.surfacings.describe(), legs)
 
 
 def _made_of(

@@ -314,6 +314,16 @@ def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(
     assert passed.told is not None
     assert passed.told.dives == (1, 2)
     assert not (made.folder / LOG).exists()
+    assert "What came" not in passed.page.read_text()
+    log_of_files(made, made.folder)
+    code, _, err = run(
+        capsys, "watch", made.folder, "--as-of", f"{moment:%Y-%m-%dT%H:%M:%S}", "--replay"
+    )
+    assert code == 0, err
+    page = passed.page.read_text()
+    assert "What came" in page
+    assert "Surfacing foretold" in page
+    assert "nobody says it" in page
     early = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
     assert "no dive had ended" in one_pass(made, until=early).log.missing
 
