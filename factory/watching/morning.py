@@ -226,8 +226,8 @@ def morning(
             flown, plan, guessed = answer
             if guessed:
                 lacking.append(
-                    "where it goes: nobody says it, so that the ellipses hold only if it goes on as "
-                    "in its last dive; give goto in deployment.toml"
+                    "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
+                    "its last dive; give goto in deployment.toml"
                 )
         if flown is not None and deployment.goto:
             mission = flown.request.mission

@@ -101,7 +101,7 @@ def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
 def level_figure(health: DeploymentHealth) -> Figure:
     """Channels whose dives surprised most, with their levels, and the odds of a fault."""
     loud = np.nan_to_num(np.abs(health.levels.innovation)).max(axis=0)
-    told = np.isfinite(health.values).any(axis=0)
+    told = np.isfinite(health.values).sum(axis=0) > 0
     chosen = [k for k in np.argsort(-loud).tolist() if told[k]][:MOST_PANELS]
     judged = bool(np.isfinite(health.evidence).any())
     rows = len(chosen) + judged

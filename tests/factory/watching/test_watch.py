@@ -16,6 +16,7 @@ from logs import SHARED, Flight, write_basestation, write_slocum
 
 from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.beliefs import BELIEFS
+from factory.watching.expected_plan import _onward
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning
 from factory.watching.news import news
@@ -23,9 +24,11 @@ from factory.watching.noticed import noticed
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
+from twin.forecast import LoggedLeg
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
 from twin.mission import read_targets
+from twin.navigation.current import Leg
 from twin.records.storage.checksums import store_hash
 
 FLIGHT = Flight(dives=3)
@@ -323,7 +326,6 @@ def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(
     page = passed.page.read_text()
     assert "What came" in page
     assert "Surfacing foretold" in page
-    assert "nobody says it" in page
     early = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
     assert "no dive had ended" in one_pass(made, until=early).log.missing
 
@@ -339,6 +341,29 @@ def test_logs_without_fixes_and_without_a_counter_are_told_of(tmp_path: Path, so
     said = " ".join(told.lacking)
     assert "no dive lies between two fixes" in said
     assert "no counter of charge" in said
+
+
+@pytest.mark.parametrize(
+    ("targets", "goes", "guessed"),
+    [
+        (((0.0, 9000.0),), (49.0, -58.0 + 9000.0 / 73_000.0), False),
+        (((1000.0, 100.0),), (49.0 + 51_000.0 / 111_200.0, -58.0), True),  # it is there
+        ((), (49.0 + 51_000.0 / 111_200.0, -58.0), True),
+    ],
+)
+def test_where_it_goes_is_said_by_the_log_or_guessed(
+    targets: tuple[tuple[float, float], ...], goes: tuple[float, float], guessed: bool
+) -> None:
+    leg = Leg(start=0.0, duration=3600.0, over_ground=(1000.0, 0.0), through_water=(900.0, 0.0))
+    last = LoggedLeg(
+        mission=0, leg=leg, method="", begin=(49.0, -58.0), onboard=None, targets=targets
+    )
+    place, words, is_guess = _onward(last)
+    latitude, longitude = (float(word) for word in place.split(","))
+    assert latitude == pytest.approx(goes[0], abs=2e-3)
+    assert longitude == pytest.approx(goes[1], abs=2e-3)
+    assert is_guess is guessed
+    assert ("waypoint" in words) is not guessed
 
 
 # --- what is noticed ------------------------------------------------------------------------------
