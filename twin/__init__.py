@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from twin import errors as errors
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
+    from twin.faults import parse_faults as parse_faults
     from twin.facade import scenario_of as scenario_of
     from twin.facade import simulate as simulate
     from twin.logs.flight_estimate import estimate_flight as estimate_flight

@@ -33,6 +33,10 @@ PROGRAM = Program(
                 "HindcastSurfacings",
                 "forecasts of a deployment's surfacings beside where it surfaced",
             ),
+            "health": (
+                "JudgeHealth",
+                "is something wrong with the vehicle: which fault, since when, how sure",
+            ),
             "forecast": (
                 "ForecastSurfacings",
                 "the next surfacings of a glider: places with ellipses, times, energy",

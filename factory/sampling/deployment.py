@@ -338,9 +338,7 @@ def measured(
     )
     found |= electric(scenario, flown, rng)
     found |= {name: flown[name] for name in flown.signals if name.startswith("commanded_")}
-    found["sample_period"] = np.array([period])
-    found |= read_by(scenario.faults, found, flown.time, rng)
-    del found["sample_period"]
+    found |= read_by(scenario.faults, found, flown.time, rng, period=period)
     return {name: np.asarray(values, float) for name, values in found.items()} | {
         "time": flown.time
     }

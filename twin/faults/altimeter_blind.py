@@ -32,7 +32,9 @@ class AltimeterBlind(Fault):
             return [f"part = {self.part:g} must be above 0 and at most 1"]
         return []
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """Echoes that are missing; nothing where it has no altimeter."""
         height = signals.get("measured_altitude")
         if height is None:

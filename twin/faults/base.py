@@ -144,12 +144,15 @@ class Fault:
         """The vehicle with a fault of that size, which is not 0."""
         return condition
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """The measured signals that it changes, by name, each of shape (n,).
 
         Args:
           signals: as the sensors measured them, and the truth where there is one, shape (n,).
           size: of the fault at each sample, 0 before it began.
+          period: [s] between samples.
         """
         return {}
 
@@ -260,18 +263,24 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
 
 
 def read_by(
-    faults: Sequence[Fault], signals: Readings, time: Array, rng: np.random.Generator
+    faults: Sequence[Fault],
+    signals: Readings,
+    time: Array,
+    rng: np.random.Generator,
+    *,
+    period: float,
 ) -> dict[str, Array]:
     """Measured signals as faulty sensors give them: those that change, by name.
 
     Args:
       signals: of one run, shape (n,). time: [s] on the clock of the faults, shape (n,).
+      period: [s] between samples.
     """
     found: dict[str, Array] = {}
     for fault in faults:
         size = fault.at(time)
         if size.any():
-            found |= fault.readings({**signals, **found}, size, rng)
+            found |= fault.readings({**signals, **found}, size, period, rng)
     return found
 
 

@@ -62,7 +62,9 @@ class CompassIron(Fault):
         """Headings a fourth of a half turn apart: the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """A heading that is off by it."""
         heading = signals["measured_heading"]
         off = size * np.sin(np.deg2rad(heading - self.toward))

@@ -11,8 +11,6 @@ from scipy.signal import lfilter
 from twin.faults.base import Array, Fault, Readings
 
 NAMES = ("measured_temperature", "measured_conductivity", "measured_pressure")
-PERIOD = "sample_period"
-"""Name under which `readings` finds the time [s] between samples"""
 MILLISIEMENS_PER_CM = 10.0
 """of one S/m, the unit of `gsw`"""
 
@@ -71,12 +69,14 @@ class CtdClogged(Fault):
         """Some lag."""
         return [] if 0.0 < self.lag <= 1e4 else [f"lag = {self.lag:g} s must be above 0"]
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """Late conductivity, and salinity and density of it; nothing where it has no CTD."""
         if any(name not in signals for name in NAMES):
             return {}
         temperature, conductivity = (signals[name] for name in NAMES[:2])
-        return derived(signals, temperature, lagged(conductivity, size, float(signals[PERIOD][0])))
+        return derived(signals, temperature, lagged(conductivity, size, period))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -100,9 +100,11 @@ class ThermistorSlow(Fault):
         """Some lag."""
         return [] if 0.0 < self.lag <= 1e4 else [f"lag = {self.lag:g} s must be above 0"]
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """Late temperature, and salinity and density of it; nothing where it has no CTD."""
         if any(name not in signals for name in NAMES):
             return {}
         temperature, conductivity = (signals[name] for name in NAMES[:2])
-        return derived(signals, lagged(temperature, size, float(signals[PERIOD][0])), conductivity)
+        return derived(signals, lagged(temperature, size, period), conductivity)

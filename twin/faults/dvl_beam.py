@@ -34,7 +34,9 @@ class DvlBeam(Fault):
             return [f"part = {self.part:g} must be above 0 and at most 1"]
         return []
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """Velocities and lock that are missing; nothing where it has no Doppler log."""
         if "measured_dvl_mode" not in signals:
             return {}

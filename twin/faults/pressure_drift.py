@@ -35,7 +35,9 @@ class PressureDrift(Fault):
             return [f"per_day = {self.per_day:g} dbar must be within 100, not 0"]
         return []
 
-    def readings(self, signals: Readings, size: Array, rng: np.random.Generator) -> Readings:
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
         """Pressure, and the depth of it: 1 dbar is 0.99 m."""
         found = {"measured_depth": signals["measured_depth"] + 0.99 * size}
         if "measured_pressure" in signals:

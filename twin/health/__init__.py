@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from twin.health.assessment import DeploymentHealth as DeploymentHealth
     from twin.health.assessment import KindVerdict as KindVerdict
     from twin.health.assessment import assess as assess
+    from twin.health.beliefs import Beliefs as Beliefs
+    from twin.health.beliefs import follow_parameters as follow_parameters
     from twin.health.channels import CHANNELS as CHANNELS
     from twin.health.channels import Channel as Channel
     from twin.health.thresholds import threshold_of as threshold_of

@@ -249,7 +249,7 @@ def judged(
             **shared, alarm=False, kind=NONE, since_dive=None, noticed_dive=None, probability=0.0,
             kinds=(), evidence=np.full(len(values), -math.inf),
         )  # fmt: skip
-    hypotheses = _hypotheses(vehicle, dive, ways)
+    hypotheses = hypotheses_for(vehicle, dive, ways)
     verdict = judge(levels, days, hypotheses)
     alarms = np.flatnonzero(verdict.evidence > threshold)
     noise = np.where(
@@ -353,7 +353,7 @@ def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
 _SIGNATURES: dict[tuple[Any, ...], list[Hypothesis]] = {}
 
 
-def _hypotheses(vehicle: Vehicle, dive: TypicalDive, ways: Array) -> list[Hypothesis]:
+def hypotheses_for(vehicle: Vehicle, dive: TypicalDive, ways: Array) -> list[Hypothesis]:
     """Those of a vehicle in a dive; what is flown is kept for the next deployment of it."""
     key = (vehicle.xml, str(vehicle.changes()), dive, tuple(FAULTS.names()))
     flown = _SIGNATURES.get(key)

@@ -177,11 +177,10 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
             found.append(math.nan)
             deviation.append(math.nan)
             continue
-        row = int(np.argmax(before[:, k]))
-        first.append(int(onsets[row]))
-        precision = info[row, k] + 1.0 / usual[k] ** 2
-        found.append(float(score[row, k] / precision))
-        deviation.append(float(1.0 / math.sqrt(precision)))
+        first.append(int(onsets[int(np.argmax(before[:, k]))]))
+        told_size = _size(levels, days, hypotheses[k], first[-1])
+        found.append(told_size[0])
+        deviation.append(told_size[1])
     return Verdict(
         evidence=evidence,
         kinds=names,
@@ -192,6 +191,22 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
         best=tuple(best),
         running=tuple(running),
     )
+
+
+def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:
+    """The size of a fault that began with a dive, and its deviation; nothing is cut off here."""
+    count, width = levels.innovation.shape
+    signature = np.broadcast_to(np.nan_to_num(hypothesis.signature), (count, width))
+    answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
+    for d in range(onset, count):
+        grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0
+        response = grown * signature[d] - answer
+        answer = answer + np.nan_to_num(levels.gain[d]) * response
+        known = np.isfinite(levels.innovation[d])
+        weighted = (response / np.sqrt(levels.expected[d]))[known]
+        info += float(weighted @ weighted)
+        score += float(weighted @ levels.innovation[d][known])
+    return score / info, 1.0 / math.sqrt(info)
 
 
 def _half(days: Array, d: int) -> float:

@@ -191,9 +191,10 @@ def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
     )  # fmt: skip
     signals |= electric(scenario, flown)
     signals["commanded_heading"] = flown["commanded_heading"]
-    signals["sample_period"] = np.array([scenario.sample_period])
-    signals |= read_by(scenario.faults, signals, flown.time, np.random.default_rng(0))
-    del signals["sample_period"]
+    signals |= read_by(
+        scenario.faults, signals, flown.time, np.random.default_rng(0),
+        period=scenario.sample_period,
+    )  # fmt: skip
     for part in scenario.vehicle.parts:
         if isinstance(part, Fin):
             signals["measured_fin"] = signals[f"measured_{part.name}"]

@@ -13,6 +13,7 @@ from twin.faults.base import Condition
 from twin.physics.condition import conditions_of, healthy
 from twin.physics.scenario import Scenario
 from twin.records.trajectory import Trajectory
+from twin.vehicle.consumption import ENERGY, needed_signals
 from twin.vehicle.parts.pump import Pump
 
 Array = NDArray[np.float64]
@@ -52,20 +53,21 @@ def electric(
     table = conditions_of(scenario, float(time[-1]) + period) or ((0.0, healthy(scenario)),)
     taken, pump = np.zeros(len(time)), np.zeros(len(time))
     packs, water = np.ones(len(time)), np.zeros(len(time))
-    named = next(part.name for part in scenario.vehicle.parts if isinstance(part, Pump))
+    pumps = [part.name for part in scenario.vehicle.parts if isinstance(part, Pump)]
+    needed = needed_signals(scenario.vehicle)
     for first, last, condition in _stretches(table, time):
         signals = {
             name: flown[name][max(first - 1, 0) : last]
-            for name in (
-                "true_depth", "true_pitch", *(f"true_{p}" for p in scenario.vehicle.part_names)
-            )
-        }  # fmt: skip
+            for name in needed
+        }
         span = time[max(first - 1, 0) : last]
         energy = condition.consumption.signals(condition.vehicle, signals, span)
         own = np.sum([np.diff(values, prepend=0.0) for values in energy.values()], axis=0)
-        moved = np.diff(energy[f"true_energy_{named}"], prepend=0.0)
+        moved = sum(np.diff(energy[f"{ENERGY}{name}"], prepend=0.0) for name in pumps)
         keep = slice(1 if first else 0, None)
-        taken[first:last], pump[first:last] = own[keep], moved[keep]
+        taken[first:last] = own[keep]
+        if pumps:
+            pump[first:last] = np.asarray(moved)[keep]
         packs[first:last], water[first:last] = condition.packs, condition.taken
     power = taken / period
     power[0] = power[1] if len(power) > 1 else 0.0
