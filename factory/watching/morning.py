@@ -20,8 +20,15 @@ from factory.watching.proposals import proposals
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
-from twin.health import CHANNELS, DeploymentHealth, assess
-from twin.identify import identified, other_kind, start_vehicle, with_consumption
+from twin.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
+from twin.identify import (
+    identified,
+    load_calibration,
+    load_logs,
+    other_kind,
+    start_vehicle,
+    with_consumption,
+)
 from twin.logs import EnergyUse, counted_energy
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
@@ -31,6 +38,8 @@ from twin.water.current import Origin
 
 Told = TypeVar("Told")
 KILO = 1e3
+MOST_FOLLOWED = 30
+"""Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
 LEAST_DIVES = 3
 """Dives by whose spread a power's deviation is told"""
 NINETY_REACH = 1.645
@@ -70,6 +79,10 @@ class Morning:
     """Numbers of its dives, as the log counts, in order of time"""
     vehicle: Vehicle | None = None
     health: DeploymentHealth | None = None
+    followed: Beliefs | None = None
+    """Parameters of the vehicle over its last dives"""
+    followed_dives: tuple[int, ...] = ()
+    """Numbers of these"""
     legs: tuple[LoggedLeg, ...] = ()
     """From fix to fix, in order of time"""
     used: EnergyUse | None = None
@@ -131,6 +144,22 @@ class Morning:
         apart = NINETY_REACH * spread / self.used.power
         return days / (1.0 + apart), days / max(1.0 - apart, 1e-3)
 
+    def parameters(self) -> list[dict[str, Any]]:
+        """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
+        if self.followed is None:
+            return []
+        return [
+            {
+                "parameter": one.name,
+                "what it is": one.meaning,
+                "file": start,
+                "after the last dive": float(self.followed.value(one.name)[-1]),
+                "deviation": float(self.followed.deviation(one.name)[-1]),
+                "unit": one.unit,
+            }
+            for one, start in zip(self.followed.parameters, self.followed.nominal, strict=True)
+        ]
+
     def describe(self) -> dict[str, Any]:
         """JSON-able, as `latest.json` has it."""
         levels: dict[str, Any] = {}
@@ -150,6 +179,7 @@ class Morning:
             "last_fix": None if self.last_fix is None else self.last_fix.describe(),
             "health": None if self.health is None else self.health.describe(),
             "levels": levels,
+            "parameters": self.parameters(),
             "energy": None if self.used is None else self.used.describe(),
             "energy_left_kwh": self.energy_left_kwh,
             "power_deviation_w": self.power_deviation,
@@ -208,6 +238,9 @@ def morning(
             store, vehicle, false_alarm_days=deployment.false_alarm_days, deployments=[name]
         ),
     )
+    say("parameters")
+    followed = told("parameters", lambda: _followed(store, rows[-MOST_FOLLOWED:], vehicle))
+    by_row = dict(zip(rows, dives, strict=True))
     used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
     left = None
     if used is None:
@@ -236,6 +269,8 @@ def morning(
         **shared,
         vehicle=vehicle,
         health=found[0] if found else None,
+        followed=followed,
+        followed_dives=tuple(by_row[row] for row in followed.rows) if followed else (),
         used=used,
         energy_left_kwh=left,
         surfacings=flown,
@@ -243,6 +278,11 @@ def morning(
         proposed=files,
         lacking=tuple(lacking),
     )
+
+
+def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
+    """Parameters over these rows of the store."""
+    return follow_parameters(load_logs(store, rows), load_calibration(vehicle))
 
 
 def _vehicle(deployment: WatchedDeployment, store: Path) -> Vehicle:

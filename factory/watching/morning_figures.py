@@ -1,4 +1,4 @@
-"""Morning figures: track with currents and ellipses, currents over time, levels of health."""
+"""Morning figures: track with currents and ellipses, and currents over time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from twin.forecast import NINETY, Forecast, LoggedLeg
 from twin.geodesy import position
-from twin.health import CHANNELS, DeploymentHealth
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
 from twin.show.figures.map import draw_base, joined
@@ -21,8 +20,6 @@ Array = NDArray[np.float64]
 
 HALF = 0.5
 DAY = 86400.0
-MOST_PANELS = 6
-"""Channels drawn: those whose dives surprised most"""
 CLOSE = 4
 """Last dives of the detailed map"""
 
@@ -95,37 +92,4 @@ def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
         draw_dates(axes, start, DAY)
         axes.set_xlabel(LABEL)
         axes.legend(ncols=2)
-    return figure
-
-
-def level_figure(health: DeploymentHealth) -> Figure:
-    """Channels whose dives surprised most, with their levels, and the odds of a fault."""
-    loud = np.nan_to_num(np.abs(health.levels.innovation)).max(axis=0)
-    told = np.isfinite(health.values).sum(axis=0) > 0
-    chosen = [k for k in np.argsort(-loud).tolist() if told[k]][:MOST_PANELS]
-    judged = bool(np.isfinite(health.evidence).any())
-    rows = len(chosen) + judged
-    dives = np.arange(len(health.dives)) if len(set(health.dives)) < len(health.dives) else (
-        np.array(health.dives)
-    )  # fmt: skip
-    with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 0.5 + 1.05 * rows)
-        panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-        for axes, k in zip(panels, chosen, strict=False):
-            level, deviation = health.levels.level[:, k], health.levels.deviation[:, k]
-            axes.fill_between(dives, level - 2.0 * deviation, level + 2.0 * deviation,
-                              color=style.ESTIMATE, alpha=0.18, lw=0.0)  # fmt: skip
-            axes.plot(dives, level, color=style.ESTIMATE, lw=1.0)
-            axes.plot(dives, health.values[:, k], ".", color=style.COMMAND, ms=4.0)
-            known = health.values[:, k][np.isfinite(health.values[:, k])]
-            spread = 0.15 * float(np.ptp(known)) + 1e-6
-            axes.set_ylim(float(known.min()) - spread, float(known.max()) + spread)
-            unit = CHANNELS[k].unit
-            axes.set_ylabel(CHANNELS[k].name + ("" if unit == "1" else f"\n[{unit}]"), fontsize=6.5)
-        if judged:
-            axes = panels[-1]
-            axes.plot(dives, health.evidence, color=style.PALETTE["blue"], lw=1.0)
-            axes.axhline(health.threshold, color=style.GUIDE, ls=(0, (3, 2)), lw=0.9)
-            axes.set_ylabel("odds of a\nfault [log]", fontsize=6.5)
-        panels[-1].set_xlabel("dive")
     return figure

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from factory.watching.morning import Morning
-from factory.watching.morning_figures import level_figure, track_figure, water_figure
+from factory.watching.morning_figures import track_figure, water_figure
 from factory.watching.proposals import NAMES
 from twin.cli.text_table import counted
 from twin.forecast import NINETY
@@ -18,6 +18,7 @@ from twin.health import CHANNELS, DeploymentHealth
 from twin.show import forecast_row
 from twin.show.dates import moment_of
 from twin.show.figures.page_layout import Page
+from twin.show.health_page import channel_figure, evidence_figure
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
@@ -83,6 +84,14 @@ def write_morning(
         )
     if told.health is not None:
         _health(page, told.health)
+    if told.followed is not None:
+        page.section("Parameters")
+        page.table(
+            told.parameters(),
+            f"Followed over the last {counted(len(told.followed_dives), 'dive')} from the vehicle "
+            "file's values on, by depth rates and pitches.",
+            first=False,
+        )
     _energy(page, told)
     if told.proposed:
         page.section("Proposal")
@@ -221,11 +230,16 @@ def _health(page: Page, health: DeploymentHealth) -> None:
         )
     told = [k for k, channel in enumerate(CHANNELS) if channel.name not in health.lacking]
     if told and len(health.dives):
+        if np.isfinite(health.evidence).any():
+            page.figure(
+                "evidence",
+                evidence_figure(health),
+                "Log of the odds of a fault after each dive, and the level of an alarm.",
+            )
         page.figure(
             "health",
-            level_figure(health),
-            "Channels whose dives surprised most: points are dives, the line is the level with two "
-            "deviations; below, the odds of a fault with the threshold of an alarm.",
+            channel_figure(health),
+            "Each channel: its value in each dive, and its level with two standard deviations.",
         )
         page.table(
             [

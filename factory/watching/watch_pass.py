@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from factory.watching.beliefs import BELIEFS, beliefs, write_beliefs
 from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.kept_beliefs import BELIEFS, kept_beliefs, write_beliefs
 from factory.watching.log_of_files import LOG, LogOfFiles, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
@@ -98,7 +98,8 @@ def one_pass(
         if is_derived(folder / BELIEFS):
             remove(folder / BELIEFS)
     else:
-        write_beliefs(beliefs(told.health, told.vehicle.name), folder)
+        kept = kept_beliefs(told.health, told.vehicle.name, told.followed, told.followed_dives)
+        write_beliefs(kept, folder)
     events = noticed(log, told.health)
     write_events(events, folder)
     new = [] if replay or until is not None else news(before, told)
@@ -114,7 +115,7 @@ def one_pass(
         told=told,
         new=tuple(new),
         events=tuple(events),
-        same={name: _content(folder / name) == kept for name, kept in was.items() if kept},
+        same={name: _content(folder / name) == before for name, before in was.items() if before},
     )
 
 

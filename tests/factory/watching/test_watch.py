@@ -15,8 +15,8 @@ import xarray as xr
 from logs import SHARED, Flight, write_basestation, write_slocum
 
 from factory.watching import WatchedDeployment, one_pass, watch_pass
-from factory.watching.beliefs import BELIEFS
 from factory.watching.expected_plan import _onward
+from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning
 from factory.watching.news import news
@@ -242,6 +242,8 @@ def test_a_pass_writes_beliefs_and_a_page_and_a_replay_gives_the_same_bytes(
     assert found["level"].shape == (DIVES - 1, len(CHANNELS))
     known = found["value"].sel(channel="rate_dive")
     assert np.isfinite(known).all()
+    assert found["parameter_value"].shape == (DIVES - 1, 2)
+    assert (found["parameter_deviation"] > 0.0).all()
     assert len((made.folder / "page" / "summary.txt").read_text().splitlines()) <= 10
     features = json.loads((made.folder / "page" / "forecast.geojson").read_text())["features"]
     assert {one["geometry"]["type"] for one in features} >= {"LineString", "Polygon", "Point"}

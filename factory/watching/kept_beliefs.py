@@ -1,4 +1,6 @@
-"""Beliefs: what the dives say of the vehicle's channels, one after another, as `beliefs.zarr`.
+"""Kept beliefs: what the dives say of the vehicle, one after another, as `beliefs.zarr`.
+
+Channels of health over all dives, and parameters of the vehicle over the last ones.
 
 A function of `log.zarr`, the vehicle and the rate of false alarms alone: no path and no time of a
 run is in it.
@@ -7,13 +9,14 @@ run is in it.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.health import CHANNELS, DeploymentHealth
+from twin.health import CHANNELS, Beliefs, DeploymentHealth
 from twin.records.presence import is_derived
 from twin.records.storage.whole import whole_folder
 from twin.records.store import write_zarr
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
 BELIEFS = "beliefs.zarr"
 DIVE, CHANNEL = "dive", "channel"
+FOLLOWED, PARAMETER = "followed_dive", "parameter"
 LEVELS = {
     "level": "level of the channel after the dive",
     "deviation": "standard deviation of the level",
@@ -32,16 +36,24 @@ LEVELS = {
 }
 
 
-def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
+def kept_beliefs(
+    health: DeploymentHealth,
+    vehicle: str,
+    followed: Beliefs | None = None,
+    followed_dives: Sequence[int] = (),
+) -> xr.Dataset:
     """What is believed after each dive.
 
     Args:
       vehicle: name of the one whose flight model judged.
+      followed: parameters over the last dives; None where the log does not tell them.
+      followed_dives: numbers of these dives.
 
     Returns:
       `value`, `level`, `deviation`, `innovation`, `expected` and `gain`, (dive, channel), in the
       unit of each channel; `evidence` (dive,), log of the odds of a fault; `time` (dive,), UTC of
-      the middle of each dive; attributes with the verdict.
+      the middle of each dive; attributes with the verdict. With `followed`: `parameter_value` and
+      `parameter_deviation`, (followed_dive, parameter), each in the parameter's unit.
     """
     import xarray as xr
 
@@ -56,7 +68,7 @@ def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
     evidence = np.where(np.isfinite(health.evidence), health.evidence, np.nan)
     middle = (np.round(health.time * 1e3)).astype("datetime64[ms]").astype("datetime64[ns]")
     said = {"long_name": "log of the odds of a fault after the dive", "threshold": health.threshold}
-    return xr.Dataset(
+    found = xr.Dataset(
         {
             **arrays,
             "evidence": ((DIVE,), evidence, said),
@@ -75,6 +87,30 @@ def beliefs(health: DeploymentHealth, vehicle: str) -> xr.Dataset:
             "verdict": json.dumps(health.describe(), sort_keys=True),
         },
     )
+    return found if followed is None else found.merge(_parameters(followed, followed_dives))
+
+
+def _parameters(followed: Beliefs, dives: Sequence[int]) -> xr.Dataset:
+    import xarray as xr
+
+    names = [one.name for one in followed.parameters]
+    value, deviation = (
+        np.stack([tell(name) for name in names], axis=1)
+        for tell in (followed.value, followed.deviation)
+    )
+    said = "of the vehicle after the dive"
+    return xr.Dataset(
+        {
+            "parameter_value": ((FOLLOWED, PARAMETER), value, {"long_name": f"parameter {said}"}),
+            "parameter_deviation": (
+                (FOLLOWED, PARAMETER), deviation, {"long_name": "standard deviation of it"},
+            ),
+            "parameter_unit": (
+                (PARAMETER,), _words([one.unit for one in followed.parameters]),
+            ),
+        },
+        coords={FOLLOWED: np.array(dives, np.int64), PARAMETER: _words(names)},
+    )  # fmt: skip
 
 
 def _words(texts: list[str]) -> NDArray[np.object_]:
