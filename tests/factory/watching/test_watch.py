@@ -263,9 +263,8 @@ def test_a_pass_writes_beliefs_and_a_page_and_a_replay_gives_the_same_bytes(
     assert kept == store_hash(made.folder / BELIEFS)
 
 
-@pytest.mark.parametrize("step", ["write_beliefs", "write_events", "write_morning"])
 def test_a_pass_that_was_killed_goes_on(
-    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch, step: str
+    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = deployment(tmp_path, source)
     shutil.copy(base[0], source)
@@ -276,10 +275,11 @@ def test_a_pass_that_was_killed_goes_on(
     def killed(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr(watch_pass, step, killed)
-        with pytest.raises(KeyboardInterrupt):
-            one_pass(made)
+    for step in ("write_beliefs", "write_events", "write_morning"):
+        with monkeypatch.context() as patch:
+            patch.setattr(watch_pass, step, killed)
+            with pytest.raises(KeyboardInterrupt):
+                one_pass(made)
     after = one_pass(made)
     assert after.changed
     assert after.new[0] == f"{DIVES - 1} new dives, 2 to {DIVES}"

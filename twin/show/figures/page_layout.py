@@ -72,8 +72,8 @@ figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
 code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
 pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
-@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; } .scroll table { min-width: 40rem; }
-  dl.figures { grid-template-columns: 1fr 1fr; } }
+@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; }
+  .scroll th, .scroll td { white-space: nowrap; } dl.figures { grid-template-columns: 1fr 1fr; } }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
   --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px; } }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
