@@ -14,9 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
-from factory.watching.expected_plan import expected_plan
+from factory.watching.expected_plan import expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
-from factory.watching.proposals import proposals
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
@@ -44,6 +43,13 @@ LEAST_DIVES = 3
 """Dives by whose spread a power's deviation is told"""
 NINETY_REACH = 1.645
 """Standard deviations either way that hold 90 % of a normal distribution"""
+
+
+def end_of(leg: LoggedLeg) -> tuple[float, float]:
+    """Latitude, longitude [degree] of the fix after a dive."""
+    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
+    latitude, longitude = position(north, east, *leg.begin)
+    return float(latitude[0]), float(longitude[0])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -107,12 +113,8 @@ class Morning:
         """The end of the last dive between two fixes."""
         if not self.legs:
             return None
-        last = self.legs[-1]
-        north, east = (np.array([metres]) for metres in last.leg.over_ground)
-        latitude, longitude = position(north, east, *last.begin)
-        return LastFix(
-            latitude=float(latitude[0]), longitude=float(longitude[0]), time=last.leg.end
-        )
+        latitude, longitude = end_of(self.legs[-1])
+        return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
 
     @property
     def days_left(self) -> float | None:

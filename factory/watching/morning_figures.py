@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from factory.watching.morning import end_of
 from twin.forecast import NINETY, Forecast, LoggedLeg
-from twin.geodesy import position
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
 from twin.show.figures.map import draw_base, joined
@@ -39,11 +39,7 @@ def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
 
 def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -> None:
     begins = np.array([one.begin for one in legs])
-    moved = np.array([one.leg.over_ground for one in legs])
-    ends = np.array([
-        [v[0] for v in position(np.array([n]), np.array([e]), *b)]
-        for (n, e), b in zip(moved, begins, strict=True)
-    ])  # fmt: skip
+    ends = np.array([end_of(one) for one in legs])
     rings: list[Array] = []
     if found is not None:
         place = found.request.place

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from factory.watching.expected_plan import NAMES
 from factory.watching.morning import Morning
 from factory.watching.morning_figures import track_figure, water_figure
-from factory.watching.proposals import NAMES
 from twin.cli.text_table import counted
 from twin.forecast import NINETY
 from twin.health import CHANNELS, DeploymentHealth

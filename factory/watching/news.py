@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from factory.watching.morning import Morning
+from factory.watching.morning import Morning, end_of
 from twin.cli.text_table import counted
 from twin.forecast import LoggedLeg
-from twin.geodesy import great_circle, offset, position
+from twin.geodesy import great_circle, offset
 from twin.health import CHANNELS
 from twin.show.dates import moment_of
 
@@ -95,7 +95,7 @@ def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> l
 
 def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
     """One surfacing as it was foretold and as it was."""
-    latitude, longitude = _end(leg)
+    latitude, longitude = end_of(leg)
     away = great_circle(latitude, longitude, told["latitude"], told["longitude"])
     ellipse = told["ellipse_90"]
     north, east = offset(
@@ -113,9 +113,3 @@ def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
         f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
         f"{'inside' if inside else 'outside'} the 90 % ellipse"
     )
-
-
-def _end(leg: LoggedLeg) -> tuple[float, float]:
-    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
-    latitude, longitude = position(north, east, *leg.begin)
-    return float(latitude[0]), float(longitude[0])

@@ -102,10 +102,8 @@ def test_targets_as_people_write_them(tmp_path: Path) -> None:
         "A lat= 4807.0 lon=-12223.0 radius=200 goto=B escape=A\nB radius=1 goto=B lat=1 lon=2\n"
     )
     first, second = read_targets(path)
-    assert (first.latitude, first.longitude) == (
-        pytest.approx(48 + 7 / 60),
-        pytest.approx(-(122 + 23 / 60)),
-    )
+    assert first.latitude == pytest.approx(48 + 7 / 60)
+    assert first.longitude == pytest.approx(-(122 + 23 / 60))
     assert second.latitude == pytest.approx(1 / 60)
 
 
