@@ -43,6 +43,7 @@ FLIPS = {
     "twin.physics.mujoco_model": "the model is MuJoCo's",
     "twin.physics.initial_state": "the state is MuJoCo's",
     "twin.physics.simulation": "the state is MuJoCo's",
+    "twin.physics.condition": "the model is MuJoCo's",
     "twin.physics.settle": "the state is MuJoCo's",
     "twin.physics.true_signals": "the state is MuJoCo's",
     "twin.control.physics": "the state is MuJoCo's",
@@ -59,6 +60,8 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
+    "factory.commands <-> twin": "`twin watch`: what a pilot types is `twin`, what imports logs is "
+    "the factory, and the table of commands names its place, unimported",
     "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
 }
 """Folders of which one names the other only for when it is asked, and why"""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin.checks.agreement import check_published as check_published
     from twin.facade import scenario_of as scenario_of
     from twin.facade import simulate as simulate
+    from twin.faults import parse_faults as parse_faults
     from twin.logs.flight_estimate import estimate_flight as estimate_flight
     from twin.mission.controller import Command as Command
     from twin.mission.controller import Observation as Observation

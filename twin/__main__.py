@@ -33,9 +33,17 @@ PROGRAM = Program(
                 "HindcastSurfacings",
                 "forecasts of a deployment's surfacings beside where it surfaced",
             ),
+            "health": (
+                "JudgeHealth",
+                "is something wrong with the vehicle: which fault, since when, how sure",
+            ),
             "forecast": (
                 "ForecastSurfacings",
                 "the next surfacings of a glider: places with ellipses, times, energy",
+            ),
+            "watch": (
+                "factory.commands.watch:WatchDeployment",
+                "a deployment at sea: new files in, health, forecast and a page out, every day",
             ),
             "bench": ("Bench", "cost of the physics, side by side in one run"),
             "render": (

@@ -5,19 +5,23 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.errors import InputError, SimulationUnstable
+from twin.faults.base import Fault, read_by
+from twin.faults.words import parse_faults
 from twin.mission import Mission
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
+from twin.physics.condition import healthy
+from twin.physics.electric import electric
 from twin.physics.lookup_tables import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
@@ -50,6 +54,7 @@ def simulate(
     mass: float | None = None,
     compressibility: float | None = None,
     floor: str | Floor | None = None,
+    faults: str | Sequence[str | Fault] = (),
     duration: float | None = None,
     start: Start | Mapping[str, Any] | None = None,
     origin: Origin | None = None,
@@ -81,6 +86,8 @@ def simulate(
       compressibility: [1/Pa] of the hull; None takes the file's.
       floor: sea floor as text, "depth:200" [m] or a bathymetry file such as GEBCO's, or a Floor;
         None is water without a bottom.
+      faults: what is wrong with the vehicle, as texts such as "fouling:per_day=0.02,from=3d", or
+        objects.
       duration: [s]; None takes the mission's own.
       start: where, when and how the run begins: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
@@ -129,6 +136,8 @@ def simulate(
         suite = scenario.navigate.suite
     if isinstance(scenario.mission, Mission):
         scenario.mission.check(scenario.vehicle)
+    if suite is None:
+        _refuse_unseen(scenario)
     if suite is None and (seed != 0 or bottom_depth is not None):
         raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     if bottom_depth is not None and scenario.floor is not None:
@@ -156,6 +165,7 @@ def scenario_of(
     mass: float | None = None,
     compressibility: float | None = None,
     floor: str | Floor | None = None,
+    faults: str | Sequence[str | Fault] = (),
     duration: float | None = None,
     start: Start | Mapping[str, Any] | str | None = None,
     origin: Origin | None = None,
@@ -210,6 +220,7 @@ def scenario_of(
         current=parse_current(current) if isinstance(current, str) else current,
         density=None if isinstance(density, str | Path) else density,
         floor=floor,
+        faults=_faults(faults),
         origin=origin,
         engine=engine,
         hydrodynamics=hydrodynamics,
@@ -220,6 +231,16 @@ def scenario_of(
     if isinstance(density, str | Path):
         scenario = in_water(scenario, str(density))
     return scenario
+
+
+def _faults(given: str | Sequence[str | Fault]) -> tuple[Fault, ...]:
+    """Faults of texts and objects."""
+    words = [given] if isinstance(given, str) else list(given)
+    return tuple(
+        fault
+        for word in words
+        for fault in (parse_faults(word) if isinstance(word, str) else (word,))
+    )
 
 
 _OF_A_SCENARIO = inspect.signature(scenario_of).parameters.keys()
@@ -273,12 +294,38 @@ def with_sensors(
         suite, seed = scenario.navigate.suite, scenario.navigate.seed
         bottom_depth = scenario.navigate.bottom_depth
     measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+    if scenario.faults:
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAULTS,)))
+        measured |= electric(scenario, trajectory, rng)
+        given = {**trajectory.signals, **measured}
+        measured |= read_by(
+            scenario.faults, given, trajectory.time, rng, period=scenario.sample_period
+        )
     said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
     return dataclasses.replace(
         trajectory,
         signals={**trajectory.signals, **measured},
         provenance={**trajectory.provenance, SENSOR_SUITE: said},
     )
+
+
+_FAULTS = 0xFA17
+"""Of the stream of what faulty sensors and batteries draw"""
+
+
+def _refuse_unseen(scenario: Scenario) -> None:
+    """Raise InputError for a fault that nothing of a flight without sensors shows."""
+    for fault in scenario.faults:
+        sound = healthy(scenario)
+        changed = fault.change(sound, fault.size)
+        if all(
+            getattr(changed, name) is getattr(sound, name)
+            for name in ("vehicle", "volume", "zeros", "iron")
+        ):
+            raise InputError(
+                f"fault {fault.kind} changes what the vehicle measures and takes, not how it "
+                "flies: give sensors too, such as field (--sensors field)"
+            )
 
 
 def provenance_of(scenario: Scenario) -> dict[str, str]:

@@ -192,6 +192,37 @@ FIGURES: Registry[Any] = Registry(
 )
 """Figures of one mission, by the name that the command line uses."""
 
+FAULTS: Registry[Any] = Registry(
+    "fault",
+    group="glider_twin.faults",
+    folder="twin/faults",
+    base="twin.faults.Fault",
+    page="howto/health.md#a-fault-of-your-own",
+    shipped={
+        "wing_lost": "twin.faults.wing_lost:WingLost",
+        "fouling": "twin.faults.fouling:Fouling",
+        "attached": "twin.faults.fouling:Attached",
+        "water_taken": "twin.faults.leak:WaterTaken",
+        "pump_weak": "twin.faults.pump_faults:PumpWeak",
+        "pump_air": "twin.faults.pump_faults:PumpAir",
+        "turn_stuck": "twin.faults.drive_faults:TurnStuck",
+        "turn_slips": "twin.faults.drive_faults:TurnSlips",
+        "pitch_slips": "twin.faults.drive_faults:PitchSlips",
+        "blade_lost": "twin.faults.blade_lost:BladeLost",
+        "compass_iron": "twin.faults.compass_iron:CompassIron",
+        "pressure_drift": "twin.faults.pressure_drift:PressureDrift",
+        "altimeter_blind": "twin.faults.altimeter_blind:AltimeterBlind",
+        "ctd_clogged": "twin.faults.ctd_faults:CtdClogged",
+        "thermistor_slow": "twin.faults.ctd_faults:ThermistorSlow",
+        "dvl_beam": "twin.faults.dvl_beam:DvlBeam",
+        "pack_lost": "twin.faults.power_faults:PackLost",
+        "hotel_raised": "twin.faults.power_faults:HotelRaised",
+    },
+    check="twin.faults.base:check_fault",
+    name="kind",
+)
+"""Faults of a vehicle."""
+
 TASKS: Registry[Any] = Registry(
     "task",
     group="glider_twin.tasks",

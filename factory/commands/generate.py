@@ -38,7 +38,9 @@ class Generate(EngineOption, JsonOption):
     preset: str = "paper"
     """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
     instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the
-    surface) or paper-test (the paper's three test missions of a glider)"""
+    surface), paper-test (the paper's three test missions of a glider), or faulty (a glider's
+    deployments of 20 to 60 dives in the form of imported logs, half of them with a fault, labelled)
+    and faulty-satellite (the same as sent by satellite); docs/howto/health.md explains these"""
     seed: int = 0
     """root of every random draw"""
     out: StoreArgument = DEFAULT_OUT
@@ -75,8 +77,10 @@ class Generate(EngineOption, JsonOption):
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
         import_numpy_with_one_thread()
-        from factory.generation import parse_part, slurm_part
+        from factory.generation import PERIODS, parse_part, slurm_part
 
+        if self.preset in PERIODS:
+            return self._deployments(console)
         part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()
         history = shlex.join([console.prog, *sys.argv[1:]])
@@ -94,6 +98,45 @@ class Generate(EngineOption, JsonOption):
         if summary.flown == 0:
             console.note(f"store {self.out} was already complete")
         show_summary(recipe, summary, console)
+        return 0
+
+    def _deployments(self, console: Console) -> int:
+        """Deployments of many dives, half of them with a fault."""
+        from factory.generation import make_deployments
+        from twin.errors import InputError
+
+        for name in ("set", "config", "sensors", "current", "shard", "resume", "scheduler"):
+            if getattr(self, name):
+                raise InputError(
+                    f"--{name} does not go with preset {self.preset}: its deployments are drawn as "
+                    "they are, by this machine, whole or not at all"
+                )
+        if not isinstance(self.out, Path):
+            raise InputError(f"preset {self.preset} is written into a folder, not to {self.out}")
+        with watching(240.0 if self.hours is None else self.hours, console) as watch:
+            made = make_deployments(
+                self.out,
+                vehicle=self.vehicle,
+                preset=self.preset,
+                hours=self.hours,
+                seed=self.seed,
+                workers=self.workers,
+                overwrite=self.overwrite,
+                watch=watch,
+            )
+        console.answer(
+            out=made.store, preset=self.preset, seed=self.seed, deployments=made.deployments,
+            faulty=made.faulty, dives=made.dives, days=made.days,
+        )  # fmt: skip
+        console.pairs(
+            {
+                "store": str(made.store),
+                "deployments": f"{made.deployments}, {made.faulty} with a fault",
+                "dives": made.dives,
+                "under way": f"{made.days:.1f} d",
+            },
+            title=f"preset {self.preset}, seed {self.seed}",
+        )
         return 0
 
     def _all(self, recipe: Recipe, history: str, console: Console) -> Summary:

@@ -55,6 +55,9 @@ class Simulate(EngineOption, JsonOption):
     [deg], with these defaults (reach: what the mission can cover); or a bathymetry file such as
     GEBCO.nc (latitude, longitude, elevation in m) about --start.
     docs/physics/equations.md explains them"""
+    fault: tuple[str, ...] = ()
+    """what is wrong with the vehicle, such as fouling:per_day=0.02,from=3h or
+    wing_lost:side=port,from=20min; docs/howto/health.md lists all"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins: degrees north and east, and UTC, such as
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
@@ -105,6 +108,7 @@ class Simulate(EngineOption, JsonOption):
             mass=self.mass,
             compressibility=self.compressibility,
             floor=self.floor,
+            faults=self.fault,
             duration=self.duration,
             start=self.start,
             engine=self.engine,

@@ -318,6 +318,8 @@ def correlation_samples(series: Sequence[Array], longest: int) -> float:
         spectrum = np.fft.rfft(s, size)
         covariance = np.fft.irfft(spectrum * spectrum.conj(), size)[: min(longest + 1, len(s))]
         total[: len(covariance)] += covariance
+    if not total[0] > 0.0:
+        return 1.0  # all of them zero: a sample apart is as good as any
     rho = total / total[0]
     stop = int(np.argmax(rho <= 0.0)) if (rho <= 0.0).any() else len(rho)
     return float(max(1.0 + 2.0 * rho[1:stop].sum(), 1.0))

@@ -4,6 +4,10 @@ from twin.mission.glide_balance import SteadyGlide as SteadyGlide
 from twin.mission.glide_balance import steady_glide as steady_glide
 from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
 from twin.mission.plan import Mission as Mission
+from twin.mission.seaglider_targets import SeagliderTarget as SeagliderTarget
+from twin.mission.seaglider_targets import read_targets as read_targets
+from twin.mission.seaglider_targets import targets_of as targets_of
+from twin.mission.seaglider_targets import targets_text as targets_text
 from twin.mission.segments import Circle as Circle
 from twin.mission.segments import Hold as Hold
 from twin.mission.segments import Hover as Hover
@@ -17,3 +21,4 @@ from twin.mission.segments import Waypoint as Waypoint
 from twin.mission.shipped_missions import load_mission as load_mission
 from twin.mission.shipped_missions import load_mission_for as load_mission_for
 from twin.mission.shipped_missions import mission_names as mission_names
+from twin.mission.slocum_arguments import slocum_arguments as slocum_arguments

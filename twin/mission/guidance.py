@@ -238,7 +238,10 @@ def _steer(
     current_east: float,
 ) -> None:
     """A tick as `guidance_step` says it, for the parts that steer alone."""
-    heading = compass(heading + gains[g.COMPASS_OFFSET])
+    seen = heading + gains[g.COMPASS_OFFSET]
+    if gains[g.IRON_SINE] != 0.0 or gains[g.IRON_COSINE] != 0.0:
+        seen += gains[g.IRON_SINE] * math.sin(heading) + gains[g.IRON_COSINE] * math.cos(heading)
+    heading = compass(seen)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
     reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
     advance(table, state, t, depth, altitude, heading)

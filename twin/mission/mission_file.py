@@ -80,7 +80,10 @@ COMPASS_OFFSET = 27  # [rad] that the compass reads beyond the true heading
 FOLLOWERS = 28  # how many parts go along with others
 FOLLOWER = 29  # first of them: lead, part, weight, the lead's rest, lowest and highest position
 FOLLOWER_COLUMNS = 6
-GAINS = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
+# [rad] that iron of the vehicle's own adds to the compass, times sine and cosine of the heading
+IRON_SINE = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
+IRON_COSINE = IRON_SINE + 1
+GAINS = IRON_COSINE + 1
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown

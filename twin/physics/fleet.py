@@ -33,6 +33,11 @@ class Fleet:
         if not scenarios:
             raise InputError("a fleet needs at least one scenario")
         _check_alike(scenarios)
+        if any(scenario.faults for scenario in scenarios):
+            raise InputError(
+                "a fleet is stepped natively, and faults change its vehicles between steps: fly "
+                "them with simulate_many"
+            )
         if any(scenario.navigate is not None for scenario in scenarios):
             raise InputError(
                 "a fleet is stepped natively, and what is known on board is worked out in Python: "

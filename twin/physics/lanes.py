@@ -19,13 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import FloorError, InputError, SimulationUnstable, StepTooLong
+from twin.faults.base import Condition
 from twin.fossen import lanes as ln
 from twin.fossen import terms
 from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
 from twin.fossen.structure import Structure, structure_of
 from twin.mission.controller import FollowedPositions
-from twin.mission.mission_file import GAINS, GUIDANCE_STATE
+from twin.mission.mission_file import GAINS, GUIDANCE_STATE, IRON_COSINE, IRON_SINE
 from twin.numbers import Array
+from twin.physics.condition import conditions_of
 from twin.physics.lookup_tables import Plans, Tables, tables_of
 from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.native import block as b
@@ -95,6 +97,7 @@ class Lane:
         self.structure, self.numbers = structure_of(
             vehicle, neutral_volume=volume, zeros=scenario.encoder_zeros
         )
+        self.conditions = conditions_of(scenario, self.duration)
         self.timestep = scenario.timestep or file_timestep(vehicle)
         if scenario.timestep is not None:
             stiff = stiffness_in(scenario, vehicle, self.tables)
@@ -109,6 +112,26 @@ class Lane:
     def key(self) -> tuple[Any, ...]:
         """What scenarios of one block share."""
         return self.structure, self.timestep, self.per_sample, self.joints
+
+    def changes(self) -> list[tuple[int, Condition]]:
+        """The vehicle over the run: from which step on it is how."""
+        return [(round(time / self.timestep), condition) for time, condition in self.conditions]
+
+    def become(self, rows: Array, gains: Array, condition: Condition) -> None:
+        """Write a condition of the vehicle into its numbers in a block and guidance's gains.
+
+        Args:
+          rows: of its lane, shape (structure.size,).
+        """
+        structure, numbers = structure_of(
+            condition.vehicle, neutral_volume=condition.volume, zeros=condition.zeros
+        )
+        assert structure == self.structure  # a fault changes numbers, not what there is
+        rows[structure.numbers_at :] = numbers
+        for name, values in _response(condition.vehicle).items():
+            at = PARTS_AT + PART.index(name) * structure.parts
+            rows[at : at + structure.parts] = values
+        gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
 
     def column(self) -> Array:
         """Its numbers in a block, see `column`."""
@@ -137,19 +160,22 @@ def column(
     found[AT["alive"]] = 1.0
     low, high = vehicle.actuator_min, vehicle.actuator_max
     begin = np.clip(start.positions(vehicle.part_names, vehicle.rest), low, high)
-    rows: dict[str, Any] = {
-        "now": begin,
-        "command": begin,
-        "low": low,
-        "high": high,
-        "lag": vehicle.actuator_lag,
-        "rate": vehicle.actuator_rate,
-        "one_way": [float(part.one_way) for part in vehicle.parts],
-    }
+    rows: dict[str, Any] = {"now": begin, "command": begin, **_response(vehicle)}
     for name, values in rows.items():
         at = PARTS_AT + PART.index(name) * parts
         found[at : at + parts] = values
     return found
+
+
+def _response(vehicle: Vehicle) -> dict[str, Any]:
+    """Rows of a block that say how its parts follow their commands."""
+    return {
+        "low": vehicle.actuator_min,
+        "high": vehicle.actuator_max,
+        "lag": vehicle.actuator_lag,
+        "rate": vehicle.actuator_rate,
+        "one_way": [float(part.one_way) for part in vehicle.parts],
+    }
 
 
 def _check(scenario: Scenario, vehicle: Vehicle) -> None:
@@ -275,14 +301,25 @@ class LaneBlock:
         look = max(1, round(END_CHECK_PERIOD / first.timestep))
         programs = [array for pair in self.water for array in pair]
         taken = np.zeros(len(self.lanes), int)
+        changes = sorted(
+            ((step, k, condition) for k, lane in enumerate(self.lanes)
+             for step, condition in lane.changes()),
+            key=lambda change: change[:2],
+        )  # fmt: skip
         for sample in range(0, -(-last // first.per_sample), size):
             begin, end = sample * first.per_sample, (sample + size) * first.per_sample
-            alive = ln.fly(
-                self.b, self.width, self.b.ctypes.data, self.rate.address,
-                first.structure.parts, joints, first.timestep, begin, min(end, last),
-                first.per_sample, look, self.counts, self.plans, self.plan_rows, self.periods,
-                self.gains, self.guided, self.wanted, *programs, log, sample,
-            )  # fmt: skip
+            end = min(end, last)
+            while begin < end:
+                while changes and changes[0][0] <= begin:
+                    self._become(*changes.pop(0)[1:])
+                until = min(end, changes[0][0]) if changes else end
+                alive = ln.fly(
+                    self.b, self.width, self.b.ctypes.data, self.rate.address,
+                    first.structure.parts, joints, first.timestep, begin, until,
+                    first.per_sample, look, self.counts, self.plans, self.plan_rows, self.periods,
+                    self.gains, self.guided, self.wanted, *programs, log, sample,
+                )  # fmt: skip
+                begin = until
             for k, rows in enumerate(found):
                 logged = int(self.counts[k, ln.LOGGED])
                 rows[taken[k] : logged] = log[k][: logged - taken[k], take]
@@ -290,6 +327,13 @@ class LaneBlock:
             if alive == 0:
                 break
         return [(rows[: taken[k]].view(kept)[:, 0], self._ours(k)) for k, rows in enumerate(found)]
+
+    def _become(self, k: int, condition: Condition) -> None:
+        """Let a lane's vehicle be how it is from now on."""
+        rows = self.b.reshape(-1, self.width)
+        column = rows[:, k].copy()
+        self.lanes[k].become(column, self.gains[k], condition)
+        rows[:, k] = column
 
     def _ours(self, k: int) -> Any:
         ours = np.zeros(1, b.STATE)[0]

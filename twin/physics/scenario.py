@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
 from twin.errors import FloorError, InputError, MissionError, unknown_name
+from twin.faults.base import Fault, check_fits, fault_from_dict
 from twin.mission import Mission
 from twin.mission.controller import Schedule
 from twin.navigation.estimators.base import VelocityEstimator
@@ -57,6 +58,8 @@ class Scenario:
     """What the compass of guidance reads beyond the true heading [rad]."""
     mission: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
+    faults: Sequence[Fault] = ()
+    """What is wrong with the vehicle, each from a time on; see `twin.faults`"""
     navigate: Navigation | VelocityEstimator | str | None = None
     """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
     name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation, which
@@ -124,6 +127,14 @@ class Scenario:
                 f"scenario: believed vehicle {self.believed.name!r} has other parts than "
                 f"{self.vehicle.name!r}: {', '.join(self.believed.part_names)}"
             )
+        object.__setattr__(self, "faults", tuple(self.faults))
+        for fault in self.faults:
+            if not isinstance(fault, Fault):
+                raise InputError(
+                    f"scenario: faults has {fault!r}; give what twin.parse_faults makes of a text "
+                    "such as 'fouling:per_day=0.02,from=3d'"
+                )
+            check_fits(fault, self.vehicle)
         if not math.isfinite(number(self.compass_offset, "scenario: compass_offset")):
             raise InputError(f"scenario: compass_offset {self.compass_offset} must be finite")
         flown = self.mission
@@ -278,6 +289,7 @@ class Scenario:
             "ballast": None if self.ballast is None else dataclasses.asdict(self.ballast),
             "encoder_zeros": dict(self.encoder_zeros),
             "compass_offset": self.compass_offset,
+            **({"faults": [fault.describe() for fault in self.faults]} if self.faults else {}),
             "plan": plan,  # the name that stores have for the mission
             "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
@@ -327,6 +339,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         ballast=None if ballast is None else Ballast(**ballast),
         encoder_zeros=data.get("encoder_zeros", {}),
         compass_offset=data.get("compass_offset", 0.0),
+        faults=tuple(fault_from_dict(fault) for fault in data.get("faults", ())),
         mission=plan,
         navigate=None if navigate is None else navigation_from_dict(navigate),
         duration=data["duration"],

@@ -16,6 +16,7 @@ from twin.frames import flip_quaternion, flip_vector
 from twin.mission.controller import Command, Controller, Observation
 from twin.mission.mission_file import DONE
 from twin.numbers import Array
+from twin.physics.condition import become, conditions_of, healthy
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables, tables_of
 from twin.physics.model_block import check_integration, header, state
@@ -95,6 +96,8 @@ class Simulation:
         self._write_header()
         self._nominal = (model.qpos0.copy(), float(header(model)["neutral_volume"]))
         self.data = mujoco.MjData(model)
+        self._conditions = conditions_of(scenario, self.duration)
+        self._became = 0
         self.on_board: OnBoard | None = None
         """What was known on board, of a navigated run."""
         self.reset()
@@ -166,10 +169,22 @@ class Simulation:
     def step(self, steps: int = 1) -> None:
         """Advance by `steps` physics steps; the log stays whole however many they are."""
         while steps > 0:
-            count = min(steps, self.steps_per_collection)
+            count = min(steps, self.steps_per_collection, self._change())
             mujoco.mj_step(self.model, self.data, nstep=count)
             self.collect(self.data.userdata)
             steps -= count
+
+    def _change(self) -> int:
+        """Let the vehicle become what it is by now; the steps until the next change."""
+        period = self.model.opt.timestep
+        while self._became < len(self._conditions):
+            time, condition = self._conditions[self._became]
+            steps = round((time - self.data.time) / period)
+            if steps > 0:
+                return steps
+            become(self.model, self.scenario.vehicle, self._nominal[0], condition)
+            self._became += 1
+        return STEPS_PER_CALL
 
     # --- the run ------------------------------------------------------------------------------
 
@@ -179,6 +194,9 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the start, with an empty log."""
+        if self._became:  # the model is that of a later time
+            become(self.model, self.scenario.vehicle, self._nominal[0], healthy(self.scenario))
+            self._became = 0
         # the start is the nominal vehicle's; its errors act from there on
         self.model.qpos0[:], header(self.model)["neutral_volume"] = self._nominal
         mujoco.mj_resetData(self.model, self.data)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from twin.show.forecast_page import check_forecast_target as check_forecast_target
     from twin.show.forecast_page import forecast_row as forecast_row
     from twin.show.forecast_page import write_forecast as write_forecast
+    from twin.show.health_page import write_health as write_health
     from twin.show.hindcast_page import write_hindcast as write_hindcast
     from twin.show.identification_figure import residual_figure as residual_figure
 

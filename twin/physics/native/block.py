@@ -18,7 +18,7 @@ from twin.vehicle.parts.base import VALUES
 
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
-VERSION = 4.0
+VERSION = 5.0
 
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import datetime
+import functools
 import html
 import io
 import textwrap
@@ -36,10 +37,11 @@ DPI = 200
 INDEX, PICTURE = "index.html", ".png"
 
 STYLE = """
-:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6; --mark: #d55e00; }
+:root { color-scheme: light dark; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
+  --mark: #d55e00; --ground: #fff; --code: #f6f7f9; }
 * { box-sizing: border-box; }
 body { font: 16px/1.55 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
-  background: #fff; max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
+  background: var(--ground); max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .25rem; }
 h2 { font-size: 1.2rem; margin: 2.6rem 0 .6rem; padding-top: .6rem;
   border-top: 1px solid var(--line); }
@@ -68,8 +70,12 @@ figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
 .pair { display: flex; flex-wrap: wrap; gap: 1.5rem; }
 .pair figure { flex: 1 1 24rem; margin: .5rem 0; }
 code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
-pre { background: #f6f7f9; padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
+pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
+@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; }
+  .scroll th, .scroll td { white-space: nowrap; } dl.figures { grid-template-columns: 1fr 1fr; } }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
+  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px; } }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
 
@@ -79,16 +85,21 @@ class Page:
 
     The folder appears, or takes the place of an earlier page, when the page is written.
 
+    Args:
+      beside: names of other files that such a page has in its folder, see `attach`.
+
     Raises:
       WriteError: something that is no page is in the way.
     """
 
-    def __init__(self, folder: Path, title: str, lead: str) -> None:
+    def __init__(self, folder: Path, title: str, lead: str, *, beside: Sequence[str] = ()) -> None:
         self._folder = folder
+        self._ours = functools.partial(_is_page, beside=beside)
+        self._attached: dict[str, str] = {}
         self._title = title
         self._body = [f"<h1>{_text(title)}</h1>", f'<p class="lead">{_text(lead)}</p>']
         self._pictures: dict[str, bytes] = {}
-        check_page_target(folder)
+        check_folder_target(folder, overwrite=True, ours=self._ours)
 
     def section(self, title: str) -> None:
         """A heading."""
@@ -146,8 +157,12 @@ class Page:
         """Text as it is."""
         self._body.append(f"<pre>{_text(text)}</pre>")
 
+    def attach(self, name: str, text: str) -> None:
+        """A file beside the page, of a name that the page was made with."""
+        self._attached[name] = text
+
     def write(self) -> Path:
-        """Write `index.html` and the figures.
+        """Write `index.html`, the figures and what is attached.
 
         Raises:
           WriteError: the disk refuses.
@@ -159,8 +174,9 @@ class Page:
             f"<title>{_text(self._title)}</title>\n<style>{STYLE}</style></head>\n"
             f"<body>\n{body}\n</body></html>\n"
         )
-        with whole_folder(self._folder, overwrite=True, ours=_is_page) as folder:
-            (folder / INDEX).write_text(text, encoding="utf-8")
+        with whole_folder(self._folder, overwrite=True, ours=self._ours) as folder:
+            for name, content in {**self._attached, INDEX: text}.items():
+                (folder / name).write_text(content, encoding="utf-8")
             for name, data in self._pictures.items():
                 (folder / f"{name}{PICTURE}").write_bytes(data)
         return self._folder / INDEX
@@ -186,11 +202,11 @@ def check_page_target(folder: Path) -> None:
     check_folder_target(folder, overwrite=True, ours=_is_page)
 
 
-def _is_page(folder: Path) -> bool:
-    """Whether a folder holds a page and nothing else."""
+def _is_page(folder: Path, beside: Sequence[str] = ()) -> bool:
+    """Whether a folder holds a page, what belongs beside it, and nothing else."""
     names = {path.name for path in folder.iterdir()}
     others = {name for name in names if not name.endswith(PICTURE)}
-    return INDEX in names and others <= {INDEX, LIST}
+    return INDEX in names and others <= {INDEX, LIST, *beside}
 
 
 def _cell(value: object) -> str:

@@ -99,6 +99,10 @@ class HullLaw(abc.ABC):
         """M_A (6, 6) when the law knows it from its geometry; None: the vehicle file says it."""
         return None
 
+    def with_drag(self, factor: float) -> Self | None:
+        """A copy with so many times the drag of a straight flow; None: it has no such number."""
+        return None
+
     @property
     def turns_by_itself(self) -> bool:
         """Whether its hull turns with every part at rest, in a straight flow."""

@@ -241,6 +241,13 @@ class BodyAxes(HullLaw):
         added_mass = np.array(reader.numeric("added_mass", 36)).reshape(6, 6)
         return cls(derivatives=found, coupling=added_mass_coupling(added_mass))
 
+    def with_drag(self, factor: float) -> Self | None:
+        """Xuu times the factor."""
+        if not any(name == "Xuu" for name, _ in self.derivatives):
+            return None
+        found = tuple((n, x * factor if n == "Xuu" else x) for n, x in self.derivatives)
+        return dataclasses.replace(self, derivatives=found)
+
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """Every derivative that there can be."""

@@ -6,16 +6,16 @@ from that of zero lift:
 
     D  = (K_D0 + K_D alpha^2) V^2          L  = (K_L0 + K_alpha alpha) V^2
     SF = (K_beta + K_beta_lift a_L) beta V^2
-    T1 = ((K_MR + K_MR_lift a_L) beta + K_p p + (K_pr + K_pr_lift a_L) r) V^2
+    T1 = (K_W a_L + (K_MR + K_MR_lift a_L) beta + K_p p + (K_pr + K_pr_lift a_L) r) V^2
     T2 = (K_M0 + K_M alpha + K_q q) V^2
     T3 = (K_MY0 + (K_MY + K_MY_lift a_L) beta + K_r r + (K_rp + K_rp_lift a_L) p) V^2
 
 (-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. The terms with a_L are ours: what
 wings do in sideslip changes its sign with their lift, what a fin does keeps it, and the paper's
-dives cannot tell the two apart. K_MY0, which turns a hull that is not the same on both sides, is
-ours too. All are 0 in vehicles as printed. Outside the identified range of
-the flow angles the terms blend into a law of the whole sphere: also ours, see
-docs/physics/equations.md.
+dives cannot tell the two apart. K_MY0, which turns a hull that is not the same on both sides,
+and K_W, of wings that do not lift alike, are ours too. All are 0 in vehicles as printed. Outside
+the identified range of the flow angles the terms blend into a law of the whole sphere: also ours,
+see docs/physics/equations.md.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ Array = NDArray[np.float64]
 
 # places in the values
 K_D0, K_D, K_L0, K_ALPHA, K_BETA, K_MR, K_P, K_M0, K_M, K_Q, K_MY, K_R = range(12)
-K_BETA_LIFT, K_MR_LIFT, K_MY_LIFT, K_PR, K_PR_LIFT, K_RP, K_RP_LIFT, K_MY0 = range(12, 20)
-ZERO_LIFT, LINEAR, BLEND, SLOWEST, CROSS_FLOW = range(20, 25)
+K_BETA_LIFT, K_MR_LIFT, K_MY_LIFT, K_PR, K_PR_LIFT, K_RP, K_RP_LIFT, K_MY0, K_W = range(12, 21)
+ZERO_LIFT, LINEAR, BLEND, SLOWEST, CROSS_FLOW = range(21, 26)
 
 
 # --- the MuJoCo twin's ------------------------------------------------------------------------
@@ -85,6 +85,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     t1 += (c[K_PR] + c[K_PR_LIFT] * lift_angle) * r * damping2
     t3 += (c[K_RP] + c[K_RP_LIFT] * lift_angle) * p * damping2
     t3 += c[K_MY0] * speed2
+    t1 += c[K_W] * lift_angle * speed2
     l = ca * cb * t1 - ca * sb * t2 - sa * t3
     m = sb * t1 + cb * t2
     n = sa * cb * t1 - sa * sb * t2 + ca * t3
@@ -208,6 +209,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         c[K_R] * r + (c[K_RP] + c[K_RP_LIFT] * from_zero_lift) * p
     )
     t3 += c[K_MY0] * square
+    t1 += c[K_W] * from_zero_lift * square
     # of the whole sphere
     all_drag = c[K_D0] + c[CROSS_FLOW] * (1.0 - ex * ex)
     all_side = c[K_BETA] * sb * cb
@@ -276,6 +278,8 @@ class FlowFrame(HullLaw):
     """K_rp [kg s/rad], of a fin; K_rp_lift [kg s/rad2], of wings"""
     yaw_moment_offset: tuple[float] = (0.0,)
     """K_MY0 [kg], of a hull that is not the same on both sides: + turns it to starboard"""
+    wing_asymmetry: tuple[float] = (0.0,)
+    """K_W [kg/rad], of wings that do not lift alike: + the port one lifts more"""
     linear_angle: float
     """[rad], the published law holds as printed up to this flow angle."""
     blend_angle: float
@@ -306,6 +310,7 @@ class FlowFrame(HullLaw):
             roll_from_yaw=numeric("roll_from_yaw", 2, default=(0.0, 0.0)),
             yaw_from_roll=numeric("yaw_from_roll", 2, default=(0.0, 0.0)),
             yaw_moment_offset=numeric("yaw_moment_offset", 1, default=(0.0,)),
+            wing_asymmetry=numeric("wing_asymmetry", 1, default=(0.0,)),
             linear_angle=numeric("linear_angle", 1)[0],
             blend_angle=numeric("blend_angle", 1)[0],
             rate_damping_min_speed=numeric("rate_damping_min_speed", 1)[0],
@@ -353,6 +358,7 @@ class FlowFrame(HullLaw):
                 *(*self.roll_moment, *self.pitch_moment, *self.yaw_moment),
                 *(*self.side_force_lift, *self.roll_moment_lift, *self.yaw_moment_lift),
                 *(*self.roll_from_yaw, *self.yaw_from_roll, *self.yaw_moment_offset),
+                *self.wing_asymmetry,
                 *(self.zero_lift, self.linear_angle, self.blend_angle),
                 self.rate_damping_min_speed,
                 self.cross_flow_drag or self.drag[1],
@@ -396,10 +402,19 @@ class FlowFrame(HullLaw):
             changes["roll_moment_lift"] = (share * moment / self.identified_angle,)
         return dataclasses.replace(self, **changes)
 
+    def with_drag(self, factor: float) -> Self:
+        """K_D0 times the factor; what lift costs stays."""
+        first, second = self.drag
+        return dataclasses.replace(
+            self,
+            drag=(first * factor, second),
+            cross_flow_drag=self.cross_flow_drag or second,
+        )
+
     @property
     def turns_by_itself(self) -> bool:
-        """Whether it has a yaw moment at zero sideslip."""
-        return self.yaw_moment_offset != (0.0,)
+        """Whether it has a yaw moment, or its wings a roll moment, at zero sideslip."""
+        return self.yaw_moment_offset != (0.0,) or self.wing_asymmetry != (0.0,)
 
     @property
     def valid_angle(self) -> float:
@@ -421,7 +436,7 @@ ROLL_LIFT_SHARE = Uncertainty(
 _LIFT_FIELDS = (
     "side_force_lift", "roll_moment_lift", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
 )  # fmt: skip
-_OPTIONAL_FIELDS = (*_LIFT_FIELDS, "yaw_moment_offset")
+_OPTIONAL_FIELDS = (*_LIFT_FIELDS, "yaw_moment_offset", "wing_asymmetry")
 
 COEFFICIENTS = (
     ("k_d0", "drag at zero angle of attack", "drag"),
@@ -444,6 +459,7 @@ COEFFICIENTS = (
     ("k_rp", "yaw moment of roll rate, fin", "yaw_from_roll"),
     ("k_rp_lift", "yaw moment of roll rate, lifting wings", "yaw_from_roll"),
     ("k_my0", "yaw moment at zero sideslip", "yaw_moment_offset"),
+    ("k_w", "roll moment of wings that do not lift alike", "wing_asymmetry"),
 )
 """Name, meaning and field of each coefficient, in the order of the values"""
 

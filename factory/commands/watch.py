@@ -1,0 +1,208 @@
+"""`twin watch`: a deployment at sea, brought up to date as files of its vehicle arrive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from twin.cli.console import Console, JsonOption
+
+if TYPE_CHECKING:
+    import datetime
+
+    from factory.watching import Passed, WatchedDeployment
+
+OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
+OF_PASSES = ("once", "replay", "as_of", "every")
+EVERY, LEAST_EVERY = 60.0, 1.0
+"""[s] between two looks, and the least"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchDeployment(JsonOption):
+    """Look for new files of a vehicle, import them, judge its health, forecast where it surfaces
+    next, and write a page: again and again, or once. Nothing is ever sent to a vehicle. Examples:
+
+        twin watch --new calypso --from from-glider --vehicle slocum-200
+        twin watch calypso --once
+    """
+
+    deployment: Annotated[Path, tyro.conf.Positional]
+    """folder of the deployment: deployment.toml, log.zarr, beliefs.zarr, events.jsonl, page/"""
+    new: bool = False
+    """make that folder, with a deployment.toml that you then edit"""
+    from_: Annotated[Path | None, tyro.conf.arg(name="from", metavar="FOLDER")] = None
+    """of --new: folder in which files of the vehicle arrive; it may be empty yet"""
+    vehicle: str | None = None
+    """of --new: what `twin identify` wrote, or a shipped name; default: that of the kind of log"""
+    kind: str | None = None
+    """of --new: kind of the logs, as `factory import` takes it; default: what they look like"""
+    goto: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
+    """of --new: places that it is sent to; default: it goes on as in its last dive"""
+    energy_kwh: float | None = None
+    """of --new: energy in the batteries [kW h] when the first dive began, for the days left"""
+    cache: Path | None = None
+    """of --new: folder of a Slocum's cache files; default: beside the logs"""
+    mapping: str | None = None
+    """of --new: what the columns of csv tables are, a file or a shipped name"""
+    once: bool = False
+    """one pass, for cron; it ends with 0 and a page where there is nothing to judge yet, too"""
+    replay: bool = False
+    """one pass that makes everything again from the files, and says whether the bytes are the same
+    """
+    as_of: Annotated[str | None, tyro.conf.arg(metavar="TIME")] = None
+    """one pass as of a moment, UTC, such as 2023-09-20T06:00, by the dives that had ended; its
+    files lie in DEPLOYMENT/as-of/TIME"""
+    every: float | None = None
+    """seconds between two looks; default: 60"""
+
+    def run(self, console: Console) -> int:
+        """Make, or pass."""
+        from factory.watching import WatchedDeployment
+
+        self._check()
+        if self.new:
+            self._make(console)
+            return 0
+        until = self._until()
+        deployment = WatchedDeployment.read(self.deployment)
+        if self.once or self.replay or until is not None:
+            self._pass(console, deployment, until)
+            return 0
+        self._forever(console)
+        return 0
+
+    def _check(self) -> None:
+        from twin.errors import InputError
+
+        others, why = (OF_PASSES, "leave it out with --new") if self.new else (
+            OF_NEW, "it is for --new; a deployment that is there has it in deployment.toml"
+        )  # fmt: skip
+        for name in others:
+            if getattr(self, name) not in (None, False):
+                raise InputError(f"--{name.strip('_').replace('_', '-')}: {why}")
+        if self.every is not None and (self.once or self.replay or self.as_of is not None):
+            raise InputError("--every is for passes without end: leave it out, or --once")
+        if self.every is not None and not self.every >= LEAST_EVERY:
+            raise InputError(f"--every {self.every:g} must be {LEAST_EVERY:g} s or more")
+        ends = self.new or self.once or self.replay or self.as_of is not None
+        if self.json and not ends:
+            raise InputError("--json needs --once, --replay or --as-of: watching never ends")
+
+    def _until(self) -> datetime.datetime | None:
+        import datetime
+
+        from twin.errors import InputError
+
+        if self.as_of is None:
+            return None
+        try:
+            found = datetime.datetime.fromisoformat(self.as_of)
+        except ValueError:
+            raise InputError(
+                f"--as-of {self.as_of!r} must be a time in UTC such as 2023-09-20T06:00"
+            ) from None
+        if found.tzinfo is not None:
+            found = found.astimezone(datetime.UTC)
+        return found.replace(tzinfo=datetime.UTC, microsecond=0)
+
+    def _make(self, console: Console) -> None:
+        import os
+
+        from factory.watching import WatchedDeployment
+        from factory.watching.deployment_folder import AUTO
+        from twin import load_vehicle
+        from twin.errors import InputError, quoted
+
+        source = self.from_
+        if source is None and (answer := _asked(console, "folder in which files arrive")):
+            source = Path(answer)
+        if source is None:
+            raise InputError("--from is missing: the folder in which files of the vehicle arrive")
+        if not source.is_dir():
+            raise InputError(f"--from {source}: there is no such folder; make it, it may be empty")
+        vehicle = self.vehicle
+        if vehicle is None:
+            vehicle = _asked(console, "vehicle (empty: that of the kind of log)")
+        if vehicle:
+            load_vehicle(vehicle)
+            vehicle = str(Path(vehicle).resolve()) if Path(vehicle).is_file() else vehicle
+        goto = self.goto
+        if goto is None:
+            goto = _asked(console, "places LAT,LON[;LAT,LON] it goes to (empty: as it flew)")
+        mapping = self.mapping or ""
+        made = WatchedDeployment(
+            folder=self.deployment,
+            source=str(source.resolve()),
+            vehicle=vehicle or "",
+            kind=self.kind or AUTO,
+            goto=goto or "",
+            energy_kwh=self.energy_kwh or 0.0,
+            cache="" if self.cache is None else os.fspath(self.cache.resolve()),
+            mapping=str(Path(mapping).resolve()) if Path(mapping).is_file() else mapping,
+        )
+        path = made.write()
+        console.say(f"{path}\nedit it; then: twin watch {quoted(self.deployment)} --once")
+        console.answer(settings=path, **made.settings())
+
+    def _pass(
+        self, console: Console, deployment: WatchedDeployment, until: datetime.datetime | None
+    ) -> Passed | None:
+        """One pass, said."""
+        from factory.watching import one_pass
+        from factory.watching.morning_page import summary
+        from factory.watching.watch_pass import alone
+
+        with alone(deployment.folder) as free:
+            if not free:
+                console.warn(f"another pass over {deployment.folder} is under way; nothing is done")
+                console.answer(busy=True)
+                return None
+            passed = one_pass(deployment, until=until, replay=self.replay, say=console.note)
+        if passed.told is None:
+            console.say(f"nothing new: {passed.verdict}")
+        else:
+            console.say(summary(passed.told, passed.new).rstrip("\n"))
+            for said in passed.told.lacking:
+                console.note(f"missing: {said}")
+        for said in passed.log.unreadable:
+            console.warn(f"left out: {said}")
+        for name, same in passed.same.items():
+            console.say(f"{name}: {'the same bytes' if same else 'other bytes than before'}")
+        console.say(str(passed.page))
+        console.answer(
+            page=passed.page,
+            changed=passed.changed,
+            verdict=passed.verdict,
+            files=passed.log.files,
+            new=list(passed.new),
+            events=list(passed.events),
+            same=passed.same,
+        )
+        return passed
+
+    def _forever(self, console: Console) -> None:
+        import time
+
+        from factory.watching import WatchedDeployment
+        from twin.errors import InputError
+
+        console.note(f"watching {self.deployment}; Ctrl-C ends it")
+        while True:
+            try:
+                self._pass(console, WatchedDeployment.read(self.deployment), None)
+            except InputError as error:
+                console.warn(str(error))  # settings that are being edited will do again
+            time.sleep(EVERY if self.every is None else self.every)
+
+
+def _asked(console: Console, what: str) -> str:
+    """What a person at a terminal answers; empty without one."""
+    import sys
+
+    if console.json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return ""
+    return input(f"{what}: ").strip()

@@ -1,0 +1,16 @@
+"""Watching: a deployment at sea as a folder that is brought up to date, pass by pass.
+
+deployment = WatchedDeployment.read("calypso")
+one_pass(deployment)
+"""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from factory.watching.deployment_folder import WatchedDeployment as WatchedDeployment
+    from factory.watching.watch_pass import Passed as Passed
+    from factory.watching.watch_pass import one_pass as one_pass
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -1,0 +1,165 @@
+"""Arrived files: what a source folder holds at a moment, by name and content.
+
+A digest stands for the set of files and for how they are read. The same content under two names
+counts once, under the shorter name, so that a copy changes nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from factory.importing import IMPORTERS, Importer, sniff
+from factory.watching.deployment_folder import AUTO, WatchedDeployment
+from twin.bounded import check_regular
+from twin.cli.text_table import counted
+from twin.errors import InputError, OddFile
+from twin.version import __version__
+
+BLOCK = 2**20
+"""[byte] read at once"""
+EMPTY = hashlib.sha256().hexdigest()
+"""SHA-256 of a file without a byte"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ArrivedFiles:
+    """The files of one kind in a source folder."""
+
+    source: Path
+    kind: str
+    """empty: no file tells it"""
+    sums: dict[str, str]
+    """SHA-256 by the path from the source on, in the order of names"""
+    refused: dict[str, str]
+    """Why a file could not be read to its end, by its path"""
+    missing: str = ""
+    """Why there is nothing to import; empty where there is"""
+    reading: str = ""
+    """What else the import depends on"""
+
+    @property
+    def digest(self) -> str:
+        """Of names, contents and how they are read: equal where the import must be equal."""
+        files = [f"{name} {content}" for name, content in self.sums.items()]
+        text = "\n".join([__version__, self.kind, self.reading, *files])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def stage(self, folder: Path) -> ArrivedFiles:
+        """Copy them into an empty folder, and tell what was copied.
+
+        A file may have grown, or gone, since it was listed: what the copy holds is what counts.
+        """
+        refused = dict(self.refused)
+        sums: dict[str, str] = {}
+        for name in self.sums:
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                shutil.copyfile(self.source / name, target)
+                sums[name] = _sum(target)
+            except OSError as error:
+                refused[name] = error.strerror or str(error)
+        kept = _without_copies(sums)
+        for name in sums.keys() - kept.keys():
+            (folder / name).unlink()
+        return dataclasses.replace(self, sums=kept, refused=refused)
+
+
+def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
+    """What is in the deployment's source now.
+
+    Raises:
+      InputError: the source is a file.
+    """
+    source = deployment.place(deployment.source)
+    if source.exists() and not source.is_dir():
+        raise InputError(f"source {source} is a file; name the folder in which files arrive")
+    names = _names(source, recursive=deployment.recursive)
+    kind = deployment.kind
+    if kind == AUTO:
+        kind = _kind_of([source / name for name in names]) or ""
+    logs = [name for name in names if kind and IMPORTERS[kind].accepts(source / name)]
+    sums, refused = {}, {}
+    for name in logs:
+        try:
+            check_regular(source / name)
+            sums[name] = _sum(source / name)
+        except OddFile:
+            continue
+        except OSError as error:
+            refused[name] = error.strerror or str(error)
+    missing = ""
+    if not source.exists():
+        missing = f"the source {source} is not there"
+    elif not names:
+        missing = f"no file has arrived in {source}"
+    elif not sums:
+        logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
+        missing = f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
+    return ArrivedFiles(
+        source=source,
+        kind=kind,
+        sums=_without_copies(sums),
+        refused=refused,
+        missing=missing,
+        reading=_reading(deployment, IMPORTERS[kind] if kind else None),
+    )
+
+
+def _names(source: Path, *, recursive: bool) -> list[str]:
+    """Paths of the files below a folder; hidden ones are still being written by whoever copies."""
+    if not source.is_dir():
+        return []
+    every = source.rglob("*") if recursive else source.iterdir()
+    found = [path.relative_to(source) for path in every if path.is_file()]
+    return sorted(str(p) for p in found if not any(part.startswith(".") for part in p.parts))
+
+
+def _kind_of(paths: Sequence[Path]) -> str | None:
+    """The kind of the first file that looks like one."""
+    for path in paths:
+        try:
+            kind = sniff(path) if path.stat().st_size else None
+        except (InputError, OSError):
+            continue  # half of a file tells nothing; another one may
+        if kind is not None:
+            return kind
+    return None
+
+
+def _sum(path: Path) -> str:
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(BLOCK):
+            found.update(block)
+    return found.hexdigest()
+
+
+def _without_copies(sums: dict[str, str]) -> dict[str, str]:
+    """Each content once, under its shortest name, in the order of names; empty files all."""
+    kept: dict[str, str] = {}
+    seen: set[str] = set()
+    for name in sorted(sums, key=lambda one: (len(one), one)):
+        if sums[name] == EMPTY or sums[name] not in seen:
+            seen.add(sums[name])
+            kept[name] = sums[name]
+    return dict(sorted(kept.items()))
+
+
+def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
+    """Settings and files beside the logs that change what an import makes of them."""
+    parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
+    if importer is None:
+        return parts[0]
+    if importer.takes_mapping:
+        path = deployment.place(deployment.mapping)
+        parts.append(_sum(path) if deployment.mapping and path.is_file() else deployment.mapping)
+    if importer.takes_cache and deployment.cache:
+        folder = deployment.place(deployment.cache)
+        caches = sorted(path for path in folder.glob("*") if path.is_file())
+        parts += [f"{path.name} {_sum(path)}" for path in caches]
+    return " ".join(parts)

@@ -1,0 +1,323 @@
+"""Morning: what a deployment's log tells at a moment: health, energy, currents, next surfacings.
+
+What cannot be told is left out, with the reason: a log without fixes has a health, one without
+attitude has currents that the vehicle itself reported, an empty folder has nothing yet.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.expected_plan import expected_plan, proposals
+from factory.watching.log_of_files import LogOfFiles
+from twin.errors import TwinError
+from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
+from twin.geodesy import position
+from twin.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
+from twin.identify import (
+    identified,
+    load_calibration,
+    load_logs,
+    other_kind,
+    start_vehicle,
+    with_consumption,
+)
+from twin.logs import EnergyUse, counted_energy
+from twin.records.attributes import DIVE
+from twin.records.logged import LogStore
+from twin.show.dates import moment_of
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.water.current import Origin
+
+Told = TypeVar("Told")
+KILO = 1e3
+MOST_FOLLOWED = 30
+"""Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
+LEAST_DIVES = 3
+"""Dives by whose spread a power's deviation is told"""
+NINETY_REACH = 1.645
+"""Standard deviations either way that hold 90 % of a normal distribution"""
+
+
+def end_of(leg: LoggedLeg) -> tuple[float, float]:
+    """Latitude, longitude [degree] of the fix after a dive."""
+    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
+    latitude, longitude = position(north, east, *leg.begin)
+    return float(latitude[0]), float(longitude[0])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LastFix:
+    """Where it was known to be last."""
+
+    latitude: float
+    """[degree]"""
+    longitude: float
+    """[degree]"""
+    time: float
+    """[s] unix"""
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {
+            "latitude": round(self.latitude, 6),
+            "longitude": round(self.longitude, 6),
+            "time": f"{moment_of(self.time):%Y-%m-%dT%H:%M:%SZ}",
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Morning:
+    """What is told; None and empty where it cannot be, and `lacking` says why."""
+
+    title: str
+    """Name of the folder"""
+    log: LogOfFiles
+    deployment: str = ""
+    """Name of it in the log: of several the one that began last"""
+    dives: tuple[int, ...] = ()
+    """Numbers of its dives, as the log counts, in order of time"""
+    vehicle: Vehicle | None = None
+    health: DeploymentHealth | None = None
+    followed: Beliefs | None = None
+    """Parameters of the vehicle over its last dives"""
+    followed_dives: tuple[int, ...] = ()
+    """Numbers of these"""
+    legs: tuple[LoggedLeg, ...] = ()
+    """From fix to fix, in order of time"""
+    used: EnergyUse | None = None
+    energy_left_kwh: float | None = None
+    surfacings: Forecast | None = None
+    plan: str = ""
+    """What the forecast takes it to do, in words"""
+    proposed: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Files with that plan, where a pilot gave its places"""
+    lacking: tuple[str, ...] = ()
+    """Why something is not told, and what to do about it"""
+
+    @property
+    def verdict(self) -> str:
+        """One line."""
+        if self.health is None:
+            return f"{self.title}: nothing can be judged yet"
+        return self.health.verdict()
+
+    @property
+    def last_fix(self) -> LastFix | None:
+        """The end of the last dive between two fixes."""
+        if not self.legs:
+            return None
+        latitude, longitude = end_of(self.legs[-1])
+        return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
+
+    @property
+    def days_left(self) -> float | None:
+        """[d] that the batteries last at the mean power so far; None where it is not known."""
+        if self.used is None or self.energy_left_kwh is None:
+            return None
+        if self.energy_left_kwh <= 0.0:
+            return 0.0
+        return self.used.days_left(self.energy_left_kwh)
+
+    @property
+    def power_deviation(self) -> float | None:
+        """[W] of the mean power, by what the dives took for their hours; None of fewer than 3."""
+        if self.used is None or len(self.used.dives) < LEAST_DIVES:
+            return None
+        hours = np.array([one.hours for one in self.used.dives])
+        taken = np.array([one.measured for one in self.used.dives])
+        rest = taken - hours * taken.sum() / hours.sum()
+        count = len(hours)
+        deviation = np.sqrt((rest**2).sum() * count / (count - 1)) / hours.sum()  # of a ratio
+        return float(deviation * self.used.voltage)
+
+    @property
+    def days_interval(self) -> tuple[float, float] | None:
+        """[d] 90 %, where it goes on as so far: the mean power's deviation alone."""
+        days, spread = self.days_left, self.power_deviation
+        if days is None or spread is None or self.used is None:
+            return None
+        apart = NINETY_REACH * spread / self.used.power
+        return days / (1.0 + apart), days / max(1.0 - apart, 1e-3)
+
+    def parameters(self) -> list[dict[str, Any]]:
+        """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
+        if self.followed is None:
+            return []
+        return [
+            {
+                "parameter": one.name,
+                "what it is": one.meaning,
+                "file": start,
+                "after the last dive": float(self.followed.value(one.name)[-1]),
+                "deviation": float(self.followed.deviation(one.name)[-1]),
+                "unit": one.unit,
+            }
+            for one, start in zip(self.followed.parameters, self.followed.nominal, strict=True)
+        ]
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able, as `latest.json` has it."""
+        levels: dict[str, Any] = {}
+        if self.health is not None and self.dives:
+            last = self.health.levels.level[-1], self.health.levels.deviation[-1]
+            levels = {
+                one.name: {"level": float(level), "deviation": float(deviation), "unit": one.unit}
+                for one, level, deviation in zip(CHANNELS, *last, strict=True)
+                if one.name not in self.health.lacking
+            }
+        return {
+            "title": self.title,
+            "deployment": self.deployment,
+            "vehicle": None if self.vehicle is None else self.vehicle.name,
+            "verdict": self.verdict,
+            "dives": list(self.dives),
+            "last_fix": None if self.last_fix is None else self.last_fix.describe(),
+            "health": None if self.health is None else self.health.describe(),
+            "levels": levels,
+            "parameters": self.parameters(),
+            "energy": None if self.used is None else self.used.describe(),
+            "energy_left_kwh": self.energy_left_kwh,
+            "power_deviation_w": self.power_deviation,
+            "days_left": self.days_left,
+            "days_left_90": self.days_interval,
+            "plan": self.plan,
+            "forecast": None if self.surfacings is None else self.surfacings.describe(),
+            "lacking": list(self.lacking),
+            "unreadable": list(self.log.unreadable),
+        }
+
+
+def morning(
+    deployment: WatchedDeployment, log: LogOfFiles, *, say: Callable[[str], object] = lambda _: None
+) -> Morning:
+    """What the log tells.
+
+    Args:
+      say: called with a word on what is being done.
+    """
+    title = deployment.folder.resolve().name
+    if log.store is None:
+        return Morning(title=title, log=log, lacking=(log.missing,))
+    store = log.store
+    lacking = [log.missing] if log.missing else []
+
+    def told(what: str, ask: Callable[[], Told]) -> Told | None:
+        try:
+            return ask()
+        except TwinError as error:
+            lacking.append(f"{what}: {error}".replace(str(store), store.name))
+            return None
+
+    with LogStore(store) as logs:
+        name = logs.deployments[int(np.argmax(np.nan_to_num(logs.starts, nan=-np.inf)))]
+        rows = logs.missions_of(name)
+        numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
+        dives = tuple(int(numbers[row]) for row in rows)
+        others = len(set(logs.deployments)) - 1
+        legs = tuple(legs_of(logs, name))
+        source = logs.source
+    if others:
+        lacking.append(f"{others} more deployments in the log than {name}, which began last")
+    vehicle = told("vehicle", lambda: _vehicle(deployment, store))
+    shared: dict[str, Any] = {
+        "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
+    }  # fmt: skip
+    if vehicle is None:
+        return Morning(**shared, lacking=tuple(lacking))
+    if odd := other_kind(store, vehicle):
+        lacking.append(odd.replace(str(store), store.name))
+    say("health")
+    found = told(
+        "health",
+        lambda: assess(
+            store, vehicle, false_alarm_days=deployment.false_alarm_days, deployments=[name]
+        ),
+    )
+    say("parameters")
+    followed = told("parameters", lambda: _followed(store, rows[-MOST_FOLLOWED:], vehicle))
+    by_row = dict(zip(rows, dives, strict=True))
+    used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
+    left = None
+    if used is None:
+        lacking.append("energy: the log has no counter of charge with a voltage")
+    elif not deployment.energy_kwh:
+        lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
+    else:
+        left = deployment.energy_kwh - used.charge * used.voltage / KILO
+    flown, plan, files = None, "", {}
+    if not legs:
+        lacking.append("forecast: no dive lies between two fixes and has a known way")
+    else:
+        say("forecast")
+        answer = told("forecast", lambda: _forecast(deployment, store, vehicle, used, left, legs))
+        if answer is not None:
+            flown, plan, guessed = answer
+            if guessed:
+                lacking.append(
+                    "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
+                    "its last dive; give goto in deployment.toml"
+                )
+        if flown is not None and deployment.goto:
+            mission = flown.request.mission
+            files = told("proposal", lambda: proposals(source, mission)) or {}
+    return Morning(
+        **shared,
+        vehicle=vehicle,
+        health=found[0] if found else None,
+        followed=followed,
+        followed_dives=tuple(by_row[row] for row in followed.rows) if followed else (),
+        used=used,
+        energy_left_kwh=left,
+        surfacings=flown,
+        plan=plan,
+        proposed=files,
+        lacking=tuple(lacking),
+    )
+
+
+def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
+    """Parameters over these rows of the store."""
+    return follow_parameters(load_logs(store, rows), load_calibration(vehicle))
+
+
+def _vehicle(deployment: WatchedDeployment, store: Path) -> Vehicle:
+    if not deployment.vehicle:
+        return start_vehicle(store)
+    path = deployment.place(deployment.vehicle)
+    return load_vehicle(path if path.is_file() else deployment.vehicle)
+
+
+def _forecast(
+    deployment: WatchedDeployment,
+    store: Path,
+    vehicle: Vehicle,
+    used: EnergyUse | None,
+    left: float | None,
+    legs: tuple[LoggedLeg, ...],
+) -> tuple[Forecast, str, bool]:
+    """The next surfacings from the last fix on, what it is taken to do, whether that is guessed."""
+    if used is not None:
+        vehicle = with_consumption(vehicle, used.consumption)
+    plan = expected_plan(deployment, store, vehicle, legs)
+    known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
+    assert known.place is not None
+    assert known.time is not None
+    latitude, longitude = known.place
+    begin = moment_of(float(round(known.time))).replace(tzinfo=None).isoformat()
+    request = Request(
+        vehicle=vehicle,
+        mission=plan.mission,
+        place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=begin),
+        hours=deployment.hours,
+        members=deployment.members,
+        energy_left_kwh=left if left and left > 0.0 else None,
+    )
+    said = ". ".join([plan.words, *request.notes()])
+    return forecast(request, known.at(float(round(known.time)))), said, plan.guessed

@@ -1,0 +1,91 @@
+"""Morning figures: track with currents and ellipses, and currents over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from factory.watching.morning import end_of
+from twin.forecast import NINETY, Forecast, LoggedLeg
+from twin.show import style
+from twin.show.dates import LABEL, draw_dates
+from twin.show.figures.map import draw_base, joined
+from twin.show.figures.map_ground import box_around
+
+Array = NDArray[np.float64]
+
+HALF = 0.5
+DAY = 86400.0
+CLOSE = 4
+"""Last dives of the detailed map"""
+
+
+def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
+    """All dives, and the last few with the ellipses of the next surfacings."""
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 3.9)
+        whole, close = figure.subplots(1, 2)
+        _draw_track(whole, legs, None)
+        whole.set_title("deployment")
+        _draw_track(close, legs[-CLOSE:], found)
+        close.set_title("last dives" if found is None else "last dives, next surfacings")
+        figure.legend(*close.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
+
+
+def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -> None:
+    begins = np.array([one.begin for one in legs])
+    ends = np.array([end_of(one) for one in legs])
+    rings: list[Array] = []
+    if found is not None:
+        place = found.request.place
+        rings = [
+            one.ring(part, place)[:, ::-1] for one in found.surfacings for part in (NINETY, HALF)
+        ]
+        if len(found.track):
+            rings.append(found.track[:, ::-1])
+    every = np.concatenate([begins, ends, *rings])
+    longitude = joined(every[:, 1])
+    draw_base(axes, box_around(every[:, 0], longitude, 0.95))
+    count = len(legs)
+    west, east = longitude[:count], longitude[count : 2 * count]
+    for k in range(count):
+        axes.plot([west[k], east[k]], [begins[k, 0], ends[k, 0]], color=style.GUIDE, lw=0.9,
+                  zorder=2)  # fmt: skip
+    axes.plot(east, ends[:, 0], ".", color=style.COMMAND, ms=4.0, ls="none", zorder=4, label="fix")
+    current = np.array([one.leg.current for one in legs])
+    axes.quiver(
+        0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0]), current[:, 1], current[:, 0],
+        color=style.PALETTE["blue"], width=0.004, zorder=3, label="current",
+    )  # fmt: skip
+    at = 2 * count
+    for k, ring in enumerate(rings):
+        x = longitude[at : at + len(ring)]
+        at += len(ring)
+        track = found is not None and k == len(rings) - 1 and len(found.track) > 0
+        label = "forecast" if track else "50 and 90 %" if k == 0 else ""
+        dashes = (0, (4, 2)) if track else "-"
+        axes.plot(x, ring[:, 0], color=style.ESTIMATE, lw=0.9, ls=dashes, zorder=3, label=label)
+
+
+def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
+    """Mean current of each dive, north and east, over time."""
+    start = legs[0].leg.start
+    days = np.array([(one.leg.start + 0.5 * one.leg.duration - start) / DAY for one in legs])
+    current = np.array([one.leg.current for one in legs])
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 2.4)
+        axes = figure.add_subplot()
+        for k, (name, colour) in enumerate((("north", "blue"), ("east", "vermillion"))):
+            axes.plot(days, current[:, k], "o-", color=style.PALETTE[colour], ms=3.0, lw=0.8,
+                      label=name)  # fmt: skip
+        axes.axhline(0.0, color=style.GUIDE, lw=0.7)
+        axes.set_ylabel("current [m/s]")
+        draw_dates(axes, start, DAY)
+        axes.set_xlabel(LABEL)
+        axes.legend(ncols=2)
+    return figure

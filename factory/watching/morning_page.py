@@ -1,0 +1,289 @@
+"""Morning page: one HTML file without a network, and beside it JSON, ten lines of text, GeoJSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from factory.watching.expected_plan import NAMES
+from factory.watching.morning import Morning
+from factory.watching.morning_figures import track_figure, water_figure
+from twin.cli.text_table import counted
+from twin.forecast import NINETY
+from twin.health import CHANNELS, DeploymentHealth
+from twin.show import forecast_row
+from twin.show.dates import moment_of
+from twin.show.figures.page_layout import Page
+from twin.show.health_page import channel_figure, evidence_figure
+
+PAGE = "page"
+LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
+BESIDE = (LATEST, SUMMARY, GEOJSON, *NAMES)
+MOST_KINDS = 5
+"""Kinds of fault in the table"""
+LIKELY = 0.01
+"""Probability from which a kind is told"""
+
+
+def write_morning(
+    told: Morning,
+    folder: Path,
+    *,
+    new: Sequence[str],
+    made_of: str,
+    as_of: str = "",
+    came: Sequence[str] = (),
+) -> Path:
+    """Write `folder/page`, in the place of the page before.
+
+    Args:
+      new: what changed since that page, in sentences.
+      made_of: digest of what the page is a function of, for `latest.json`.
+      as_of: the moment up to which dives were taken; empty: all.
+      came: what a page of the past foretold beside what came.
+
+    Raises:
+      WriteError: something that is no page is in the way, or the disk refuses.
+    """
+    lead = " ".join(
+        part for part in (
+            told.deployment,
+            f"with {told.vehicle.name}" if told.vehicle else "",
+            f"as of {as_of} UTC" if as_of else "",
+        ) if part
+    )  # fmt: skip
+    page = Page(folder / PAGE, told.verdict, lead or told.title, beside=BESIDE)
+    page.numbers(_numbers(told))
+    if told.lacking or told.log.unreadable:
+        page.section("What is missing")
+        page.points([*told.lacking, *(f"left out: {said}" for said in told.log.unreadable)])
+    if new:
+        page.section("New since the page before")
+        page.points(new)
+    if told.surfacings is not None:
+        _forecast(page, told)
+    if came:
+        page.section("What came")
+        page.points(came)
+    if told.legs:
+        page.section("Track and currents")
+        page.figure(
+            "track",
+            track_figure(told.legs, told.surfacings),
+            "Fixes with straight lines between those that begin and end a dive, the mean current "
+            "of each dive, and ellipses that hold 50 and 90 % of the next surfacings.",
+        )
+        page.figure(
+            "current",
+            water_figure(told.legs),
+            "Mean current of each dive: its way over ground less its way through the water.",
+        )
+    if told.health is not None:
+        _health(page, told.health)
+    if told.followed is not None:
+        page.section("Parameters")
+        page.table(
+            told.parameters(),
+            f"Followed over the last {counted(len(told.followed_dives), 'dive')} from the vehicle "
+            "file's values on, by depth rates and pitches.",
+            first=False,
+        )
+    _energy(page, told)
+    if told.proposed:
+        page.section("Proposal")
+        page.say(
+            "The plan above as files for the vehicle, which lie beside this page. The forecast "
+            "flies exactly these places, depths, pitches and times. Nothing is sent: read them, "
+            "and send them yourself."
+        )
+        for name, text in told.proposed.items():
+            page.say(name)
+            page.code(text)
+            page.attach(name, text)
+    page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
+    page.attach(SUMMARY, summary(told, new))
+    geojson = (
+        {"type": "FeatureCollection", "features": []}
+        if told.surfacings is None
+        else told.surfacings.geojson()
+    )
+    page.attach(GEOJSON, json.dumps(geojson, indent=1) + "\n")
+    return page.write()
+
+
+def read_latest(folder: Path) -> dict[str, Any] | None:
+    """What the page before said; None without one, or with one that cannot be read."""
+    try:
+        found = json.loads((folder / PAGE / LATEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def summary(told: Morning, new: Sequence[str]) -> str:
+    """Ten lines at most, for an e-mail."""
+    lines = [told.verdict]
+    if told.dives:
+        lines.append(f"{counted(len(told.dives), 'dive')} of {told.deployment}")
+    if (fix := told.last_fix) is not None:
+        lines.append(
+            f"Last fix {moment_of(fix.time):%Y-%m-%d %H:%M} UTC at {fix.latitude:.4f}, "
+            f"{fix.longitude:.4f}"
+        )
+    if (found := told.surfacings) is not None and found.surfacings:
+        one = found.surfacings[0]
+        ellipse = one.ellipse(NINETY)
+        lines.append(
+            f"Next surfacing {found.moment(one.time_s)[:16].replace('T', ' ')} UTC "
+            f"({found.moment(one.early_s)[11:16]} to {found.moment(one.late_s)[11:16]}) at "
+            f"{one.latitude:.4f}, {one.longitude:.4f}"
+        )
+        lines.append(
+            f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
+            f"(semi-axes, the longer towards {ellipse.bearing_deg:.0f})"
+        )
+        lines.append(f"Taken to go {told.plan}")
+    lines.append(_power(told))
+    lines += list(new[:2])
+    if told.lacking:
+        lines.append(f"Missing: {told.lacking[0]}")
+    return "\n".join([line for line in lines if line][:10]) + "\n"
+
+
+def _power(told: Morning) -> str:
+    if told.used is None:
+        return ""
+    spread = told.power_deviation
+    said = f"{told.used.power:.2f} W so far"
+    said += "" if spread is None else f" (+- {spread:.2f} by the spread of its dives)"
+    if told.days_left is None or told.days_interval is None:
+        return said if told.days_left is None else f"{said}, {told.days_left:.1f} days left at it"
+    low, high = told.days_interval
+    return f"{said}, {told.days_left:.1f} days left at it (90 %: {low:.1f} to {high:.1f})"
+
+
+def _numbers(told: Morning) -> Mapping[str, str]:
+    found = {"dives": f"{len(told.dives)}"}
+    if (fix := told.last_fix) is not None:
+        found["last fix, UTC"] = f"{moment_of(fix.time):%m-%d %H:%M}"
+    if told.surfacings is not None and told.surfacings.surfacings:
+        one = told.surfacings.surfacings[0]
+        found["next surfacing, UTC"] = told.surfacings.moment(one.time_s)[5:16].replace("T", " ")
+        found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
+    if told.used is not None:
+        found["power"] = f"{told.used.power:.2f} W"
+    if told.days_left is not None:
+        found["days left"] = f"{told.days_left:.1f}"
+    return found
+
+
+def _forecast(page: Page, told: Morning) -> None:
+    found = told.surfacings
+    assert found is not None
+    page.section("Next surfacings")
+    page.say(f"Taken to go {told.plan}.")
+    if found.surfacings:
+        page.table(
+            [forecast_row(found, one) for one in found.surfacings],
+            "Ellipses hold 50 and 90 % of the surfacings; their semi-axes are from the middle to "
+            "the edge, with the bearing of the longer.",
+        )
+    else:
+        page.say(found.left_out or f"No surfacing within {found.request.hours:g} h.")
+    page.facts(found.spread)
+
+
+def _health(page: Page, health: DeploymentHealth) -> None:
+    page.section("Health")
+    if health.alarm:
+        first = health.kinds[0]
+        page.facts(
+            {
+                "what": first.says,
+                "since": f"dive {health.since_dive}, noticed after dive {health.noticed_dive}",
+                "seen on dives": ", ".join(str(number) for number in first.dives) or "-",
+                "by": ", ".join(first.channels) or "-",
+                "also possible": ", ".join(k for k in first.also if k != first.kind) or "-",
+                "or else": first.otherwise,
+                "to find out": first.find_out,
+            }
+        )
+    likely = [one for one in health.kinds[:MOST_KINDS] if one.probability >= LIKELY]
+    if health.alarm and likely:
+        page.table(
+            [
+                {
+                    "kind": one.kind,
+                    "probability": one.probability,
+                    "since dive": one.since_dive,
+                    "size": one.size,
+                    "deviation": one.size_deviation,
+                    "unit": one.unit,
+                }
+                for one in likely
+            ],
+            "If there is a fault, which one:",
+        )
+    told = [k for k, channel in enumerate(CHANNELS) if channel.name not in health.lacking]
+    if told and len(health.dives):
+        if np.isfinite(health.evidence).any():
+            page.figure(
+                "evidence",
+                evidence_figure(health),
+                "Log of the odds of a fault after each dive, and the level of an alarm.",
+            )
+        page.figure(
+            "health",
+            channel_figure(health),
+            "Each channel: its value in each dive, and its level with two standard deviations.",
+        )
+        page.table(
+            [
+                {
+                    "channel": CHANNELS[k].name,
+                    "level": float(health.levels.level[-1, k]),
+                    "deviation": float(health.levels.deviation[-1, k]),
+                    "unit": CHANNELS[k].unit,
+                    "last innovation": _last(health.levels.innovation[:, k]),
+                    "what it is": CHANNELS[k].says,
+                }
+                for k in told
+            ],
+            "After the last dive; an innovation is a dive's value less the level before it, over "
+            "its deviation.",
+            first=False,
+        )
+    if health.lacking:
+        page.say(f"Not told by this log: {', '.join(health.lacking)}.")
+
+
+def _last(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known[-1]) if known.size else None
+
+
+def _energy(page: Page, told: Morning) -> None:
+    if told.used is None:
+        return
+    page.section("Energy")
+    page.say(f"{_power(told)}, over {told.used.hours:.1f} h.")
+    total = sum(one.energy for one in told.used.terms)
+    page.table(
+        [
+            {
+                "consumer": one.name,
+                "factor": one.value,
+                "deviation": None if np.isnan(one.deviation) else one.deviation,
+                "unit": one.unit,
+                "energy [kJ]": one.energy / 1e3,
+                "part": one.energy / total if total > 0.0 else None,
+            }
+            for one in told.used.terms
+        ],
+        "By the log's counter of charge; without a deviation the factor is the vehicle file's.",
+        first=False,
+    )

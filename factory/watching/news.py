@@ -1,0 +1,115 @@
+"""News: what the dives since the last page changed, and how its forecast did."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from factory.watching.morning import Morning, end_of
+from twin.cli.text_table import counted
+from twin.forecast import LoggedLeg
+from twin.geodesy import great_circle, offset
+from twin.health import CHANNELS
+from twin.show.dates import moment_of
+
+MOVED = 2.0
+"""Deviations by which a level must move to be told"""
+NEAR_TIME = 0.5
+"""Of the time to the first surfacing that was foretold: as near in time a true one must be to it"""
+MINUTE = 60.0
+
+
+def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
+    """Sentences on what is new.
+
+    Args:
+      before: what `latest.json` of the page before said; None: there was none.
+    """
+    if before is None or before.get("deployment") != now.deployment:
+        return []
+    known = set(before.get("dives", ()))
+    new = [number for number in now.dives if number not in known]
+    said = [_dives(new)]
+    gone = len(known - set(now.dives))
+    if gone:
+        said.append(f"{counted(gone, 'dive')} of the page before no longer in the files")
+    if (was := before.get("verdict")) != now.verdict:
+        said.append(f"Verdict before: {was}")
+    said += _levels(before.get("levels", {}), now)
+    return said + surfaced(before.get("forecast"), now.legs)[:1]
+
+
+def _dives(new: list[int]) -> str:
+    if not new:
+        return "No new dive"
+    if len(new) == 1:
+        return f"1 new dive, {new[0]}"
+    return f"{len(new)} new dives, {min(new)} to {max(new)}"
+
+
+def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
+    """Channels that have moved."""
+    if now.health is None:
+        return []
+    said = []
+    for k, channel in enumerate(CHANNELS):
+        was = before.get(channel.name)
+        level, deviation = (
+            float(getattr(now.health.levels, name)[-1, k]) for name in ("level", "deviation")
+        )
+        if was is None or channel.name in now.health.lacking:
+            continue
+        step = level - was["level"]
+        if abs(step) > MOVED * math.hypot(deviation, was["deviation"]):
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            said.append(
+                f"{channel.name} ({channel.says}) went from {was['level']:.3g} to {level:.3g}{unit}"
+            )
+    return said
+
+
+def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
+    """Surfacings that a page foretold, beside where and when they were.
+
+    Args:
+      foretold: the forecast in `latest.json`; None: there was none.
+      legs: of the deployment, those after the forecast began among them.
+    """
+    if not foretold or not foretold["surfacings"]:
+        return []
+    begin = datetime.datetime.fromisoformat(foretold["start"]["time"]).replace(tzinfo=datetime.UTC)
+    after = [one for one in legs if one.leg.end > begin.timestamp() + MINUTE]
+    near = NEAR_TIME * foretold["surfacings"][0]["time_s"]
+    said = []
+    for told in foretold["surfacings"]:
+        expected = begin.timestamp() + told["time_s"]
+        found = [one for one in after if abs(one.leg.end - expected) <= near]
+        if found:
+            said.append(_beside(told, min(found, key=lambda one: abs(one.leg.end - expected))))
+    return said
+
+
+def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
+    """One surfacing as it was foretold and as it was."""
+    latitude, longitude = end_of(leg)
+    away = great_circle(latitude, longitude, told["latitude"], told["longitude"])
+    ellipse = told["ellipse_90"]
+    north, east = offset(
+        np.array([latitude]), np.array([longitude]), told["latitude"], told["longitude"]
+    )
+    turn = math.radians(ellipse["bearing_deg"])
+    along = float(north[0]) * math.cos(turn) + float(east[0]) * math.sin(turn)
+    across = -float(north[0]) * math.sin(turn) + float(east[0]) * math.cos(turn)
+    inside = math.hypot(along / ellipse["semi_major_m"], across / ellipse["semi_minor_m"]) <= 1.0
+    begin = datetime.datetime.fromisoformat(told["time"]).replace(tzinfo=datetime.UTC)
+    minutes = (leg.leg.end - begin.timestamp()) / MINUTE
+    return (
+        f"Surfacing foretold for {told['time'][:16].replace('T', ' ')} UTC: it came up "
+        f"{moment_of(leg.leg.end):%Y-%m-%d %H:%M}, {abs(minutes):.0f} min "
+        f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
+        f"{'inside' if inside else 'outside'} the 90 % ellipse"
+    )

@@ -1,0 +1,163 @@
+"""Watch pass: files in, and log, beliefs, events and page brought up to date, each whole or not.
+
+Killed at any moment, the next pass does what is missing: each part says by what it was made, and
+the page, which is written last, ends a pass.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import datetime
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.kept_beliefs import BELIEFS, kept_beliefs, write_beliefs
+from factory.watching.log_of_files import LOG, LogOfFiles, log_of_files
+from factory.watching.morning import Morning, morning
+from factory.watching.morning_page import PAGE, read_latest, write_morning
+from factory.watching.news import news, surfaced
+from factory.watching.noticed import EVENTS, noticed, write_events
+from twin.forecast import legs_of
+from twin.records.logged import LogStore
+from twin.records.presence import is_derived, is_store
+from twin.records.storage.disk import files_below, lock, remove
+from twin.show.figures.page_layout import INDEX
+from twin.version import __version__
+
+PAST = "as-of"
+"""Folder of what was known at moments before the newest dive"""
+LOCK = ".watching"
+PARTS = (LOG, BELIEFS, EVENTS)
+"""What a replay makes again to the byte"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Passed:
+    """What a pass did."""
+
+    page: Path
+    changed: bool
+    """False: files and settings are those of the page that is there"""
+    verdict: str
+    log: LogOfFiles
+    told: Morning | None = None
+    """None where nothing changed"""
+    new: tuple[str, ...] = ()
+    events: tuple[dict[str, Any], ...] = ()
+    same: dict[str, bool] = dataclasses.field(default_factory=dict)
+    """Of a replay: whether each part has the bytes that it had"""
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[bool]:
+    """Whether no other pass over the folder is under way; none can begin until the context ends."""
+    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        yield lock(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def one_pass(
+    deployment: WatchedDeployment,
+    *,
+    until: datetime.datetime | None = None,
+    replay: bool = False,
+    say: Callable[[str], object] = lambda _: None,
+) -> Passed:
+    """Bring a deployment up to date.
+
+    Args:
+      until: as it was known then, UTC, by the dives that had ended; into the folder `as-of`.
+      replay: make everything again from the files, and compare.
+      say: called with a word on what is being done.
+
+    Raises:
+      InputError: a setting that cannot be used. WriteError: the disk refuses.
+    """
+    folder = deployment.folder
+    if until is not None:
+        folder = folder / PAST / f"{until:%Y-%m-%dT%H%M%S}"
+        folder.mkdir(parents=True, exist_ok=True)
+    was = {name: _content(folder / name) for name in PARTS} if replay else {}
+    say("files")
+    log = log_of_files(deployment, folder, until=until, again=replay)
+    made_of = _made_of(deployment, log, until)
+    before = read_latest(folder)
+    page = folder / PAGE / INDEX
+    if not replay and before is not None and before.get("made_of") == made_of and page.is_file():
+        return Passed(page=page, changed=False, verdict=str(before["verdict"]), log=log)
+    told = morning(deployment, log, say=say)
+    if told.health is None or told.vehicle is None:
+        if is_derived(folder / BELIEFS):
+            remove(folder / BELIEFS)
+    else:
+        kept = kept_beliefs(told.health, told.vehicle.name, told.followed, told.followed_dives)
+        write_beliefs(kept, folder)
+    events = noticed(log, told.health)
+    write_events(events, folder)
+    new = [] if replay or until is not None else news(before, told)
+    say("page")
+    moment = "" if until is None else f"{until:%Y-%m-%d %H:%M}"
+    came = [] if until is None else _came(deployment, told)
+    write_morning(told, folder, new=new, made_of=made_of, as_of=moment, came=came)
+    return Passed(
+        page=page,
+        changed=True,
+        verdict=told.verdict,
+        log=log,
+        told=told,
+        new=tuple(new),
+        events=tuple(events),
+        same={name: _content(folder / name) == before for name, before in was.items() if before},
+    )
+
+
+def _came(deployment: WatchedDeployment, told: Morning) -> list[str]:
+    """What a page of the past foretold beside what came, where the newest log has it."""
+    store = deployment.folder / LOG
+    if told.surfacings is None or not is_store(store):
+        return []
+    with LogStore(store) as logs:
+        if told.deployment not in logs.deployments:
+            return []
+        legs = legs_of(logs, told.deployment)
+    return surfaced(told.surfacings.describe(), legs)
+
+
+def _made_of(
+    deployment: WatchedDeployment, log: LogOfFiles, until: datetime.datetime | None
+) -> str:
+    """What a page is a function of: files, settings, the vehicle's file, the version."""
+    vehicle = deployment.place(deployment.vehicle)
+    text = json.dumps(
+        [
+            __version__,
+            log.digest,
+            log.missing,
+            log.unreadable,
+            deployment.settings(),
+            vehicle.read_text(encoding="utf-8", errors="replace")
+            if deployment.vehicle and vehicle.is_file()
+            else "",
+            None if until is None else until.isoformat(),
+        ]
+    )
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _content(path: Path) -> str:
+    """SHA-256 of a file, or of all names and bytes in a folder; empty where there is neither."""
+    if not path.exists():
+        return ""
+    found = hashlib.sha256()
+    for file in [path] if path.is_file() else files_below(path):
+        found.update(f"{file.relative_to(path)}\n".encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()

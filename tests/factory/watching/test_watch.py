@@ -1,0 +1,444 @@
+"""`twin watch`: a deployment's folder from the files that arrive, in any order, and its page."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+import random
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from logs import SHARED, Flight, write_basestation, write_slocum
+
+from factory.watching import WatchedDeployment, one_pass, watch_pass
+from factory.watching.expected_plan import _onward
+from factory.watching.kept_beliefs import BELIEFS
+from factory.watching.log_of_files import LOG, log_of_files
+from factory.watching.morning import Morning
+from factory.watching.news import news
+from factory.watching.noticed import noticed
+from factory.watching.watch_pass import PARTS, alone
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, WriteError
+from twin.forecast import LoggedLeg
+from twin.health import CHANNELS, DeploymentHealth, KindVerdict
+from twin.health.judgement import follow
+from twin.mission import read_targets
+from twin.navigation.current import Leg
+from twin.records.storage.checksums import store_hash
+
+FLIGHT = Flight(dives=3)
+DIVES = 4
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = PROGRAM.main([str(word) for word in words])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def deployment(tmp_path: Path, source: Path, **settings: object) -> WatchedDeployment:
+    made = WatchedDeployment(
+        folder=tmp_path / "calypso",
+        source=str(source),
+        **{"vehicle": "seaglider", "members": 10, "hours": 2.0, **settings},  # type: ignore[arg-type]
+    )
+    made.write()
+    return made
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Basestation files of a Seaglider, one a dive."""
+    return write_basestation(tmp_path_factory.mktemp("base"), Flight(dives=DIVES))
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    (tmp_path / "arrived").mkdir()
+    return tmp_path / "arrived"
+
+
+# --- the command ------------------------------------------------------------------------------
+
+
+def test_a_new_deployment_of_an_empty_folder_has_a_page_that_says_what_is_missing(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "calypso"
+    code, said, err = run(
+        capsys, "watch", "--new", folder, "--from", source, "--vehicle", "seaglider"
+    )
+    assert (code, err) == (0, "")
+    assert "deployment.toml" in said
+    code, said, err = run(capsys, "watch", folder, "--once", "--json")
+    assert code == 0, err
+    answer = json.loads(said)
+    assert answer["verdict"] == "calypso: nothing can be judged yet"
+    assert "no file has arrived" in (folder / "page" / "index.html").read_text()
+    assert "no file has arrived" in (folder / "page" / "summary.txt").read_text()
+    assert json.loads((folder / "page" / "forecast.geojson").read_text())["features"] == []
+    code, said, _ = run(capsys, "watch", folder, "--once", "--json")
+    assert (code, json.loads(said)["changed"]) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--new"], "--from is missing"),
+        (["--new", "--from", "nowhere"], "there is no such folder"),
+        (["--new", "--once"], "--once: leave it out with --new"),
+        (["--once", "--vehicle", "seaglider"], "--vehicle: it is for --new"),
+        (["--json"], "watching never ends"),
+        (["--once", "--every", "5"], "--every is for passes without end"),
+        (["--once", "--as-of", "monday"], "must be a time in UTC"),
+        (["--once"], "holds no deployment.toml"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    code, _, err = run(capsys, "watch", tmp_path / "calypso", *words)
+    assert code == 2
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+def test_an_existing_deployment_is_never_replaced(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source)
+    with pytest.raises(WriteError, match="is there already"):
+        made.write()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("x")
+    with pytest.raises(WriteError, match="did not write it"):
+        dataclasses.replace(made, folder=tmp_path / "mine").write()
+
+
+def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source, goto="49.5,-58.0", energy_kwh=3.5, kind="seaglider")
+    assert WatchedDeployment.read(made.folder) == made
+    path = made.folder / "deployment.toml"
+    text = path.read_text()
+    for wrong, message in (
+        (text.replace("members", "member"), "did you mean 'members'"),
+        (text.replace("members = 10", 'members = "10"'), "must be a whole number"),
+        (text.replace("energy_kwh = 3.5", "energy_kwh = -1"), "must be 0 or above"),
+        (text.replace('"seaglider"  # of', '"seaglyder"  # of'), "unknown kind"),
+        (text.replace('variation_deg = ""', 'variation_deg = "W"'), "must be degrees"),
+        (text.replace("source", "# source"), "key source is missing"),
+        (text.replace('mission = ""', 'mission = "a.mi"'), "goto or mission, not both"),
+    ):
+        path.write_text(wrong)
+        with pytest.raises(InputError, match=message):
+            WatchedDeployment.read(made.folder)
+
+
+def test_a_second_pass_at_the_same_time_does_nothing(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    with alone(made.folder) as free:
+        assert free
+        code, _, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    assert "another pass" in err
+    assert not (made.folder / "page").exists()
+
+
+# --- files in any order -------------------------------------------------------------------------
+
+
+def test_any_order_copies_and_halves_end_in_the_same_log(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    at_once = deployment(tmp_path / "a", source)
+    for path in base:
+        shutil.copy(path, source)
+    log_of_files(at_once, at_once.folder)
+    wanted = store_hash(at_once.folder / LOG)
+
+    for seed in range(2):
+        draw = random.Random(seed)
+        there = tmp_path / f"there{seed}"
+        there.mkdir()
+        piecewise = deployment(tmp_path / f"b{seed}", there)
+        order = list(base)
+        draw.shuffle(order)
+        for k, path in enumerate(order):
+            if k == 1:  # half of it first
+                whole = path.read_bytes()
+                (there / path.name).write_bytes(whole[: len(whole) // 2])
+                half = log_of_files(piecewise, piecewise.folder)
+                assert any(path.name in said for said in half.unreadable), half
+            if k == 2:  # a wrong one first
+                other = order[0]
+                (there / path.name).write_bytes(other.read_bytes()[:-64])
+                log_of_files(piecewise, piecewise.folder)
+            shutil.copy(path, there)
+            shutil.copy(path, there / f"copy of {path.name}")
+            (there / f".{path.name}.part").write_bytes(b"half")
+            log_of_files(piecewise, piecewise.folder)
+        assert store_hash(piecewise.folder / LOG) == wanted
+        again = log_of_files(piecewise, piecewise.folder)
+        assert not again.changed
+        assert again.unreadable == ()
+
+
+def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    shutil.copy(base[0], source)
+    first = log_of_files(made, made.folder)
+    assert first.changed
+    whole = (source / base[0].name).read_bytes()
+    (source / base[0].name).write_bytes(whole[:100])
+    broken = log_of_files(made, made.folder)
+    assert broken.missing
+    assert str(source) in broken.missing or base[0].name in broken.missing
+    assert ".writing-" not in broken.missing
+    assert not list(made.folder.glob(".*writing*"))
+    assert broken.store == first.store
+
+
+def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    one_pass(made)
+    today = f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}".encode()
+    for name in PARTS:
+        path = made.folder / name
+        for file in [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]:
+            content = file.read_bytes()
+            assert str(tmp_path).encode() not in content, file
+            assert b".writing-" not in content, file
+            assert today not in content, file
+
+
+# --- passes ---------------------------------------------------------------------------------------
+
+
+def test_a_pass_writes_beliefs_and_a_page_and_a_replay_gives_the_same_bytes(
+    tmp_path: Path, base: list[Path], source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base[:-1]:
+        shutil.copy(path, source)
+    first = one_pass(made)
+    assert first.changed
+    page = (made.folder / "page" / "index.html").read_text()
+    assert "too few to judge" in first.verdict
+    for title in ("Next surfacings", "Track and currents", "Health", "What is missing"):
+        assert f"<h2>{title}</h2>" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    found = xr.open_zarr(made.folder / BELIEFS)
+    assert found["level"].shape == (DIVES - 1, len(CHANNELS))
+    known = found["value"].sel(channel="rate_dive")
+    assert np.isfinite(known).all()
+    assert found["parameter_value"].shape == (DIVES - 1, 2)
+    assert (found["parameter_deviation"] > 0.0).all()
+    assert len((made.folder / "page" / "summary.txt").read_text().splitlines()) <= 10
+    features = json.loads((made.folder / "page" / "forecast.geojson").read_text())["features"]
+    assert {one["geometry"]["type"] for one in features} >= {"LineString", "Polygon", "Point"}
+
+    assert not one_pass(made).changed
+    shutil.copy(base[-1], source)
+    second = one_pass(made)
+    assert second.new[0] == f"1 new dive, {DIVES}"
+    assert any(said.startswith("Surfacing foretold") for said in second.new)
+
+    code, said, err = run(capsys, "watch", made.folder, "--replay", "--json")
+    assert code == 0, err
+    assert json.loads(said)["same"] == dict.fromkeys(PARTS, True)
+    shutil.rmtree(made.folder / LOG)
+    shutil.rmtree(made.folder / BELIEFS)
+    kept = store_hash(one_pass(made, replay=True).page.parent.parent / BELIEFS)
+    assert kept == store_hash(made.folder / BELIEFS)
+
+
+def test_a_pass_that_was_killed_goes_on(
+    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = deployment(tmp_path, source)
+    shutil.copy(base[0], source)
+    one_pass(made)
+    for path in base:
+        shutil.copy(path, source)
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    for step in ("write_beliefs", "write_events", "write_morning"):
+        with monkeypatch.context() as patch:
+            patch.setattr(watch_pass, step, killed)
+            with pytest.raises(KeyboardInterrupt):
+                one_pass(made)
+    after = one_pass(made)
+    assert after.changed
+    assert after.new[0] == f"{DIVES - 1} new dives, 2 to {DIVES}"
+    clean = deployment(tmp_path / "clean", source)
+    one_pass(clean)
+    for name in PARTS:
+        assert watch_pass._content(made.folder / name) == watch_pass._content(clean.folder / name)
+
+
+def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source, goto="49.6,-57.9;49.7,-57.9")
+    for path in base:
+        shutil.copy(path, source)
+    told = one_pass(made).told
+    assert told is not None
+    first, second = read_targets(made.folder / "page" / "targets")
+    assert first.latitude == pytest.approx(49.6, abs=1e-5)
+    assert (first.goto, second.goto) == ("T2", "T2")
+    assert "Proposal" in (made.folder / "page" / "index.html").read_text()
+    assert told.plan.startswith("to goto of deployment.toml")
+    one_pass(dataclasses.replace(made, goto=""))
+    assert not (made.folder / "page" / "targets").exists()
+
+
+def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(
+    tmp_path: Path, base: list[Path], source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    flight = Flight(dives=DIVES)
+    end = flight.dive_times(1)[1]
+    moment = datetime.datetime.fromtimestamp(round(end + flight.surface / 2), datetime.UTC)
+    passed = one_pass(made, until=moment)
+    assert passed.told is not None
+    assert passed.told.dives == (1, 2)
+    assert not (made.folder / LOG).exists()
+    assert "What came" not in passed.page.read_text()
+    log_of_files(made, made.folder)
+    code, _, err = run(
+        capsys, "watch", made.folder, "--as-of", f"{moment:%Y-%m-%dT%H:%M:%S}", "--replay"
+    )
+    assert code == 0, err
+    page = passed.page.read_text()
+    assert "What came" in page
+    assert "Surfacing foretold" in page
+    early = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
+    assert "no dive had ended" in one_pass(made, until=early).log.missing
+
+
+def test_logs_without_fixes_and_without_a_counter_are_told_of(tmp_path: Path, source: Path) -> None:
+    write_slocum(source, FLIGHT)
+    (source / "unit1_gps.csv").unlink()
+    made = deployment(tmp_path, source, vehicle="slocum-200", energy_kwh=2.0)
+    assert "variation_deg in deployment.toml" in one_pass(made).log.missing
+    told = one_pass(dataclasses.replace(made, variation_deg=-20.0)).told
+    assert told is not None
+    assert told.surfacings is None
+    said = " ".join(told.lacking)
+    assert "no dive lies between two fixes" in said
+    assert "no counter of charge" in said
+
+
+@pytest.mark.parametrize(
+    ("targets", "goes", "guessed"),
+    [
+        (((0.0, 9000.0),), (49.0, -58.0 + 9000.0 / 73_000.0), False),
+        (((1000.0, 100.0),), (49.0 + 51_000.0 / 111_200.0, -58.0), True),  # it is there
+        ((), (49.0 + 51_000.0 / 111_200.0, -58.0), True),
+    ],
+)
+def test_where_it_goes_is_said_by_the_log_or_guessed(
+    targets: tuple[tuple[float, float], ...], goes: tuple[float, float], guessed: bool
+) -> None:
+    leg = Leg(start=0.0, duration=3600.0, over_ground=(1000.0, 0.0), through_water=(900.0, 0.0))
+    last = LoggedLeg(
+        mission=0, leg=leg, method="", begin=(49.0, -58.0), onboard=None, targets=targets
+    )
+    place, words, is_guess = _onward(last)
+    latitude, longitude = (float(word) for word in place.split(","))
+    assert latitude == pytest.approx(goes[0], abs=2e-3)
+    assert longitude == pytest.approx(goes[1], abs=2e-3)
+    assert is_guess is guessed
+    assert ("waypoint" in words) is not guessed
+
+
+# --- what is noticed ------------------------------------------------------------------------------
+
+
+def health(alarm: bool, level: float = 0.0) -> DeploymentHealth:
+    """Of ten dives, whose first channel has a level."""
+    values = np.full((10, len(CHANNELS)), np.nan)
+    values[:, 0] = level
+    kind = KindVerdict(
+        kind="leak", says="water in the hull", probability=0.9, since_dive=6, size=0.1,
+        size_deviation=0.02, unit="kg", settings={}, dives=(6, 7), channels=("air",),
+        also=("fouling",), otherwise="a new ballast", find_out="look at the vacuum",
+    )  # fmt: skip
+    return DeploymentHealth(
+        name="unit", days=1.0, dives=tuple(range(1, 11)), alarm=alarm,
+        kind="leak" if alarm else "none", since_dive=6 if alarm else None,
+        noticed_dive=8 if alarm else None, probability=0.9, kinds=(kind,),
+        evidence=np.zeros(10), threshold=3.0, levels=follow(values), values=values,
+        time=np.asarray(1.7e9 + 3600.0 * np.arange(10), np.float64),
+        lacking=tuple(c.name for c in CHANNELS[1:]),
+    )  # fmt: skip
+
+
+def test_an_alarm_has_the_times_of_its_dives(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source)
+    log = log_of_files(made, made.folder)
+    assert [one["event"] for one in noticed(log, health(False))] == ["nothing to import"]
+    alarm = noticed(log, health(True))[-1]
+    assert alarm["event"] == "alarm"
+    assert (alarm["since_dive"], alarm["noticed_dive"], alarm["dives"]) == (6, 8, [6, 7])
+    assert alarm["noticed"] == "2023-11-15T05:13Z"
+    assert alarm["also"] == ["fouling"]
+
+
+def test_levels_that_moved_are_news(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source)
+    log = log_of_files(made, made.folder)
+    before, same, after = (
+        Morning(
+            title="calypso", log=log, deployment="unit", dives=tuple(range(1, 11)),
+            health=health(False, level),
+        )
+        for level in (0.0, 0.001, 0.3)
+    )  # fmt: skip
+    was = json.loads(json.dumps(before.describe()))
+    assert news(was, same) == ["No new dive"]
+    assert any("rate_dive" in said and "0.3" in said for said in news(was, after))
+    assert news(None, after) == []
+
+
+def test_what_a_killed_pass_copied_is_removed_by_the_next(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    left = made.folder / ".log.zarr.writing-0badcafe"
+    left.mkdir()
+    (left / "p9990001.nc").write_bytes(b"half")
+    shutil.copy(base[0], source)
+    assert log_of_files(made, made.folder).changed
+    assert not left.exists()
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no real logs beside the project")
+def test_a_real_deployment_of_satellite_files_becomes_a_log(tmp_path: Path, source: Path) -> None:
+    pytest.importorskip("dbdreader")
+    logs = SHARED / "slocum_seus_2017" / "salacia-20170710T1942"
+    for path in sorted(logs.glob("*.sbd"))[:12]:
+        shutil.copyfile(path, source / path.name)
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    found = log_of_files(made, made.folder)
+    assert found.changed, found
+    wanted = store_hash(made.folder / LOG)
+    other = deployment(tmp_path / "other", source, vehicle="slocum-200")
+    log_of_files(other, other.folder)
+    assert store_hash(other.folder / LOG) == wanted

@@ -1,0 +1,110 @@
+"""Faults of the CTD: a cell that clogs, a thermistor that is slow."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+from scipy.signal import lfilter
+
+from twin.faults.base import Array, Fault, Readings
+
+NAMES = ("measured_temperature", "measured_conductivity", "measured_pressure")
+MILLISIEMENS_PER_CM = 10.0
+"""of one S/m, the unit of `gsw`"""
+
+
+def lagged(values: Array, lag: Array, period: float) -> Array:
+    """What an instrument shows that follows with a lag [s] at each sample, (n,), where it is known.
+
+    NaN stay NaN. The lag is that of the middle of the stretch: it grows from day to day, and a
+    stretch is a dive.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    tau = float(np.median(lag[known])) if known.size else 0.0
+    if known.size < 2 or tau <= 0.0:
+        return values
+    share = 1.0 - np.exp(-period * float(np.median(np.diff(known))) / tau)
+    given = values[known]
+    shown, _ = lfilter([share], [1.0, share - 1.0], given, zi=[given[0] * (1.0 - share)])
+    found = values.copy()
+    found[known] = shown
+    return found
+
+
+def derived(signals: Readings, temperature: Array, conductivity: Array) -> dict[str, Array]:
+    """What a CTD makes of temperature and conductivity: PSS-78 and TEOS-10, as the sensor does."""
+    import gsw
+
+    pressure = signals["measured_pressure"]
+    practical = gsw.SP_from_C(conductivity * MILLISIEMENS_PER_CM, temperature, pressure)
+    absolute = gsw.SA_from_SP(practical, pressure, -121.8, 36.8)
+    return {
+        "measured_temperature": temperature,
+        "measured_conductivity": conductivity,
+        "measured_salinity": practical,
+        "measured_density": gsw.rho_t_exact(absolute, temperature, pressure),
+    }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CtdClogged(Fault):
+    """A conductivity cell through which water hardly flows any more."""
+
+    kind: ClassVar[str] = "ctd_clogged"
+    says: ClassVar[str] = "the CTD's cell is clogged"
+    size_name: ClassVar[str] = "lag"
+    unit: ClassVar[str] = "s"
+    sizes: ClassVar[tuple[float, float]] = (20.0, 120.0)
+    source: ClassVar[str] = "ours: from a slow flush to a cell that keeps its water for minutes"
+    shows: ClassVar[str] = "salinity that differs between dives and climbs at the same depth"
+    otherwise: ClassVar[str] = "a front; thermal lag of the cell, which is smaller"
+    find_out: ClassVar[str] = "compare dive and climb of one turn at depth; flush, or switch it off"
+
+    lag: float = 60.0
+    """[s] by which its water is late"""
+
+    def problems(self) -> list[str]:
+        """Some lag."""
+        return [] if 0.0 < self.lag <= 1e4 else [f"lag = {self.lag:g} s must be above 0"]
+
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
+        """Late conductivity, and salinity and density of it; nothing where it has no CTD."""
+        if any(name not in signals for name in NAMES):
+            return {}
+        temperature, conductivity = (signals[name] for name in NAMES[:2])
+        return derived(signals, temperature, lagged(conductivity, size, period))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ThermistorSlow(Fault):
+    """A thermistor behind a film: it follows late."""
+
+    kind: ClassVar[str] = "thermistor_slow"
+    says: ClassVar[str] = "the thermistor is slow"
+    size_name: ClassVar[str] = "lag"
+    unit: ClassVar[str] = "s"
+    sizes: ClassVar[tuple[float, float]] = (5.0, 30.0)
+    source: ClassVar[str] = "ours: sound ones take half a second"
+    shows: ClassVar[str] = "temperature and salinity that differ between dives and climbs"
+    otherwise: ClassVar[str] = "a front, internal waves"
+    find_out: ClassVar[str] = "compare dive and climb of one turn in the thermocline"
+
+    lag: float = 15.0
+    """[s] by which it is late"""
+
+    def problems(self) -> list[str]:
+        """Some lag."""
+        return [] if 0.0 < self.lag <= 1e4 else [f"lag = {self.lag:g} s must be above 0"]
+
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
+        """Late temperature, and salinity and density of it; nothing where it has no CTD."""
+        if any(name not in signals for name in NAMES):
+            return {}
+        temperature, conductivity = (signals[name] for name in NAMES[:2])
+        return derived(signals, lagged(temperature, size, period), conductivity)

@@ -1,0 +1,45 @@
+"""Pressure drift: a transducer whose zero wanders."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+
+from twin.faults.base import Array, Fault, Readings
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PressureDrift(Fault):
+    """A pressure sensor whose reading grows by the day, at every depth alike."""
+
+    kind: ClassVar[str] = "pressure_drift"
+    says: ClassVar[str] = "the pressure sensor drifts"
+    size_name: ClassVar[str] = "per_day"
+    unit: ClassVar[str] = "dbar d-1"
+    sizes: ClassVar[tuple[float, float]] = (0.1, 0.6)
+    grows: ClassVar[bool] = True
+    signed: ClassVar[bool] = True
+    source: ClassVar[str] = "ours: strain gauges that fail, above the 0.1 % of full scale of sound"
+    shows: ClassVar[str] = "a depth at the surface that is not 0"
+    otherwise: ClassVar[str] = "weather: 0.3 dbar between a high and a low"
+    find_out: ClassVar[str] = "read it at the surface; compare with the CTD's own"
+
+    per_day: float = 0.3
+    """[dbar] added a day"""
+
+    def problems(self) -> list[str]:
+        """Some drift."""
+        if not 0.0 < abs(self.per_day) <= 100.0:
+            return [f"per_day = {self.per_day:g} dbar must be within 100, not 0"]
+        return []
+
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
+        """Pressure, and the depth of it: 1 dbar is 0.99 m."""
+        found = {"measured_depth": signals["measured_depth"] + 0.99 * size}
+        if "measured_pressure" in signals:
+            found["measured_pressure"] = signals["measured_pressure"] + size
+        return found

@@ -1,0 +1,378 @@
+"""Assessment: the health of every deployment of a store of logs.
+
+found = assess("real.zarr", vehicle="mine.xml")
+found[0].alarm, found[0].kind, found[0].since_dive
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, StoreError
+from twin.faults.base import FAULTS, Fault
+from twin.health.channels import CHANNELS, DiveSignals, channels_of, flight_model
+from twin.health.judgement import Levels, Verdict, follow, judge
+from twin.health.signatures import Hypothesis, TypicalDive, confusable, hypotheses_of, usual_dive
+from twin.health.thresholds import RATES, threshold_of
+from twin.identify.start_values import start_vehicle
+from twin.logs.logged_leg import legs_of
+from twin.records.attributes import DIVE, DIVE_DURATION
+from twin.records.logged import LogStore
+from twin.records.schema import VARIABLES
+from twin.records.storage.store_path import StorePath
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+NONE = "none"
+"""The kind of a healthy deployment"""
+LEAST_DIVES = 6
+"""Dives below which nothing is judged"""
+ROUND = 10.0
+"""[m], and tenths of a degree and of the pump's reach, to which the typical dive is rounded, so
+that deployments of one vehicle share its signatures"""
+READ = (
+    "depth", "pressure", "pitch", "roll", "heading", "pump", "shift", "rotation", "fin", "density",
+    "temperature", "conductivity", "salinity", "altitude", "charge", "voltage", "battery_current",
+    "pump_power", "vacuum", "dvl_mode",
+)  # fmt: skip
+"""Signals that channels are made of, without `measured_`"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class KindVerdict:
+    """What the dives say of one kind of fault."""
+
+    kind: str
+    says: str
+    probability: float
+    since_dive: int | None
+    """Number of the first dive with it, as the log counts; None where it is unlikely"""
+    size: float
+    """in `unit`"""
+    size_deviation: float
+    unit: str
+    settings: dict[str, Any]
+    """such as the side of a wing"""
+    dives: tuple[int, ...]
+    """Numbers of the dives to look at: those that speak for it most"""
+    channels: tuple[str, ...]
+    """by which it shows"""
+    also: tuple[str, ...]
+    """Kinds that no channel of this log tells from it"""
+    otherwise: str
+    find_out: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DeploymentHealth:
+    """The health of one deployment."""
+
+    name: str
+    days: float
+    """[d] from its first dive to its last"""
+    dives: tuple[int, ...]
+    """Numbers of its dives, as the log counts"""
+    alarm: bool
+    kind: str
+    """The most likely fault; none without an alarm"""
+    since_dive: int | None
+    noticed_dive: int | None
+    """The dive after which the alarm was first given"""
+    probability: float
+    """of that kind, or of a fault at all where there is no alarm"""
+    kinds: tuple[KindVerdict, ...]
+    """every kind that the vehicle can have, the likeliest first"""
+    evidence: Array
+    """log of the odds of a fault after each dive, (dives,)"""
+    threshold: float
+    levels: Levels
+    values: Array
+    """of the channels, (dives, channels)"""
+    time: Array
+    """[s] unix, of the middle of each dive, (dives,)"""
+    lacking: tuple[str, ...]
+    """Channels that this log does not tell"""
+
+    def describe(self) -> dict[str, object]:
+        """Plain values, as `--json` prints them."""
+        return {
+            "name": self.name,
+            "days": self.days,
+            "dives": len(self.dives),
+            "alarm": self.alarm,
+            "kind": self.kind,
+            "since_dive": self.since_dive,
+            "noticed_dive": self.noticed_dive,
+            "probability": self.probability,
+            "also": list(self.kinds[0].also) if self.alarm else [],
+            "size": self.kinds[0].size if self.alarm else None,
+            "size_deviation": self.kinds[0].size_deviation if self.alarm else None,
+            "lacking": list(self.lacking),
+        }
+
+    def verdict(self) -> str:
+        """One line for a person."""
+        if not self.dives or not self.kinds:
+            return f"{self.name}: {len(self.dives)} dives are too few to judge"
+        if not self.alarm:
+            return f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d"
+        first = self.kinds[0]
+        others = [k for k in first.also if k != first.kind]
+        told = f" or {', '.join(others)}" if others else ""
+        return (
+            f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
+            f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
+            f"{first.size_deviation:.2g} {first.unit}"
+        )
+
+
+def assess(
+    store: str | StorePath,
+    vehicle: str | Path | Vehicle | None = None,
+    *,
+    false_alarm_days: float = 30.0,
+    deployments: Sequence[str] | None = None,
+    advance: Callable[[], object] = lambda: None,
+) -> list[DeploymentHealth]:
+    """Judge every deployment of a store of logs.
+
+    Args:
+      store: of logs, as `factory import` or `factory generate --preset faulty` writes it.
+      vehicle: that made them: what `twin identify` wrote, or a shipped name; default the one of the
+        log's kind.
+      false_alarm_days: [d] of sound vehicles in which one false alarm is borne.
+      deployments: names of those to judge, all by default.
+      advance: called once for each deployment that is done.
+
+    Raises:
+      StoreError: no store of logs. InputError: an unknown deployment, a rate that nobody can bear,
+        a vehicle that cannot fly the log's dives.
+    """
+    threshold = threshold_of(false_alarm_days)
+    if vehicle is None:
+        vehicle = start_vehicle(store)
+    elif not isinstance(vehicle, Vehicle):
+        vehicle = load_vehicle(vehicle)
+    with LogStore(store) as logs:
+        names = list(dict.fromkeys(logs.deployments))
+        for name in deployments or ():
+            if name not in names:
+                raise InputError(f"store {store} has no deployment {name!r}: {', '.join(names)}")
+        found = []
+        for name in deployments or names:
+            found.append(_judged(logs, name, vehicle, threshold))
+            advance()
+    return found
+
+
+def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSignals], Array]:
+    """The dives of a deployment in order of time, and their ways through the water.
+
+    Returns:
+      Rows of the store; the signals of each; mean velocity through the water by the compass, north
+      and east [m/s], (dives, 2), NaN where it is not known.
+    """
+    rows = logs.missions_of(deployment)
+    names = [f"measured_{name}" for name in READ if f"measured_{name}" in logs]
+    if "commanded_heading" in logs:
+        names.append("commanded_heading")
+    blocks = {name: logs.rows(name, rows) for name in names}
+    legs = {leg.mission: leg.leg for leg in legs_of(logs, deployment)}
+    dives, ways = [], np.full((len(rows), 2), math.nan)
+    for k, row in enumerate(rows):
+        current = (math.nan, math.nan)
+        leg = legs.get(row)
+        if leg is not None and leg.duration > 0.0:
+            ways[k] = np.array(leg.through_water) / leg.duration
+            moved = np.array(leg.over_ground) / leg.duration - ways[k]
+            current = (float(moved[0]), float(moved[1]))
+        count = int(logs.samples[row])
+        signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
+        dives.append(DiveSignals(period=logs.period, signals=signals, current=current))
+    return rows, dives, ways
+
+
+def _judged(
+    logs: LogStore, deployment: str, vehicle: Vehicle, threshold: float
+) -> DeploymentHealth:
+    """One deployment."""
+    rows, dives, ways = dives_of(logs, deployment)
+    calibration = flight_model(vehicle)
+    values = np.array([channels_of(dive, calibration) for dive in dives])
+    numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
+    counted = tuple(int(numbers[row]) for row in rows)
+    starts = np.array([logs.starts[row] for row in rows])
+    lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
+    return judged(
+        deployment, counted, values, starts + 0.5 * lasted, ways, vehicle,
+        typical(dives, vehicle), threshold,
+    )  # fmt: skip
+
+
+def judged(
+    name: str,
+    numbers: Sequence[int],
+    values: Array,
+    time: Array,
+    ways: Array,
+    vehicle: Vehicle,
+    dive: TypicalDive,
+    threshold: float,
+) -> DeploymentHealth:
+    """A verdict over the channels of a deployment.
+
+    Args:
+      numbers: of the dives, as the log counts. values: (dives, channels).
+      time: [s] unix, of the middles of the dives. ways: (dives, 2), see `dives_of`.
+      dive: that faults are flown in.
+    """
+    lacking = tuple(
+        c.name
+        for c, column in zip(CHANNELS, values.T, strict=True)
+        if not np.isfinite(column).any()
+    ) if len(values) else ()  # fmt: skip
+    levels = follow(values) if len(values) else follow(np.full((1, len(CHANNELS)), math.nan))
+    days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
+    shared: dict[str, Any] = {
+        "name": name, "days": float(days[-1]) if len(days) else 0.0, "dives": tuple(numbers),
+        "threshold": threshold, "levels": levels, "values": values, "time": time,
+        "lacking": lacking,
+    }  # fmt: skip
+    if len(values) < LEAST_DIVES:
+        return DeploymentHealth(
+            **shared, alarm=False, kind=NONE, since_dive=None, noticed_dive=None, probability=0.0,
+            kinds=(), evidence=np.full(len(values), -math.inf),
+        )  # fmt: skip
+    hypotheses = hypotheses_for(vehicle, dive, ways)
+    verdict = judge(levels, days, hypotheses)
+    alarms = np.flatnonzero(verdict.evidence > threshold)
+    noise = np.where(
+        np.isfinite(values).sum(axis=0) >= LEAST_DIVES, [c.noise for c in CHANNELS], np.inf
+    )
+    groups = confusable(hypotheses, noise)
+    order = np.argsort(-verdict.probability, kind="stable")
+    kinds = tuple(
+        _kind(verdict, int(k), hypotheses, levels, numbers, groups) for k in order.tolist()
+    )
+    alarm = alarms.size > 0
+    first = kinds[0]
+    odds = float(verdict.evidence[-1])
+    return DeploymentHealth(
+        **shared,
+        alarm=alarm,
+        kind=first.kind if alarm else NONE,
+        since_dive=first.since_dive if alarm else None,
+        noticed_dive=int(numbers[int(alarms[0])]) if alarm else None,
+        probability=first.probability if alarm else 1.0 / (1.0 + math.exp(-min(odds, 700.0))),
+        kinds=kinds,
+        evidence=verdict.evidence,
+    )
+
+
+def _kind(
+    verdict: Verdict,
+    k: int,
+    hypotheses: Sequence[Hypothesis],
+    levels: Levels,
+    numbers: Sequence[int],
+    groups: dict[str, set[str]],
+) -> KindVerdict:
+    name = verdict.kinds[k]
+    best = hypotheses[verdict.best[k]]
+    kind = FAULTS[name]
+    first = int(verdict.since[k])
+    signature = np.atleast_2d(best.signature)
+    shown = np.nan_to_num(np.abs(signature)).max(axis=0) * best.scale
+    over = shown / np.array([channel.noise for channel in CHANNELS])
+    told = np.isfinite(levels.innovation).any(axis=0)
+    by = [c for c in np.argsort(-over).tolist() if over[c] > 1.0 and told[c]][:4]
+    loud = np.nan_to_num(np.abs(levels.innovation[first:, by])).sum(axis=1) if by else np.zeros(0)
+    look = sorted(first + int(d) for d in np.argsort(-loud)[:3]) if len(loud) else []
+    settings = {
+        field.name: getattr(best.fault, field.name)
+        for field in dataclasses.fields(Fault) + dataclasses.fields(best.fault)
+        if field.name not in ("start", kind.size_name)
+    }
+    return KindVerdict(
+        kind=name,
+        says=kind.says,
+        probability=float(verdict.probability[k]),
+        since_dive=int(numbers[first]) if first < len(numbers) else None,
+        size=float(verdict.size[k]),
+        size_deviation=float(verdict.size_deviation[k]),
+        unit=kind.unit,
+        settings=settings,
+        dives=tuple(int(numbers[d]) for d in look),
+        channels=tuple(CHANNELS[c].name for c in by),
+        also=tuple(sorted(groups[name])),
+        otherwise=kind.otherwise,
+        find_out=kind.find_out,
+    )
+
+
+def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
+    """The dive that is usual in a log, rounded; what the log lacks is the vehicle file's."""
+    deepest = [float(np.nanmax(d.signals["measured_depth"])) for d in dives
+               if d.get("depth") is not None]  # fmt: skip
+    depth = float(np.median(deepest)) if deepest else 150.0
+    period = dives[0].period if dives else 4.0
+    usual = usual_dive(vehicle, period, max(round(depth / ROUND) * ROUND, 30.0))
+    down, up, heavy, light = [], [], [], []
+    for dive in dives:
+        pitch, pump = dive.get("pitch"), dive.get("pump")
+        if pitch is None or pump is None:
+            continue
+        for steep, volume, sign in ((down, heavy, -1.0), (up, light, 1.0)):
+            way = sign * pitch > 8.0
+            if way.sum() > 20:
+                steep.append(float(np.nanmedian(sign * pitch[way])))
+                volume.append(float(np.nanmedian(pump[way])))
+    if not down or not up:
+        return usual
+    lightest, heaviest = vehicle.net_mass_range
+    # half of what the two pumped volumes differ by pulls each way
+    reach = 0.5 * abs(
+        vehicle.net_mass_for_pump(float(np.median(heavy)))
+        - vehicle.net_mass_for_pump(float(np.median(light)))
+    )
+    pull = float(np.clip(reach, 0.3 * heaviest, min(heaviest, -lightest)))
+    steep = [round(float(np.clip(np.median(v), 12.0, 40.0)) / 2.0) * 2.0 for v in (down, up)]
+    return dataclasses.replace(
+        usual, pitch=steep[0], climb_pitch=steep[1],
+        net_mass=round(pull / heaviest, 1) * heaviest,
+        climb_net_mass=round(pull / -lightest, 1) * -lightest,
+    )  # fmt: skip
+
+
+_SIGNATURES: dict[tuple[Any, ...], list[Hypothesis]] = {}
+
+
+def hypotheses_for(vehicle: Vehicle, dive: TypicalDive, ways: Array) -> list[Hypothesis]:
+    """Those of a vehicle in a dive; what is flown is kept for the next deployment of it."""
+    key = (vehicle.xml, str(vehicle.changes()), dive, tuple(FAULTS.names()))
+    flown = _SIGNATURES.get(key)
+    if flown is None:
+        flown = hypotheses_of(vehicle, dive, np.zeros((0, 2)))
+        _SIGNATURES[key] = flown
+    found = []
+    for one in flown:
+        told = one.fault.expected(np.nan_to_num(ways))
+        if told is None:
+            found.append(one)
+            continue
+        signature = np.zeros((len(ways), len(CHANNELS)))
+        for name, values in told.items():
+            signature[:, [c.name for c in CHANNELS].index(name)] = values
+        found.append(dataclasses.replace(one, signature=signature))
+    return found
+
+
+__all__ = ["RATES", "VARIABLES", "StoreError", "assess"]

@@ -1,0 +1,396 @@
+"""Channels: what one dive says of a vehicle's health, each a number that a sound vehicle repeats.
+
+Channels are made so that what a pilot changes leaves them where they are: depth rates are beside a
+flight model's with the logged pitch, pump and density, the battery's place beside what the logged
+pitch needs, the pump's work beside that against the sea.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify.calibration import Calibration
+from twin.identify.start_values import balance
+from twin.vehicle.laws import FlowFrame
+from twin.vehicle.parts import BatteryHinge, Fin, Pump
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Signals = Mapping[str, Array]
+
+BIN = 60.0
+"""[s] of the means that steady flight is judged by"""
+STEADY_PITCH = 8.0
+"""[degree] flatter than this no glider glides"""
+STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
+"""[degree], [cm3] of change from bin to bin that ends a steady flight"""
+SHALLOW = 5.0
+"""[m] above which a hull is near the surface"""
+AFLOAT = 1.2
+"""[m] above which a vehicle is at the surface"""
+LEAST_BINS = 4
+"""of a phase: with fewer it says nothing"""
+PUMPING = 0.15
+"""[cm3/s] from which a pump pumps"""
+FINEST = 20.0
+"""[s] between samples beyond which a pump's moves are not seen"""
+ECHO_REACH = 0.8
+"""Part of the depth of a dive below which an altimeter is expected to hear what it heard before"""
+LAYER = 2.0
+"""[m] of the bins in which dives and climbs of a CTD are compared"""
+SEA_LEVEL, ZERO_C = 101_325.0, 273.15
+"""[Pa], [K]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Channel:
+    """One number of a dive."""
+
+    name: str
+    unit: str
+    says: str
+    """what it is, as a person reads it"""
+    noise: float
+    """Standard deviation from dive to dive of a sound vehicle, before its own dives say"""
+    walk: float
+    """Standard deviation of its change from dive to dive: seasons, water, wear that is no fault"""
+    flown: bool = True
+    """False: it depends on the sea and on noise, and flights of the twin do not tell it"""
+
+
+CHANNELS: tuple[Channel, ...] = (
+    Channel(name="rate_dive", unit="1", noise=0.02, walk=0.004,
+            says="depth rate in dives over the flight model's, less 1"),
+    Channel(name="rate_climb", unit="1", noise=0.015, walk=0.004,
+            says="depth rate in climbs over the flight model's, less 1"),
+    Channel(name="trim_dive", unit="mm", noise=0.4, walk=0.08,
+            says="battery's place in dives, less what the pitch needs"),
+    Channel(name="trim_climb", unit="mm", noise=0.4, walk=0.08,
+            says="battery's place in climbs, less what the pitch needs"),
+    Channel(name="roll_dive", unit="degree", noise=0.2, walk=0.05,
+            says="roll in dives, less what a turning battery gives"),
+    Channel(name="roll_climb", unit="degree", noise=0.2, walk=0.05,
+            says="roll in climbs, less what a turning battery gives"),
+    Channel(name="turn_dive", unit="degree", noise=0.4, walk=0.1,
+            says="place of what turns it on a straight heading in dives"),
+    Channel(name="turn_climb", unit="degree", noise=0.4, walk=0.1,
+            says="place of what turns it on a straight heading in climbs"),
+    Channel(name="turn_moves", unit="1", noise=0.4, walk=0.05, flown=False,
+            says="logarithm of the way that what turns it makes in an hour"),
+    Channel(name="heading_error", unit="1", noise=0.3, walk=0.06, flown=False,
+            says="logarithm of the heading's rms error"),
+    Channel(name="pump_rate", unit="1", noise=0.02, walk=0.005,
+            says="logarithm of the volume that is pumped in a second"),
+    Channel(name="pump_work", unit="1", noise=0.02, walk=0.005,
+            says="logarithm of the pump's energy over its work against the sea"),
+    Channel(name="hotel", unit="W", noise=0.02, walk=0.005,
+            says="power while no pump runs"),
+    Channel(name="resistance", unit="1", noise=0.03, walk=0.005,
+            says="logarithm of the voltage's drop over the current"),
+    Channel(name="air", unit="1", noise=0.001, walk=0.0002,
+            says="logarithm of the hull's pressure over its temperature"),
+    Channel(name="surface_depth", unit="m", noise=0.1, walk=0.03,
+            says="depth that it shows at the surface"),
+    Channel(name="echoes", unit="1", noise=0.06, walk=0.02,
+            says="part of the pings near the lower turn that come back"),
+    Channel(name="temperature_lag", unit="s", noise=3.0, walk=0.4,
+            says="time by which the thermistor is late, by dives and climbs"),
+    Channel(name="conductivity_lag", unit="s", noise=3.0, walk=0.4,
+            says="time by which the conductivity is late, by dives and climbs"),
+    Channel(name="lock", unit="1", noise=0.1, walk=0.02,
+            says="part of the samples in which the Doppler log has lock"),
+    Channel(name="current_north", unit="m s-1", noise=0.02, walk=0.03, flown=False,
+            says="depth-averaged current to the north, by the compass' heading"),
+    Channel(name="current_east", unit="m s-1", noise=0.02, walk=0.03, flown=False,
+            says="depth-averaged current to the east, by the compass' heading"),
+)  # fmt: skip
+"""Every channel; noise and walk are medians of sound simulated deployments of five gliders
+(`python -m benchmarks.health --noise`), and a deployment's own dives change them"""
+NAMES = tuple(channel.name for channel in CHANNELS)
+PLACE = {name: k for k, name in enumerate(NAMES)}
+FLOWN = np.array([channel.flown for channel in CHANNELS])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveSignals:
+    """What a log has of one dive, each array (n,)."""
+
+    period: float
+    """[s]"""
+    signals: Signals
+    """by the names of the schema"""
+    current: tuple[float, float] = (math.nan, math.nan)
+    """north, east [m/s] between its fixes by the depth rate and the compass"""
+
+    def get(self, name: str) -> Array | None:
+        """A measured signal with a finite value."""
+        found = self.signals.get(f"measured_{name}")
+        return None if found is None or not np.isfinite(found).any() else found
+
+
+def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
+    """Value of each channel, (channels,); NaN where the log does not tell it.
+
+    Args:
+      calibration: whose flight model depth rates are beside; None: the vehicle has none.
+    """
+    found = dict.fromkeys(NAMES, math.nan)
+    depth = dive.get("depth")
+    if depth is None or len(depth) < 10:
+        return np.array(list(found.values()))
+    if calibration is not None:
+        found |= _flight(dive, depth, calibration)
+        found |= _turning(dive, depth, calibration.vehicle)
+    found |= _pump(dive, depth)
+    found |= _power(dive, depth)
+    found |= _hull(dive, depth)
+    found |= _lags(dive, depth)
+    found["current_north"], found["current_east"] = dive.current
+    return np.array([found[name] for name in NAMES], float)
+
+
+def _binned(values: Array, width: int) -> Array:
+    """Means of bins of so many samples; NaN are left out."""
+    count = len(values) // width
+    block = values[: count * width].reshape(count, width)
+    known = np.isfinite(block)
+    filled = np.where(known, block, 0.0).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(known.any(axis=1), filled / known.sum(axis=1), np.nan)
+
+
+def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[str, float]:
+    """Depth rates and trim in steady flight."""
+    pitch, pump, roll = dive.get("pitch"), dive.get("pump"), dive.get("roll")
+    if pitch is None or pump is None:
+        return {}
+    width = max(round(BIN / dive.period), 1)
+    roll = np.zeros(len(depth)) if roll is None else roll
+    shift, density = dive.get("shift"), dive.get("density")
+    nothing = np.full(len(depth), np.nan)
+    z, theta, phi, volume, place, rho = (
+        _binned(v, width)
+        for v in (depth, pitch, roll, pump, nothing if shift is None else shift,
+                  nothing if density is None else density)
+    )  # fmt: skip
+    if len(z) < 3:
+        return {}
+    # the slope of depth between the middles of the bins around
+    span = width * dive.period
+    rate = np.gradient(z, span)
+    spread = [np.maximum(np.abs(np.diff(v, prepend=v[:1])), np.abs(np.diff(v, append=v[-1:])))
+              for v in (theta, volume)]  # fmt: skip
+    steady = (spread[0] < STEADY_CHANGE) & (spread[1] < STEADY_PUMP) & (z > SHALLOW)
+    steady &= np.abs(theta) > STEADY_PITCH
+    rho = np.where(np.isfinite(rho), rho, calibration.sea_density(z))
+    pitched = calibration.true_pitch(np.deg2rad(theta))
+    net = calibration.net_mass(rho, np.maximum(z, 0.0), volume, np.zeros(len(z)))
+    known = np.isfinite(net) & np.isfinite(pitched)
+    net, pitched = np.where(known, net, 0.0), np.where(known, pitched, 0.0)
+    rates = np.zeros((3, len(z)))
+    speed, alpha, _, gliding = balance(
+        calibration.vehicle, net, np.deg2rad(np.nan_to_num(phi)), pitched, rates
+    )
+    model = -speed * np.sin(pitched - alpha)
+    found: dict[str, float] = {}
+    vehicle = calibration.vehicle
+    lever = 1e3 * vehicle.metacentric_height * vehicle.mass / vehicle.battery.mass
+    moved = 1e3 * place + lever * np.tan(pitched)
+    for word, sign in (("dive", 1.0), ("climb", -1.0)):
+        phase = steady & known & (sign * rate > 0.02) & (-sign * theta > 0.0)
+        used = phase & gliding & (sign * model > 0.02)
+        if used.sum() >= LEAST_BINS:
+            found[f"rate_{word}"] = float(rate[used].sum() / model[used].sum() - 1.0)
+        trimmed = phase & np.isfinite(moved)
+        if trimmed.sum() >= LEAST_BINS:
+            found[f"trim_{word}"] = float(np.median(moved[trimmed]))
+    return found
+
+
+def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, float]:
+    """Roll, the place of what turns it, and how well it holds its heading."""
+    found: dict[str, float] = {}
+    part = vehicle.steered("heading")
+    heading, roll = dive.get("heading"), dive.get("roll")
+    place: Array | None = None
+    if isinstance(part, Fin):
+        place = dive.get("fin")
+    elif isinstance(part, BatteryHinge):
+        place = dive.get("rotation")
+    width = max(round(BIN / dive.period), 1)
+    z = _binned(depth, width)
+    rate = np.gradient(z, width * dive.period) if len(z) > 2 else np.zeros(len(z))
+    straight = np.ones(len(z), bool)
+    if heading is not None:
+        turned = np.rad2deg(np.unwrap(np.deg2rad(_filled(heading))))
+        ahead = _binned(turned, width)
+        straight = np.abs(np.gradient(ahead)) < 6.0 if len(ahead) > 2 else straight
+    rolled = None if roll is None else _binned(roll, width)
+    at = None if place is None else _binned(place, width)
+    if rolled is not None and isinstance(part, BatteryHinge) and at is not None:
+        rolled = rolled - _roll_per_turn(vehicle) * at
+    for word, sign in (("dive", 1.0), ("climb", -1.0)):
+        phase = straight & (z > SHALLOW) & (sign * rate > 0.02)
+        for name, values in (("roll", rolled), ("turn", at)):
+            if values is not None:
+                used = phase & np.isfinite(values)
+                if used.sum() >= LEAST_BINS:
+                    found[f"{name}_{word}"] = float(np.median(values[used]))
+    under = depth > SHALLOW
+    if place is not None and under.sum() > 20:
+        own = at[(z > SHALLOW) & np.isfinite(at)] if at is not None else np.zeros(0)
+        if len(own) > LEAST_BINS:
+            way = float(np.abs(np.diff(own)).sum()) / (len(own) * BIN / 3600.0)
+            found["turn_moves"] = math.log(max(way, 0.05))
+    wanted = dive.signals.get("commanded_heading")
+    if heading is not None and wanted is not None:
+        off = np.deg2rad(heading - wanted)
+        known = np.isfinite(off) & under
+        if known.sum() > 20:
+            error = np.abs(np.angle(np.exp(1j * off[known])))
+            found["heading_error"] = math.log(
+                max(float(np.rad2deg(np.sqrt(np.mean(error**2)))), 0.05)
+            )
+    return found
+
+
+def _roll_per_turn(vehicle: Vehicle) -> float:
+    """Roll over the turn of a battery that hangs below the axis, near the middle."""
+    hung = vehicle.battery.mass * vehicle.battery.eccentricity
+    return -hung / max(vehicle.mass * vehicle.metacentric_height, 1e-9)
+
+
+def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
+    """How fast the pump pumps, and what it takes beside the sea's own work."""
+    volume = dive.get("pump")
+    if volume is None or dive.period > FINEST:
+        return {}
+    moved = np.diff(_filled(volume), prepend=_filled(volume)[:1])
+    out = moved > PUMPING * dive.period
+    found: dict[str, float] = {}
+    # a sample at an end of a stroke has a part of it alone
+    if out.sum() >= 5:
+        found["pump_rate"] = math.log(float(np.percentile(moved[out], 75.0)) / dive.period)
+    power = dive.get("pump_power")
+    if power is not None and out.any():
+        vacuum = dive.get("vacuum")
+        inside = 3e4 if vacuum is None else float(np.nanmedian(vacuum))
+        against = float(np.nansum((1e4 * np.maximum(depth, 0.0) + inside)[out] * 1e-6 * moved[out]))
+        taken = float(np.nansum(power[out | np.roll(out, 1)])) * dive.period
+        if against > 100.0 and taken > 0.0:
+            found["pump_work"] = math.log(taken / against)
+    return found
+
+
+def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
+    """Power of the electronics, and the voltage's drop under load."""
+    voltage, current = dive.get("voltage"), dive.get("battery_current")
+    found: dict[str, float] = {}
+    if voltage is not None and current is not None:
+        known = np.isfinite(voltage) & np.isfinite(current) & (depth > SHALLOW)
+        volts, amperes = voltage[known], current[known]
+        if known.sum() > 20:
+            rest = np.median(amperes)
+            spread = 1.4826 * float(np.median(np.abs(amperes - rest)))
+            quiet = np.abs(amperes - rest) <= max(3.0 * spread, 1e-3)
+            found["hotel"] = float(np.mean(amperes[quiet]) * np.mean(volts[quiet]))
+            loaded = amperes > rest + max(0.1, 5.0 * spread)
+            if loaded.sum() >= 5:
+                drop = float(np.median(volts[quiet])) - volts[loaded]
+                slope = float(drop @ (amperes[loaded] - rest))
+                slope /= float(((amperes[loaded] - rest) ** 2).sum())
+                if slope > 1e-4:
+                    found["resistance"] = math.log(slope)
+        return found
+    charge = dive.get("charge")
+    if charge is not None and voltage is not None:
+        known = np.flatnonzero(np.isfinite(charge))
+        if len(known) > 1 and known[-1] - known[0] > 10:
+            hours = (known[-1] - known[0]) * dive.period / 3600.0
+            taken = float(charge[known[-1]] - charge[known[0]])
+            if taken > 0.0:
+                found["hotel"] = taken / hours * float(np.nanmedian(voltage))
+    return found
+
+
+def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
+    """Air in the hull, depth at the surface, echoes of the floor."""
+    found: dict[str, float] = {}
+    vacuum, warmth = dive.get("vacuum"), dive.get("temperature")
+    if vacuum is not None:
+        kelvin = ZERO_C + (10.0 if warmth is None else float(np.nanmean(warmth)))
+        found["air"] = math.log((SEA_LEVEL - float(np.nanmean(vacuum))) / kelvin)
+    afloat = depth < max(AFLOAT, float(np.nanpercentile(depth, 1)) + 0.5)
+    if afloat.sum() >= 3 and float(np.nanmin(depth)) < 10.0:
+        found["surface_depth"] = float(np.nanmedian(depth[afloat]))
+    heard = dive.get("altitude")
+    if "measured_altitude" in dive.signals:
+        heard = dive.signals["measured_altitude"]
+        deepest = float(np.nanmax(depth))
+        deep = depth > ECHO_REACH * deepest
+        rate = np.gradient(depth)
+        deep &= rate > 0.0
+        if deepest > 15.0 and deep.sum() >= 10:
+            found["echoes"] = float(np.isfinite(heard[deep]).mean())
+    mode = dive.get("dvl_mode")
+    if mode is not None:
+        found["lock"] = float((mode[np.isfinite(mode)] > 0.0).mean())
+    return found
+
+
+def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
+    """By how much temperature and conductivity are late: dives and climbs differ by 2 lag dx/dt."""
+    found: dict[str, float] = {}
+    rate = np.gradient(_filled(depth), dive.period)
+    for name in ("temperature", "conductivity"):
+        values = dive.get(name)
+        if values is None:
+            continue
+        known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
+        place = (depth / LAYER).astype(int)
+        down, up = known & (rate > 0.0), known & (rate < 0.0)
+        if down.sum() < 30 or up.sum() < 30:
+            continue
+        size = int(place[known].max()) + 1
+        profiles = []
+        for phase in (down, up):
+            total = np.bincount(place[phase], values[phase], size)
+            count = np.bincount(place[phase], minlength=size)
+            moved = np.bincount(place[phase], rate[phase], size)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                profiles.append((total / count, moved / count))
+        (falling, sinking), (rising, climbing) = profiles
+        slope = np.gradient(0.5 * (falling + rising), LAYER)
+        both = np.isfinite(slope) & np.isfinite(falling) & np.isfinite(rising)
+        # x(t) = X(z) - lag dX/dz w: late in dives by one sign, in climbs by the other
+        late = slope * (climbing - sinking)
+        both &= np.isfinite(late)
+        if both.sum() >= 8 and float((late[both] ** 2).sum()) > 0.0:
+            off = (falling - rising)[both]
+            found[f"{name}_lag"] = float(off @ late[both] / (late[both] ** 2).sum())
+    return found
+
+
+def _filled(values: Array) -> Array:
+    """Straight lines across NaN."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) == len(values):
+        return values
+    return np.interp(np.arange(len(values)), known, values[known])
+
+
+def flight_model(vehicle: Vehicle) -> Calibration | None:
+    """The calibration of a vehicle with a flight model; None of others."""
+    from twin.identify.calibration import load_calibration
+
+    if not isinstance(vehicle.law, FlowFrame) or len(vehicle.masses) != 1:
+        return None
+    if not isinstance(vehicle.steered("buoyancy"), Pump):
+        return None
+    return load_calibration(vehicle)

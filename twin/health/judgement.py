@@ -1,0 +1,229 @@
+"""Judgement: is a fault more likely than drift, which one, since when and how large.
+
+Each channel has a level that walks from dive to dive; a Kalman filter follows it, and its
+innovations are what a sound vehicle leaves. A fault that began with some dive adds its signature,
+times its size, from there on; what the filter's innovations then are is linear in the size, so that
+the likelihood ratio of each kind and each first dive against drift is known in closed form (Willsky
+and Jones, IEEE TAC 21, 1976). The size has a normal prior of the kind's usual size, and the ratio
+is that of the marginal likelihoods.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from twin.health.channels import CHANNELS
+from twin.health.signatures import Hypothesis
+
+Array = NDArray[np.float64]
+
+CLIP = 3.5
+"""Standard deviations at which an innovation counts no further: one dive alone proves little"""
+FARTHEST = 30.0
+"""Standard deviations of a signature that count"""
+LEARNED = 8.0
+"""Dives that the noise of a channel before a deployment counts as"""
+LATE = 2
+"""Dives at the end that do not teach the noise: a fault would"""
+LEAST, MOST = 0.4, 40.0
+"""Smallest and largest variance of a channel over that before the deployment"""
+FIRST = 3
+"""Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
+UNKNOWN = 100.0
+"""Standard deviation of a level before its first dive, in its noise"""
+RARE = 200.0
+"""Dives in which a fault begins once, before anything is known"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Levels:
+    """What the filters of all channels made of a deployment, each (dives, channels)."""
+
+    level: Array
+    """after each dive"""
+    deviation: Array
+    """of it"""
+    innovation: Array
+    """over its deviation; NaN where the log has no value"""
+    expected: Array
+    """[variance] of each innovation"""
+    gain: Array
+    """of each update, 0 without a value"""
+
+
+def follow(values: Array) -> Levels:
+    """Follow every channel of a deployment.
+
+    Args:
+      values: (dives, channels), NaN where the log does not tell.
+    """
+    count, width = values.shape
+    noise = np.array([one.noise for one in CHANNELS]) ** 2
+    walk = np.array([one.walk for one in CHANNELS]) ** 2
+    level, variance = np.zeros(width), UNKNOWN**2 * noise
+    seen, squares = np.zeros(width), np.zeros((count, width))
+    scale = np.ones(width)
+    found = [np.full((count, width), math.nan) for _ in range(5)]
+    for d in range(count):
+        value = values[d]
+        known = np.isfinite(value)
+        variance = variance + walk * scale
+        spread = variance + noise * scale
+        first = known & (seen == 0)
+        level = np.where(first, value, level)
+        error = np.where(known, value - level, 0.0)
+        gain = np.where(known, variance / spread, 0.0)
+        level = level + gain * error
+        variance = np.where(known, (1.0 - gain) * variance, variance)
+        seen += known
+        told = known & ~first
+        squares[d] = np.where(told, np.minimum(error**2 / spread * scale, 9.0 * scale), 0.0)
+        counted = np.maximum(seen - 1.0 - LATE, 0.0)
+        taught = squares[: max(d + 1 - LATE, 0)].sum(axis=0)
+        scale = np.clip((LEARNED + taught) / (LEARNED + counted), LEAST, MOST)
+        for place, row in zip(
+            found,
+            (level, np.sqrt(variance), np.where(told, error / np.sqrt(spread), math.nan), spread,
+             gain),
+            strict=True,
+        ):  # fmt: skip
+            place[d] = row
+    names = ("level", "deviation", "innovation", "expected", "gain")
+    return Levels(**dict(zip(names, found, strict=True)))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Verdict:
+    """What a deployment's dives say, dive after dive."""
+
+    evidence: Array
+    """log of the odds of a fault against none after each dive, (dives,)"""
+    kinds: tuple[str, ...]
+    probability: Array
+    """of each kind after the last dive, (kinds,)"""
+    since: NDArray[np.int64]
+    """Most likely first dive of each kind, (kinds,)"""
+    size: Array
+    """Most likely size of each, in its unit, (kinds,)"""
+    size_deviation: Array
+    best: tuple[int, ...]
+    """Which hypothesis it is of each kind"""
+    running: tuple[str, ...]
+    """The most likely kind after each dive"""
+
+
+def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verdict:
+    """Weigh every fault and every first dive against drift.
+
+    Args:
+      days: [d] of the middle of each dive since the first, (dives,).
+      hypotheses: of faults, whose signatures are those of each dive where they differ.
+    """
+    count, width = levels.innovation.shape
+    size = len(hypotheses)
+    spread = np.sqrt(levels.expected)
+    told = np.isfinite(levels.innovation)
+    innovation = np.clip(np.where(told, levels.innovation, 0.0), -CLIP, CLIP)
+    known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
+    grows = np.array([h.fault.grows for h in hypotheses])
+    signatures = np.stack(
+        [np.broadcast_to(np.nan_to_num(h.signature), (count, width)) for h in hypotheses]
+    )  # (hypotheses, dives, channels)
+    scale = np.array([h.scale for h in hypotheses])
+    signed = np.array([h.fault.signed for h in hypotheses])
+    onsets = np.arange(FIRST, count)
+    answer = np.zeros((len(onsets), size, width))
+    info, score = np.zeros((2, len(onsets), size))
+    evidence, running = np.full(count, -math.inf), ["none"] * count
+    usual = np.array([_usual(h) for h in hypotheses])
+    before = np.zeros((len(onsets), size))
+    for d in range(count):
+        begun = onsets <= d
+        if not begun.any():
+            continue
+        since = np.where(begun, days[d] - days[np.minimum(onsets, d)] + _half(days, d), 0.0)
+        shape = np.where(grows[None, :], since[:, None], 1.0) * begun[:, None]
+        added = shape[:, :, None] * (signatures[:, d, :] * known)[None]
+        response = added - answer
+        limit = FARTHEST * spread[d] / scale[None, :, None]
+        response = np.clip(response, -limit, limit)
+        answer = answer + np.nan_to_num(levels.gain[d]) * response * begun[:, None, None]
+        weighted = response / spread[d] * told[d]
+        info += (weighted**2).sum(axis=2)
+        score += (weighted * innovation[d]).sum(axis=2)
+        before = _ratio(info, score, usual, signed)
+        prior = -math.log(RARE) - math.log(size)
+        alive = np.where(begun[:, None], before + prior, -math.inf)
+        evidence[d] = float(logsumexp(alive))
+        running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
+    names = tuple(dict.fromkeys(h.kind for h in hypotheses))
+    prior = -math.log(RARE) - math.log(size)
+    total = logsumexp(before + prior, axis=0) if len(onsets) else np.full(size, -math.inf)
+    every = float(np.logaddexp(0.0, logsumexp(total))) if len(onsets) else 0.0
+    probability, best, first, found, deviation = [], [], [], [], []
+    for name in names:
+        mine = [k for k, h in enumerate(hypotheses) if h.kind == name]
+        probability.append(float(np.exp(logsumexp(total[mine]) - every)) if len(onsets) else 0.0)
+        k = max(mine, key=lambda place: float(total[place]))
+        best.append(k)
+        if not len(onsets):
+            first.append(0)
+            found.append(math.nan)
+            deviation.append(math.nan)
+            continue
+        first.append(int(onsets[int(np.argmax(before[:, k]))]))
+        told_size = _size(levels, days, hypotheses[k], first[-1])
+        found.append(told_size[0])
+        deviation.append(told_size[1])
+    return Verdict(
+        evidence=evidence,
+        kinds=names,
+        probability=np.array(probability),
+        since=np.array(first, np.int64),
+        size=np.array(found),
+        size_deviation=np.array(deviation),
+        best=tuple(best),
+        running=tuple(running),
+    )
+
+
+def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:
+    """The size of a fault that began with a dive, and its deviation; nothing is cut off here."""
+    count, width = levels.innovation.shape
+    signature = np.broadcast_to(np.nan_to_num(hypothesis.signature), (count, width))
+    answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
+    for d in range(onset, count):
+        grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0
+        response = grown * signature[d] - answer
+        answer = answer + np.nan_to_num(levels.gain[d]) * response
+        known = np.isfinite(levels.innovation[d])
+        weighted = (response / np.sqrt(levels.expected[d]))[known]
+        info += float(weighted @ weighted)
+        score += float(weighted @ levels.innovation[d][known])
+    return score / info, 1.0 / math.sqrt(info)
+
+
+def _half(days: Array, d: int) -> float:
+    """[d] from the begin of a dive to its middle, about."""
+    if len(days) < 2:
+        return 0.0
+    return 0.5 * float(days[d] - days[d - 1] if d else days[1] - days[0])
+
+
+def _usual(hypothesis: Hypothesis) -> float:
+    """Standard deviation of the size before anything is known."""
+    return 1.5 * hypothesis.scale
+
+
+def _ratio(info: Array, score: Array, usual: Array, signed: Array) -> Array:
+    """log of the marginal likelihood with a size over that without, each (onsets, hypotheses)."""
+    precision = info + 1.0 / usual**2
+    two_sided = 0.5 * score**2 / precision - 0.5 * np.log(precision * usual**2)
+    positive = math.log(2.0) + log_ndtr(score / np.sqrt(precision))
+    return two_sided + np.where(signed, 0.0, positive)

@@ -1,0 +1,224 @@
+"""Signatures: what each fault adds to the channels of a dive, by flights of the twin with it.
+
+The same dive is flown sound and with each fault that the vehicle can have, in lanes, and each
+flight's channels are taken as from a log; the difference over the size is the signature. A kind of
+one's own so needs no line here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, TwinError
+from twin.faults.base import DAY, FAULTS, Fault, read_by
+from twin.health.channels import FLOWN, NAMES, PLACE, DiveSignals, channels_of, flight_model
+from twin.mission import Mission, SawTooth, Surface
+from twin.physics.electric import electric
+from twin.physics.lanes import Lane, flown_abreast
+from twin.physics.scenario import Scenario
+from twin.records.trajectory import Trajectory
+from twin.sensors import SensorSuite
+from twin.vehicle.parts import Fin
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+from twin.water.floor import FlatFloor
+
+Array = NDArray[np.float64]
+
+GROWN = 1.0
+"""[d] after which the signature of what grows is taken"""
+FLOOR_BELOW = 20.0
+"""[m] of the floor below the dive, so that an altimeter hears it"""
+PATIENCE = 60.0
+"""[s] for each metre of depth: a vehicle without a wing is slow"""
+SETTLED = 300.0
+"""[s] of a flight after which a fault begins that began at once"""
+LIKE = 0.97
+"""Cosine between two signatures, over their noise, from which no channel tells them apart"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TypicalDive:
+    """The dive that a vehicle usually makes; faults are flown in it."""
+
+    depth: float
+    """[m] of the lower turn"""
+    pitch: float
+    """[degree]"""
+    climb_pitch: float
+    """[degree]"""
+    net_mass: float
+    """[kg] heavy in dives"""
+    climb_net_mass: float
+    """[kg] light in climbs"""
+    period: float
+    """[s] between samples"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Hypothesis:
+    """A fault of size 1, in one of the ways that a vehicle can have it."""
+
+    fault: Fault
+    signature: Array
+    """added to each channel, (channels,), or in each dive, (dives, channels); for what grows, a day
+    after its begin; NaN where the twin does not tell"""
+    scale: float
+    """Size that it usually has"""
+
+    @property
+    def kind(self) -> str:
+        """Of the fault."""
+        return self.fault.kind
+
+
+def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> TypicalDive:
+    """The dive of a vehicle's file: its usual glide."""
+    pitch, _ = vehicle.usual_glide
+    lightest, heaviest = vehicle.net_mass_range
+    return TypicalDive(
+        depth=depth, pitch=math.degrees(pitch), climb_pitch=math.degrees(pitch),
+        net_mass=0.5 * heaviest, climb_net_mass=-0.5 * lightest, period=period,
+    )  # fmt: skip
+
+
+def hypotheses_of(
+    vehicle: Vehicle, dive: TypicalDive, way: Array, kinds: Sequence[str] | None = None
+) -> list[Hypothesis]:
+    """Every fault that a vehicle can have, with its signature in a dive.
+
+    Args:
+      way: mean velocity through the water of each dive by the compass [m/s], (dives, 2).
+      kinds: of faults; all by default.
+
+    Raises:
+      InputError: the vehicle's dive cannot be flown.
+    """
+    faults = [
+        type(sample).of_size(math.sqrt(sample.sizes[0] * sample.sizes[1]), **choice)
+        for name in (FAULTS if kinds is None else kinds)
+        if not FAULTS[name].unfit(vehicle)
+        for sample in [FAULTS[name]()]
+        for choice in sample.choices(vehicle)
+    ]
+    flown = [fault for fault in faults if fault.expected(way) is None]
+    table = _flown_channels(vehicle, dive, [(), *((fault,) for fault in flown)])
+    sound = table[0]
+    found = []
+    for fault, channels in zip(flown, table[1:], strict=True):
+        size = fault.size * (GROWN if fault.grows else 1.0)
+        signature = (channels - sound) / size
+        signature[~FLOWN] = 0.0
+        found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
+    for fault in faults:
+        told = fault.expected(way)
+        if told is not None:
+            signature = np.zeros((len(way), len(NAMES)))
+            for name, values in told.items():
+                signature[:, PLACE[name]] = np.nan_to_num(values)
+            found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
+    return found
+
+
+def _flown_channels(
+    vehicle: Vehicle, dive: TypicalDive, cases: Sequence[tuple[Fault, ...]]
+) -> list[Array]:
+    """Channels of the dive with each set of faults, noise-free; NaN where it cannot be flown."""
+    mission = Mission(
+        segments=(
+            Surface(duration_s=120.0),
+            SawTooth(
+                heading_deg=30.0, yos=1, max_depth_m=dive.depth, min_depth_m=8.0,
+                pitch_deg=dive.pitch, climb_pitch_deg=dive.climb_pitch, net_mass_kg=dive.net_mass,
+                climb_net_mass_kg=dive.climb_net_mass,
+            ),
+            Surface(duration_s=120.0),
+        ),
+        start_heading_deg=30.0,
+        name="signature",
+    )  # fmt: skip
+    water = DensityProfile.thermocline(max_depth=dive.depth + 200.0)
+    scenarios = [
+        Scenario(
+            vehicle=vehicle,
+            believed=vehicle,
+            mission=mission,
+            faults=[_begun(fault) for fault in case],
+            density=water,
+            floor=FlatFloor(depth_m=1.1 * dive.depth + FLOOR_BELOW),
+            engine="lanes",
+            sample_period=min(dive.period, 4.0),
+            duration=PATIENCE * dive.depth,
+        )
+        for case in cases
+    ]
+    calibration = flight_model(vehicle)
+    found = [np.full(len(NAMES), math.nan) for _ in cases]
+    try:
+        for k, one in flown_abreast([Lane(scenario) for scenario in scenarios]):
+            if isinstance(one, Trajectory):
+                found[k] = channels_of(told(scenarios[k], one), calibration)
+            elif not cases[k]:
+                raise one
+    except TwinError as error:
+        raise InputError(
+            f"vehicle {vehicle.name!r}: the dive that its logs show cannot be flown ({error}); "
+            "give the vehicle that made them with --vehicle"
+        ) from error
+    return found
+
+
+def _begun(fault: Fault) -> Fault:
+    """The fault as it is in the flight: grown for some days, or begun at once."""
+    start = -GROWN * DAY if fault.grows else SETTLED
+    return dataclasses.replace(fault, start=start)
+
+
+def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
+    """A flight as a log without noise."""
+    floor = scenario.floor
+    signals: dict[str, Array] = dict(
+        SensorSuite.preset("ideal").measure(
+            flown.signals, dt=scenario.sample_period, rng_seed=np.random.SeedSequence(0),
+            density=scenario.density,
+            bottom_depth=floor.depth_m if isinstance(floor, FlatFloor) else None,
+        )
+    )  # fmt: skip
+    signals |= electric(scenario, flown)
+    signals["commanded_heading"] = flown["commanded_heading"]
+    signals |= read_by(
+        scenario.faults, signals, flown.time, np.random.default_rng(0),
+        period=scenario.sample_period,
+    )  # fmt: skip
+    for part in scenario.vehicle.parts:
+        if isinstance(part, Fin):
+            signals["measured_fin"] = signals[f"measured_{part.name}"]
+    return DiveSignals(period=scenario.sample_period, signals=signals)
+
+
+def confusable(
+    hypotheses: Sequence[Hypothesis], noise: Mapping[str, float] | Array
+) -> dict[str, set[str]]:
+    """Kinds that no channel with a noise tells from each kind, which is among them.
+
+    Args:
+      noise: of each channel, (channels,); infinite where a log lacks it.
+    """
+    deviation = np.asarray(noise, float)
+    units: dict[str, list[Array]] = {}
+    for one in hypotheses:
+        scaled = np.nan_to_num(np.atleast_2d(one.signature)) * one.scale / deviation
+        flat = np.clip(scaled, -30.0, 30.0).ravel()
+        if scaled.shape[0] == 1 and (size := float(np.linalg.norm(flat))) > 0.5:
+            units.setdefault(one.kind, []).append(flat / size)
+    found = {one.kind: {one.kind} for one in hypotheses}
+    for a, mine in units.items():
+        for b, theirs in units.items():
+            if any(abs(float(x @ y)) > LIKE for x in mine for y in theirs):
+                found[a].add(b)
+    return found
