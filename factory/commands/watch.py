@@ -112,8 +112,7 @@ class WatchDeployment(JsonOption):
     def _make(self, console: Console) -> None:
         import os
 
-        from factory.watching import WatchedDeployment
-        from factory.watching.deployment_folder import AUTO
+        from factory.watching import AUTO, WatchedDeployment
         from twin import load_vehicle
         from twin.errors import InputError, quoted
 
@@ -152,9 +151,7 @@ class WatchDeployment(JsonOption):
         self, console: Console, deployment: WatchedDeployment, until: datetime.datetime | None
     ) -> Passed | None:
         """One pass, said."""
-        from factory.watching import one_pass
-        from factory.watching.morning_page import summary
-        from factory.watching.watch_pass import alone
+        from factory.watching import alone, one_pass, summary
 
         with alone(deployment.folder) as free:
             if not free:

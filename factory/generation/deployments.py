@@ -62,10 +62,12 @@ CHUNK = 8
 ATTEMPTS = 20
 """Draws of a deployment until one can be flown"""
 FAULT_KIND, FAULT_ONSET, FAULT_SIZE = "fault_kind", "fault_onset_dive", "fault_size"
-LABELS = "fault_labels"
+LABELS, NAME = "fault_labels", "deployment_name"
 """JSON of each deployment's fault with all of its settings"""
 HEALTHY = "none"
 """The kind of fault of a deployment without one"""
+WORDS = (FAULT_KIND, LABELS, NAME)
+"""Labels that are texts"""
 KIND = "simulated"
 """What such a store calls its kind of log"""
 
@@ -293,7 +295,7 @@ def dataset_of_logs(
         join="outer",
     )
     dataset = dataset.assign_coords({MISSION: np.arange(dataset.sizes[MISSION])})
-    labels = {
+    labels: dict[str, tuple[list[Any], str]] = {
         FAULT_KIND: ([draw.kind for draw, _ in flown], "fault; none: it is healthy"),
         FAULT_ONSET: (
             [_onset(draw, one) for (draw, _), one in zip(flown, parts, strict=True)],
@@ -307,12 +309,12 @@ def dataset_of_logs(
             [json.dumps({} if d.fault is None else d.fault.describe()) for d, _ in flown],
             "JSON of the fault with all of its settings",
         ),
-        "deployment_name": ([draw.name for draw, _ in flown], "name, as in `deployment`"),
+        NAME: ([draw.name for draw, _ in flown], "name, as in `deployment`"),
     }
     added = {
         name: (
             DEPLOYMENT,
-            np.array(values, object if isinstance(values[0], str) else np.float64),
+            np.array(values, object if name in WORDS else np.float64),
             {"long_name": long_name},
         )
         for name, (values, long_name) in labels.items()

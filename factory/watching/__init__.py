@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from factory.watching.deployment_folder import AUTO as AUTO
     from factory.watching.deployment_folder import WatchedDeployment as WatchedDeployment
+    from factory.watching.morning_page import summary as summary
     from factory.watching.watch_pass import Passed as Passed
+    from factory.watching.watch_pass import alone as alone
     from factory.watching.watch_pass import one_pass as one_pass
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

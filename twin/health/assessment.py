@@ -292,7 +292,7 @@ def _kind(
     signature = np.atleast_2d(best.signature)
     shown = np.nan_to_num(np.abs(signature)).max(axis=0) * best.scale
     over = shown / np.array([channel.noise for channel in CHANNELS])
-    told = np.isfinite(levels.innovation).any(axis=0)
+    told = np.atleast_1d(np.isfinite(levels.innovation).any(axis=0))
     by = [c for c in np.argsort(-over).tolist() if over[c] > 1.0 and told[c]][:4]
     loud = np.nan_to_num(np.abs(levels.innovation[first:, by])).sum(axis=1) if by else np.zeros(0)
     look = sorted(first + int(d) for d in np.argsort(-loud)[:3]) if len(loud) else []
@@ -325,7 +325,10 @@ def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
     depth = float(np.median(deepest)) if deepest else 150.0
     period = dives[0].period if dives else 4.0
     usual = usual_dive(vehicle, period, max(round(depth / ROUND) * ROUND, 30.0))
-    down, up, heavy, light = [], [], [], []
+    down: list[float] = []
+    up: list[float] = []
+    heavy: list[float] = []
+    light: list[float] = []
     for dive in dives:
         pitch, pump = dive.get("pitch"), dive.get("pump")
         if pitch is None or pump is None:

@@ -152,7 +152,8 @@ def _said(
 def _filtered(said: Sequence[tuple[Array, Array]], steps: Array) -> tuple[Array, Array, Array]:
     """Offsets, covariances and innovations after each dive; the first belief is a unit normal."""
     count = len(steps)
-    mean, covariance = np.zeros(count), np.eye(count)
+    mean: Array = np.zeros(count)
+    covariance: Array = np.eye(count)
     means, covariances, innovations = [], [], []
     for matrix, pulled in said:
         covariance = covariance + np.diag(steps**2)

@@ -310,10 +310,10 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
         return found
     charge = dive.get("charge")
     if charge is not None and voltage is not None:
-        known = np.flatnonzero(np.isfinite(charge))
-        if len(known) > 1 and known[-1] - known[0] > 10:
-            hours = (known[-1] - known[0]) * dive.period / 3600.0
-            taken = float(charge[known[-1]] - charge[known[0]])
+        read = np.flatnonzero(np.isfinite(charge))
+        if len(read) > 1 and read[-1] - read[0] > 10:
+            hours = (read[-1] - read[0]) * dive.period / 3600.0
+            taken = float(charge[read[-1]] - charge[read[0]])
             if taken > 0.0:
                 found["hotel"] = taken / hours * float(np.nanmedian(voltage))
     return found
