@@ -160,7 +160,7 @@ def _filtered(said: Sequence[tuple[Array, Array]], steps: Array) -> tuple[Array,
         innovations.append(_innovation(matrix, pulled, mean, covariance))
         precision = np.linalg.inv(covariance)
         before = mean
-        covariance = np.linalg.inv(precision + matrix)
+        covariance = np.asarray(np.linalg.inv(precision + matrix), np.float64)
         mean = covariance @ (precision @ before + pulled)
         means.append(mean)
         covariances.append(covariance)
