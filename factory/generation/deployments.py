@@ -35,11 +35,11 @@ from factory.sampling.distribution import Distribution
 from factory.sampling.parameters import Table, declared, override, parameter_table
 from twin.errors import InputError, TwinError
 from twin.geodesy import position, wrap_longitude
-from twin.records.attributes import DEPLOYMENT, DIVE, START_TIME, VEHICLE_MJCF
+from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
 from twin.records.presence import is_store
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.storage.whole import whole_folder
-from twin.records.store import check_target, write_zarr
+from twin.records.store import check_target, read_zarr, write_zarr
 from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -340,7 +340,7 @@ def _onset(draw: DeploymentDraw, dives: xr.Dataset) -> float:
         return float("nan")
     moment = datetime.datetime.fromisoformat(str(draw.scenario.place.time))
     begin = moment.replace(tzinfo=datetime.UTC).timestamp() + draw.fault.start
-    ends = np.asarray(dives[START_TIME], float) + np.asarray(dives["dive_duration"], float)
+    ends = np.asarray(dives[START_TIME], float) + np.asarray(dives[DIVE_DURATION], float)
     later = np.flatnonzero(ends > begin)
     return float(dives[DIVE][later[0]]) if later.size else float("nan")
 
@@ -352,7 +352,7 @@ def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:
     """
     import xarray as xr
 
-    parts = [xr.open_zarr(path, consolidated=None, chunks=None) for path in files]
+    parts = [read_zarr(path) for path in files]
     longest = max(parts, key=lambda part: part.sizes[TIME])
     known: dict[str, xr.Variable] = {}
     for part in parts:
@@ -373,7 +373,7 @@ def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:
         })  # fmt: skip
         write_zarr(whole, folder, append=MISSION if begun else None)
         begun += count
-        days += float(np.nansum(part["dive_duration"])) / 86400.0
+        days += float(np.nansum(part[DIVE_DURATION])) / 86400.0
         faulty += sum(str(kind) != HEALTHY for kind in part[FAULT_KIND].values)
     told = xr.concat(
         [part[labels].drop_vars(MISSION, errors="ignore") for part in parts], DEPLOYMENT

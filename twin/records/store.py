@@ -94,6 +94,13 @@ def write_zarr(dataset: xr.Dataset, folder: Path, *, append: str | None = None) 
         dataset.to_zarr(folder, zarr_format=3, consolidated=True, encoding=encoding, **how)
 
 
+def read_zarr(folder: Path) -> xr.Dataset:
+    """A group that `write_zarr` wrote, its arrays read when they are asked for."""
+    import xarray as xr
+
+    return xr.open_zarr(folder, consolidated=None, chunks=None)
+
+
 def write_netcdf(
     dataset: xr.Dataset, path: Path, encoding: Mapping[str, Any] | None = None
 ) -> None:
