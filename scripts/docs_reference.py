@@ -38,6 +38,7 @@ AREAS = {
     "twin.mission": "Missions",
     "twin.water": "Water",
     "twin.vehicle": "Vehicles",
+    "twin.faults": "Vehicles",
     "twin.sensors": "Sensors and navigation",
     "twin.navigation": "Sensors and navigation",
     "twin.logs": "Logs",

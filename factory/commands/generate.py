@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher
     from factory.sampling import Recipe
 
+DEPLOYMENTS = "faulty"
+"""Begins the names of presets of deployments"""
 DEFAULT_OUT = Path("data/missions.zarr")
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
@@ -77,9 +79,9 @@ class Generate(EngineOption, JsonOption):
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
         import_numpy_with_one_thread()
-        from factory.generation import PERIODS, parse_part, slurm_part
+        from factory.generation import parse_part, slurm_part
 
-        if self.preset in PERIODS:
+        if self.preset.startswith(DEPLOYMENTS):
             return self._deployments(console)
         part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from twin.faults.base import Condition
 from twin.physics.condition import conditions_of, healthy
@@ -98,6 +97,8 @@ def electric(
 
 def _late(values: Array, lag: float) -> Array:
     """Values that follow with a lag of so many samples."""
+    from scipy.signal import lfilter
+
     share = 1.0 - math.exp(-1.0 / lag)
     found, _ = lfilter([share], [1.0, share - 1.0], values, zi=[values[0] * (1.0 - share)])
     return np.asarray(found)
