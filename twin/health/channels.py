@@ -110,8 +110,8 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="current_east", unit="m s-1", noise=0.02, walk=0.03, flown=False,
             says="depth-averaged current to the east, by the compass' heading"),
 )  # fmt: skip
-"""Every channel; noise and walk are medians of sound simulated deployments of five gliders
-(`python -m benchmarks.health --noise`), and a deployment's own dives change them"""
+"""Every channel; noise and walk are of the size that sound simulated deployments of a Slocum have
+(preset `faulty`), larger where they are hardly there; a deployment's own dives change them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 FLOWN = np.array([channel.flown for channel in CHANNELS])

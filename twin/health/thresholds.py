@@ -1,7 +1,9 @@
 """Thresholds: how much evidence is an alarm, by the false alarms that a pilot bears.
 
-Measured on sound simulated deployments of five gliders, none of which tuned anything else
-(`python -m benchmarks.health --thresholds`): how often the evidence first passed a level.
+The level for 30 days was chosen on 16 sound simulated deployments of a Slocum, 75 days, where the
+evidence stayed below 2.5; on 451 days that chose nothing it gave 5 false alarms, one in 90 days
+(`python -m benchmarks.health --thresholds`). The other levels are steps of three in the log of the
+odds about it.
 """
 
 from __future__ import annotations
