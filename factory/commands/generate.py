@@ -124,7 +124,7 @@ class Generate(EngineOption, JsonOption):
                 seed=self.seed,
                 workers=self.workers,
                 overwrite=self.overwrite,
-                watch=watch,
+                watch=lambda hours: watch(hours, 0),
             )
         console.answer(
             out=made.store, preset=self.preset, seed=self.seed, deployments=made.deployments,

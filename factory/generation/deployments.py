@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import functools
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -94,6 +95,7 @@ class DeploymentPlan:
         """[s] between samples."""
         return PERIODS[self.preset]
 
+    @functools.cached_property
     def tables(self) -> tuple[Table, dict[str, Distribution]]:
         """Parameters and what they are drawn from."""
         table = parameter_table(self.vehicle)
@@ -102,7 +104,7 @@ class DeploymentPlan:
 
     def draw(self, index: int, attempt: int, faulty: bool) -> DeploymentDraw:
         """One deployment; raises a TwinError where the vehicle cannot fly it."""
-        table, distributions = self.tables()
+        table, distributions = self.tables
         return draw_deployment(
             self.vehicle, table, distributions, seed=self.seed, index=index, attempt=attempt,
             period=self.period, kinds=self.kinds, faulty=faulty, size=self.size,
@@ -132,7 +134,7 @@ def make_deployments(
     size: float | None = None,
     workers: int | None = None,
     overwrite: bool = False,
-    watch: Callable[[float, int], None] = lambda hours, failures: None,
+    watch: Callable[[float], None] = lambda hours: None,
 ) -> MadeDeployments:
     """Make a store of deployments, whole or not at all; the same bytes whatever the workers.
 
@@ -141,7 +143,7 @@ def make_deployments(
         made, of which exactly half have a fault.
       kinds: of faults that are drawn, by default all that the vehicle can have.
       size: of the faults, by default drawn from their kind's range.
-      watch: called with the hours of a deployment that is done, and the draws that failed.
+      watch: called with the hours of deployments that are done.
 
     Raises:
       InputError: nothing to make, a fault that the vehicle cannot have. WriteError: something is
@@ -165,7 +167,7 @@ def make_deployments(
         for made in _done(
             workers, _piece, [(plan, p, f) for p, f in zip(pieces, files, strict=True)]
         ):
-            watch(*made)
+            watch(made)
         dives, days, faulty = _joined(files, folder)
     return MadeDeployments(
         store=Path(out), deployments=count, faulty=faulty, dives=dives, days=days
@@ -263,13 +265,13 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
     )
 
 
-def _piece(job: tuple[DeploymentPlan, Sequence[int], Path]) -> tuple[float, int]:
-    """Fly some deployments into a store of their own; hours and failed draws."""
+def _piece(job: tuple[DeploymentPlan, Sequence[int], Path]) -> float:
+    """Fly some deployments into a store of their own; their hours [h]."""
     plan, indices, path = job
     flown = flown_logs(plan, indices)
     dataset = dataset_of_logs(flown, plan)
     write_zarr(dataset, path)
-    return sum(draw.scenario.run_time() for draw, _ in flown) / 3600.0, 0
+    return sum(draw.scenario.run_time() for draw, _ in flown) / 3600.0
 
 
 def dataset_of_logs(

@@ -27,7 +27,7 @@ from factory.sampling.vehicle_errors import (
     spread_vehicle,
 )
 from twin.errors import InputError, TwinError
-from twin.faults.base import FAULTS, Fault, read_by
+from twin.faults.base import FAULTS, Fault, faults_of, read_by
 from twin.mission import Mission, SawTooth, Surface
 from twin.mission.way import way
 from twin.physics.electric import electric
@@ -111,12 +111,9 @@ def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]
     Raises:
       InputError: it cannot have one of them.
     """
-    possible = tuple(
-        name for name, kind in FAULTS.items()
-        if not kind.unfit(vehicle) and name not in NOT_DRAWN
-    )  # fmt: skip
+    possible = tuple(name for name in faults_of(vehicle) if name not in NOT_DRAWN)
     for name in wanted:
-        if FAULTS[name].unfit(vehicle) or name in NOT_DRAWN:
+        if FAULTS[name].kind not in possible:
             raise InputError(
                 f"vehicle {vehicle.name!r} cannot show fault {name!r} in a glider's log; it can "
                 f"show {', '.join(possible)}"
@@ -209,7 +206,8 @@ def _mission(
     left = 0
     segments: list[Any] = []
     lengths: list[float] = []
-    yos = _yos(drawn, vehicle, float(rng.uniform(*HOURS)))
+    one_yo = _yo_time(drawn, vehicle)
+    yos = max(1, round(3600.0 * float(rng.uniform(*HOURS)) / one_yo))
     for _ in range(dives):
         if left == 0:
             heading = (heading + float(rng.uniform(-120.0, 120.0))) % 360.0
@@ -229,7 +227,7 @@ def _mission(
                 **one,
             ),
         ]
-        lengths.append(STAY + yos * _yo_time(drawn, vehicle))
+        lengths.append(STAY + yos * one_yo)
     segments.append(Surface(duration_s=STAY))
     lengths.append(STAY + 300.0)
     mission = Mission(
@@ -254,10 +252,6 @@ def _yo_time(drawn: dict[str, Any], vehicle: Vehicle) -> float:
         )  # fmt: skip
         total += height / abs(steady.vertical_speed)
     return total
-
-
-def _yos(drawn: dict[str, Any], vehicle: Vehicle, hours: float) -> int:
-    return max(1, round(3600.0 * hours / _yo_time(drawn, vehicle)))
 
 
 def _fault(

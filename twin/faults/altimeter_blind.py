@@ -28,12 +28,6 @@ class AltimeterBlind(Fault):
     part: float = 1.0
     """of its echoes that are lost"""
 
-    def problems(self) -> list[str]:
-        """Part of them or all."""
-        if not 0.0 < self.part <= 1.0:
-            return [f"part = {self.part:g} must be above 0 and at most 1"]
-        return []
-
     def readings(
         self, signals: Readings, size: Array, period: float, rng: np.random.Generator
     ) -> Readings:

@@ -103,6 +103,10 @@ class Fault:
     """of the size"""
     sizes: ClassVar[tuple[float, float]] = (1.0, 1.0)
     """Smallest and largest size that deployments draw"""
+    most: ClassVar[float] = 1.0
+    """Largest size that there can be"""
+    whole: ClassVar[bool] = True
+    """False: the largest itself cannot be, as all blades cannot be gone"""
     grows: ClassVar[bool] = False
     """True: the size is what is added a day"""
     signed: ClassVar[bool] = False
@@ -128,8 +132,22 @@ class Fault:
                 continue
             if not math.isfinite(number(value, f"fault {self.kind}: {field.name}")):
                 raise InputError(f"fault {self.kind}: {field.name} = {value} must be finite")
-        for problem in self.problems():
+        for problem in (*self._size_problems(), *self.problems()):
             raise InputError(f"fault {self.kind}: {problem}")
+
+    def _size_problems(self) -> list[str]:
+        """Why there can be no such size."""
+        size = abs(self.size) if self.signed else self.size
+        if 0.0 < size < self.most or (self.whole and size == self.most):
+            return []
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.signed:
+            rule = f"must be within {self.most:g}, not 0"
+        elif self.whole:
+            rule = f"must be above 0 and at most {self.most:g}"
+        else:
+            rule = f"must lie between 0 and {self.most:g}"
+        return [f"{self.size_name} = {self.size:g}{unit} {rule}"]
 
     # --- what a kind says -----------------------------------------------------------------------
 
@@ -139,7 +157,7 @@ class Fault:
         return ""
 
     def problems(self) -> list[str]:
-        """What is wrong with its numbers."""
+        """What is wrong with its other fields."""
         return []
 
     def change(self, condition: Condition, size: float) -> Condition:

@@ -20,6 +20,7 @@ class BladeLost(Fault):
     says: ClassVar[str] = "a propeller blade is lost"
     size_name: ClassVar[str] = "part"
     sizes: ClassVar[tuple[float, float]] = (0.33, 0.5)
+    whole: ClassVar[bool] = False
     source: ClassVar[str] = "one blade of three, or of two"
     shows: ClassVar[str] = "slower at the same rate, with less power"
     otherwise: ClassVar[str] = "growth on the hull, which takes more power, not less"
@@ -34,12 +35,6 @@ class BladeLost(Fault):
         if isinstance(vehicle.steered("speed"), Propeller):
             return ""
         return "has no propeller that drives it"
-
-    def problems(self) -> list[str]:
-        """Not all of them."""
-        if not 0.0 < self.part < 1.0:
-            return [f"part = {self.part:g} must lie between 0 and 1"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Thrust, torque and standing drag of the blades that are left."""

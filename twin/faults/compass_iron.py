@@ -25,6 +25,7 @@ class CompassIron(Fault):
     unit: ClassVar[str] = "degree"
     sizes: ClassVar[tuple[float, float]] = (4.0, 15.0)
     signed: ClassVar[bool] = True
+    most: ClassVar[float] = 60.0
     source: ClassVar[str] = (
         "OceanGliders' procedure for depth-averaged currents: 1 deg or less calibrated, usually up "
         "to 5 without; more where a battery pack is exchanged"
@@ -37,12 +38,6 @@ class CompassIron(Fault):
     """[degree] largest deviation"""
     toward: float = 0.0
     """[degree] heading at which there is none and from which on it is positive"""
-
-    def problems(self) -> list[str]:
-        """Less than a right angle."""
-        if not 0.0 < abs(self.degrees) <= 60.0:
-            return [f"degrees = {self.degrees:g} must be within 60, not 0"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Guidance steers by the deviation, a sine of the heading."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -43,12 +43,6 @@ class TurnStuck(Fault):
         """It needs something that turns it."""
         return "" if _turning(vehicle) is not None else "has nothing that turns it"
 
-    def problems(self) -> list[str]:
-        """Part of it or all."""
-        if not 0.0 < self.part <= 1.0:
-            return [f"part = {self.part:g} must be above 0 and at most 1"]
-        return []
-
     def expected(self, way: Array) -> Mapping[str, Array]:
         """It makes no way any more and holds its heading less well: by how much depends on the sea,
         which flights of the twin without waves do not have."""
@@ -73,6 +67,7 @@ class TurnSlips(Fault):
     unit: ClassVar[str] = "degree"
     sizes: ClassVar[tuple[float, float]] = (5.0, 15.0)
     signed: ClassVar[bool] = True
+    most: ClassVar[float] = 90.0
     source: ClassVar[str] = "ours: some teeth of a gear, an eighth to a third of a rudder's travel"
     shows: ClassVar[str] = "another position of the drive, or another roll, at a straight heading"
     otherwise: ClassVar[str] = "a wing or weed on one side, which differs in dives and climbs"
@@ -87,21 +82,11 @@ class TurnSlips(Fault):
         part = _turning(vehicle)
         return "" if part is not None and part.unit == "rad" else "has no angle that turns it"
 
-    def problems(self) -> list[str]:
-        """Some angle."""
-        if not 0.0 < abs(self.degrees) <= 90.0:
-            return [f"degrees = {self.degrees:g} must be within 90, not 0"]
-        return []
-
     def change(self, condition: Condition, size: float) -> Condition:
         """Another zero of the encoder."""
         part = _turning(condition.vehicle)
         assert part is not None
         return _slipped(condition, part.name, math.radians(size))
-
-    def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Both ways are one kind: the size has a sign."""
-        return ({},)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -126,12 +111,6 @@ class PitchSlips(Fault):
         """It needs a battery that slides."""
         part = vehicle.steered("pitch")
         return "" if part is not None and part.joint == "slide" else "has no battery that slides"
-
-    def problems(self) -> list[str]:
-        """Some of the travel."""
-        if not 0.0 < abs(self.travel) <= 1.0:
-            return [f"travel = {self.travel:g} must be within 1, not 0"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Another zero of the encoder."""

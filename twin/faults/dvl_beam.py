@@ -28,12 +28,6 @@ class DvlBeam(Fault):
     part: float = 0.5
     """of its samples that lose their lock"""
 
-    def problems(self) -> list[str]:
-        """Part of them."""
-        if not 0.0 < self.part <= 1.0:
-            return [f"part = {self.part:g} must be above 0 and at most 1"]
-        return []
-
     def readings(
         self, signals: Readings, size: Array, period: float, rng: np.random.Generator
     ) -> Readings:

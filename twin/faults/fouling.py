@@ -47,12 +47,6 @@ class Fouling(Fault):
         """The law must have a drag to grow."""
         return _without_drag(vehicle)
 
-    def problems(self) -> list[str]:
-        """Drag grows."""
-        if not 0.0 < self.per_day <= 1.0:
-            return [f"per_day = {self.per_day:g} must be above 0 and at most 1"]
-        return []
-
     def change(self, condition: Condition, size: float) -> Condition:
         """More drag, less lift, some weight."""
         vehicle = condition.vehicle
@@ -72,6 +66,7 @@ class Attached(Fault):
     says: ClassVar[str] = "something is towed or attached"
     size_name: ClassVar[str] = "drag"
     sizes: ClassVar[tuple[float, float]] = (0.3, 1.5)
+    most: ClassVar[float] = 10.0
     source: ClassVar[str] = (
         "Yang, Lembke, Zhang and Edwards, 2023 (arXiv 2308.00180): remoras and weed on Slocums, "
         "slow climbs and roll"
@@ -87,12 +82,6 @@ class Attached(Fault):
     def unfit(cls, vehicle: Vehicle) -> str:
         """The law must have a drag."""
         return _without_drag(vehicle)
-
-    def problems(self) -> list[str]:
-        """It has a drag."""
-        if not 0.0 < self.drag <= 10.0:
-            return [f"drag = {self.drag:g} must be above 0 and at most 10"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """More drag, below the axis, so that it lowers the nose."""

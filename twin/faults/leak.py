@@ -24,6 +24,7 @@ class WaterTaken(Fault):
     unit: ClassVar[str] = "L d-1"
     sizes: ClassVar[tuple[float, float]] = (0.02, 0.08)
     grows: ClassVar[bool] = True
+    most: ClassVar[float] = 10.0
     source: ClassVar[str] = (
         "ours: from what a pump's reach of 0.2 L hides for ten days to what it hides for two"
     )
@@ -42,13 +43,10 @@ class WaterTaken(Fault):
         return "" if vehicle.steered("buoyancy") is not None else "has no pump to trim against it"
 
     def problems(self) -> list[str]:
-        """Some water, in the hull."""
-        found = []
-        if not 0.0 < self.per_day <= 10.0:
-            found.append(f"per_day = {self.per_day:g} L must be above 0 and at most 10")
+        """It gathers in the hull."""
         if not -0.5 <= self.place <= 0.5:
-            found.append(f"place = {self.place:g} must lie within -0.5 and 0.5")
-        return found
+            return [f"place = {self.place:g} must lie within -0.5 and 0.5"]
+        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """A mass low in the hull, which displaces nothing more."""

@@ -16,6 +16,7 @@ class PackLost(Fault):
     says: ClassVar[str] = "a battery pack is lost"
     size_name: ClassVar[str] = "part"
     sizes: ClassVar[tuple[float, float]] = (0.2, 0.5)
+    whole: ClassVar[bool] = False
     source: ClassVar[str] = "one pack of two to five in parallel"
     shows: ClassVar[str] = "a voltage that drops more under the pump's load, and falls faster"
     otherwise: ClassVar[str] = "cold batteries; a counter that lost its place"
@@ -23,12 +24,6 @@ class PackLost(Fault):
 
     part: float = 0.33
     """of the batteries that is gone"""
-
-    def problems(self) -> list[str]:
-        """Not all of them."""
-        if not 0.0 < self.part < 1.0:
-            return [f"part = {self.part:g} must lie between 0 and 1"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Fewer packs."""
@@ -44,6 +39,7 @@ class HotelRaised(Fault):
     size_name: ClassVar[str] = "watts"
     unit: ClassVar[str] = "W"
     sizes: ClassVar[tuple[float, float]] = (0.2, 1.0)
+    most: ClassVar[float] = 1000.0
     source: ClassVar[str] = "ours: a modem or a sensor that is not switched off"
     shows: ClassVar[str] = "more current while nothing moves"
     otherwise: ClassVar[str] = "a sensor that was switched on"
@@ -51,10 +47,6 @@ class HotelRaised(Fault):
 
     watts: float = 0.4
     """[W] taken all the time"""
-
-    def problems(self) -> list[str]:
-        """Some power."""
-        return [] if 0.0 < self.watts <= 1e3 else [f"watts = {self.watts:g} must be above 0"]
 
     def change(self, condition: Condition, size: float) -> Condition:
         """More power of the electronics."""

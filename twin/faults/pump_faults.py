@@ -24,6 +24,7 @@ class PumpWeak(Fault):
     says: ClassVar[str] = "the pump is weak"
     size_name: ClassVar[str] = "loss"
     sizes: ClassVar[tuple[float, float]] = (0.15, 0.5)
+    whole: ClassVar[bool] = False
     source: ClassVar[str] = "ours: from a motor's spread to a pump that hardly lifts its depth"
     shows: ClassVar[str] = "fewer cm3 a second and more J a cm3 at depth"
     otherwise: ClassVar[str] = "a low battery voltage; cold oil"
@@ -36,12 +37,6 @@ class PumpWeak(Fault):
     def unfit(cls, vehicle: Vehicle) -> str:
         """It needs a pump."""
         return _without_pump(vehicle)
-
-    def problems(self) -> list[str]:
-        """Not all of it."""
-        if not 0.0 < self.loss < 1.0:
-            return [f"loss = {self.loss:g} must lie between 0 and 1"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """A lower rate and efficiency."""
@@ -63,6 +58,7 @@ class PumpAir(Fault):
     size_name: ClassVar[str] = "volume"
     unit: ClassVar[str] = "cm3"
     sizes: ClassVar[tuple[float, float]] = (20.0, 80.0)
+    most: ClassVar[float] = 10000.0
     source: ClassVar[str] = "ours: a tenth to a third of a shallow glider's pump"
     shows: ClassVar[str] = "heavier below the surface than its pump says, and less work to pump"
     otherwise: ClassVar[str] = "water in the hull, which goes on; fresher water"
@@ -75,12 +71,6 @@ class PumpAir(Fault):
     def unfit(cls, vehicle: Vehicle) -> str:
         """It needs a pump."""
         return _without_pump(vehicle)
-
-    def problems(self) -> list[str]:
-        """Some air."""
-        if not 0.0 < self.volume <= 1e4:
-            return [f"volume = {self.volume:g} cm3 must be above 0 and at most 10 000"]
-        return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """The volume is missing at every depth below the first ten metres, where it is flown; and

@@ -58,13 +58,8 @@ class WingLost(Fault):
         return ""
 
     def problems(self) -> list[str]:
-        """A side and a part of it."""
-        found = []
-        if self.side not in SIDES:
-            found.append(unknown_name("side", self.side, SIDES))
-        if not 0.0 < self.part <= 1.0:
-            found.append(f"part = {self.part:g} must be above 0 and at most 1")
-        return found
+        """A side."""
+        return [] if self.side in SIDES else [unknown_name("side", self.side, SIDES)]
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Less lift and drag, a wing's weight less, and forces that no longer balance."""

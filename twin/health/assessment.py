@@ -15,17 +15,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, StoreError
+from twin.errors import InputError
 from twin.faults.base import FAULTS, Fault
 from twin.health.channels import CHANNELS, DiveSignals, channels_of, flight_model
 from twin.health.judgement import Levels, Verdict, follow, judge
-from twin.health.signatures import Hypothesis, TypicalDive, confusable, hypotheses_of, usual_dive
-from twin.health.thresholds import RATES, threshold_of
+from twin.health.signatures import (
+    Hypothesis,
+    TypicalDive,
+    confusable,
+    hypotheses_of,
+    in_dives,
+    usual_dive,
+)
+from twin.health.thresholds import threshold_of
 from twin.identify.start_values import start_vehicle
 from twin.logs.logged_leg import legs_of
 from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.logged import LogStore
-from twin.records.schema import VARIABLES
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -361,21 +367,6 @@ _SIGNATURES: dict[tuple[Any, ...], list[Hypothesis]] = {}
 def hypotheses_for(vehicle: Vehicle, dive: TypicalDive, ways: Array) -> list[Hypothesis]:
     """Those of a vehicle in a dive; what is flown is kept for the next deployment of it."""
     key = (vehicle.xml, str(vehicle.changes()), dive, tuple(FAULTS.names()))
-    flown = _SIGNATURES.get(key)
-    if flown is None:
-        flown = hypotheses_of(vehicle, dive, np.zeros((0, 2)))
-        _SIGNATURES[key] = flown
-    found = []
-    for one in flown:
-        told = one.fault.expected(np.nan_to_num(ways))
-        if told is None:
-            found.append(one)
-            continue
-        signature = np.zeros((len(ways), len(CHANNELS)))
-        for name, values in told.items():
-            signature[:, [c.name for c in CHANNELS].index(name)] = values
-        found.append(dataclasses.replace(one, signature=signature))
-    return found
-
-
-__all__ = ["RATES", "VARIABLES", "StoreError", "assess"]
+    if key not in _SIGNATURES:
+        _SIGNATURES[key] = hypotheses_of(vehicle, dive)
+    return in_dives(_SIGNATURES[key], ways)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.start_values import balance
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
@@ -329,7 +329,6 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     afloat = depth < max(AFLOAT, float(np.nanpercentile(depth, 1)) + 0.5)
     if afloat.sum() >= 3 and float(np.nanmin(depth)) < 10.0:
         found["surface_depth"] = float(np.nanmedian(depth[afloat]))
-    heard = dive.get("altitude")
     if "measured_altitude" in dive.signals:
         heard = dive.signals["measured_altitude"]
         deepest = float(np.nanmax(depth))
@@ -387,8 +386,6 @@ def _filled(values: Array) -> Array:
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:
     """The calibration of a vehicle with a flight model; None of others."""
-    from twin.identify.calibration import load_calibration
-
     if not isinstance(vehicle.law, FlowFrame) or len(vehicle.masses) != 1:
         return None
     if not isinstance(vehicle.steered("buoyancy"), Pump):

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
-from twin.faults.base import DAY, FAULTS, Fault, read_by
+from twin.faults.base import DAY, FAULTS, Fault, faults_of, read_by
 from twin.health.channels import FLOWN, NAMES, PLACE, DiveSignals, channels_of, flight_model
 from twin.mission import Mission, SawTooth, Surface
 from twin.physics.electric import electric
@@ -87,41 +87,46 @@ def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> T
     )  # fmt: skip
 
 
-def hypotheses_of(
-    vehicle: Vehicle, dive: TypicalDive, way: Array, kinds: Sequence[str] | None = None
-) -> list[Hypothesis]:
-    """Every fault that a vehicle can have, with its signature in a dive.
-
-    Args:
-      way: mean velocity through the water of each dive by the compass [m/s], (dives, 2).
-      kinds: of faults; all by default.
+def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
+    """Every fault that a vehicle can have, with its signature in a dive; see `in_dives`.
 
     Raises:
       InputError: the vehicle's dive cannot be flown.
     """
     faults = [
         type(sample).of_size(math.sqrt(sample.sizes[0] * sample.sizes[1]), **choice)
-        for name in (FAULTS if kinds is None else kinds)
-        if not FAULTS[name].unfit(vehicle)
+        for name in faults_of(vehicle)
         for sample in [FAULTS[name]()]
         for choice in sample.choices(vehicle)
     ]
-    flown = [fault for fault in faults if fault.expected(way) is None]
-    table = _flown_channels(vehicle, dive, [(), *((fault,) for fault in flown)])
-    sound = table[0]
+    flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
+    sound, *table = _flown_channels(vehicle, dive, [(), *((fault,) for fault in flown)])
     found = []
-    for fault, channels in zip(flown, table[1:], strict=True):
-        size = fault.size * (GROWN if fault.grows else 1.0)
-        signature = (channels - sound) / size
+    for fault, channels in zip(flown, table, strict=True):
+        signature = (channels - sound) / (fault.size * (GROWN if fault.grows else 1.0))
         signature[~FLOWN] = 0.0
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
-    for fault in faults:
-        told = fault.expected(way)
+    told = [fault for fault in faults if fault not in flown]
+    nothing = np.zeros(len(NAMES))
+    return [*found, *(Hypothesis(fault=f, signature=nothing, scale=abs(f.size)) for f in told)]
+
+
+def in_dives(hypotheses: Sequence[Hypothesis], way: Array) -> list[Hypothesis]:
+    """The hypotheses in the dives of a deployment: what a kind itself expects of each dive.
+
+    Args:
+      way: mean velocity through the water of each dive by the compass [m/s], (dives, 2); NaN
+        where it is not known.
+    """
+    found = []
+    for one in hypotheses:
+        told = one.fault.expected(np.nan_to_num(way))
         if told is not None:
             signature = np.zeros((len(way), len(NAMES)))
             for name, values in told.items():
-                signature[:, PLACE[name]] = np.nan_to_num(values)
-            found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
+                signature[:, PLACE[name]] = values
+            one = dataclasses.replace(one, signature=signature)
+        found.append(one)
     return found
 
 
@@ -201,18 +206,15 @@ def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
     return DiveSignals(period=scenario.sample_period, signals=signals)
 
 
-def confusable(
-    hypotheses: Sequence[Hypothesis], noise: Mapping[str, float] | Array
-) -> dict[str, set[str]]:
+def confusable(hypotheses: Sequence[Hypothesis], noise: Array) -> dict[str, set[str]]:
     """Kinds that no channel with a noise tells from each kind, which is among them.
 
     Args:
       noise: of each channel, (channels,); infinite where a log lacks it.
     """
-    deviation = np.asarray(noise, float)
     units: dict[str, list[Array]] = {}
     for one in hypotheses:
-        scaled = np.nan_to_num(np.atleast_2d(one.signature)) * one.scale / deviation
+        scaled = np.nan_to_num(np.atleast_2d(one.signature)) * one.scale / noise
         flat = np.clip(scaled, -30.0, 30.0).ravel()
         if scaled.shape[0] == 1 and (size := float(np.linalg.norm(flat))) > 0.5:
             units.setdefault(one.kind, []).append(flat / size)

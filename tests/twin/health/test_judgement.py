@@ -10,7 +10,7 @@ from twin.errors import InputError
 from twin.faults import FAULTS
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.judgement import follow, judge
-from twin.health.signatures import confusable, hypotheses_of, usual_dive
+from twin.health.signatures import confusable, hypotheses_of, in_dives, usual_dive
 from twin.health.thresholds import threshold_of
 
 DIVES, BEGUN = 40, 20
@@ -21,7 +21,7 @@ WALK = np.array([channel.walk for channel in CHANNELS])
 @pytest.fixture(scope="module")
 def hypotheses():
     vehicle = twin.load_vehicle("slocum-200")
-    return hypotheses_of(vehicle, usual_dive(vehicle), np.full((DIVES, 2), 0.2))
+    return in_dives(hypotheses_of(vehicle, usual_dive(vehicle)), np.full((DIVES, 2), 0.2))
 
 
 def sound(seed):
