@@ -187,6 +187,7 @@ CHANGES = {
     "roll_from_yaw": (20.0, 100.0),
     "yaw_from_roll": (-15.0, -200.0),
     "yaw_moment_offset": (6.0,),
+    "wing_asymmetry": (4.0,),
     "linear_angle": 0.01,
     "blend_angle": 0.04,
     "rate_damping_min_speed": 0.9,
