@@ -62,6 +62,8 @@ class JudgeHealth(JsonOption):
             )
         for one in found:
             console.say(one.verdict())
+            for remark in one.remarks:
+                console.note(f"{one.name}: {remark}")
         for one in found:
             if one.alarm:
                 console.table(_rows(one), title=f"{one.name}: what it may be", digits=3)

@@ -127,6 +127,8 @@ class DiveSignals:
     """by the names of the schema"""
     current: tuple[float, float] = (math.nan, math.nan)
     """north, east [m/s] between its fixes by the depth rate and the compass"""
+    powered: bool = False
+    """A thruster drove it: neither its glide nor its power is that of others"""
 
     def get(self, name: str) -> Array | None:
         """A measured signal with a finite value."""
@@ -144,11 +146,12 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
     depth = dive.get("depth")
     if depth is None or len(depth) < 10:
         return np.array(list(found.values()))
-    if calibration is not None:
-        found |= _flight(dive, depth, calibration)
-        found |= _turning(dive, depth, calibration.vehicle)
-    found |= _pump(dive, depth)
-    found |= _power(dive, depth)
+    if not dive.powered:
+        if calibration is not None:
+            found |= _flight(dive, depth, calibration)
+            found |= _turning(dive, depth, calibration.vehicle)
+        found |= _pump(dive, depth)
+        found |= _power(dive, depth)
     found |= _hull(dive, depth)
     found |= _lags(dive, depth)
     found["current_north"], found["current_east"] = dive.current
@@ -323,7 +326,12 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     """Air in the hull, depth at the surface, echoes of the floor."""
     found: dict[str, float] = {}
     vacuum, warmth = dive.get("vacuum"), dive.get("temperature")
-    if vacuum is not None:
+    # at the surface a bladder takes air out of the hull
+    under = depth > SHALLOW
+    if vacuum is not None and np.isfinite(vacuum[under]).any():
+        vacuum, warmth = vacuum[under], None if warmth is None else warmth[under]
+        if warmth is not None and not np.isfinite(warmth).any():
+            warmth = None
         kelvin = ZERO_C + (10.0 if warmth is None else float(np.nanmean(warmth)))
         found["air"] = math.log((SEA_LEVEL - float(np.nanmean(vacuum))) / kelvin)
     afloat = depth < max(AFLOAT, float(np.nanpercentile(depth, 1)) + 0.5)

@@ -33,6 +33,9 @@ LATE = 2
 """Dives at the end that do not teach the noise: a fault would"""
 LEAST, MOST = 0.4, 40.0
 """Smallest and largest variance of a channel over that before the deployment"""
+STEP = 2.0
+"""Noises by which a level may step where a pilot changed the dive by one unit more than he does
+without wanting to: what the model lacks at another depth, pitch and volume"""
 FIRST = 3
 """Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
 UNKNOWN = 100.0
@@ -57,11 +60,13 @@ class Levels:
     """of each update, 0 without a value"""
 
 
-def follow(values: Array) -> Levels:
+def follow(values: Array, changes: Array | None = None) -> Levels:
     """Follow every channel of a deployment.
 
     Args:
       values: (dives, channels), NaN where the log does not tell.
+      changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
+        same; beyond, levels may step by what the model lacks. None: all dives are the same.
     """
     count, width = values.shape
     noise = np.array([one.noise for one in CHANNELS]) ** 2
@@ -73,7 +78,8 @@ def follow(values: Array) -> Levels:
     for d in range(count):
         value = values[d]
         known = np.isfinite(value)
-        variance = variance + walk * scale
+        step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
+        variance = variance + (walk + noise * step**2) * scale
         spread = variance + noise * scale
         first = known & (seen == 0)
         level = np.where(first, value, level)
