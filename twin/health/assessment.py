@@ -267,8 +267,10 @@ def changes_of(dives: Sequence[DiveSignals]) -> Array:
         for sign in (-1.0, 1.0):
             for values, unit in ((pitch, CHANGED["pitch"]), (pump, CHANGED["volume"])):
                 way = np.zeros(0, bool) if pitch is None else sign * pitch > STEEP
-                told = values is not None and way.sum() > LEAST_SAMPLES
-                row.append(float(np.nanmedian(values[way])) / unit if told else math.nan)
+                if values is None or way.sum() <= LEAST_SAMPLES:
+                    row.append(math.nan)
+                else:
+                    row.append(float(np.nanmedian(values[way])) / unit)
         rows.append(row)
     steps = np.nan_to_num(np.diff(np.array(rows), axis=0))
     return np.concatenate([[0.0], np.linalg.norm(steps, axis=1)])

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from logs import SHARED
 
 from factory.importing import import_logs
-from tests.logs import SHARED
 from twin.errors import InputError
 from twin.health import beliefs
 from twin.health.beliefs import follow_parameters
