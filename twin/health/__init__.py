@@ -12,7 +12,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.health.answers import Answers as Answers
-    from twin.health.answers import answers as answers
+    from twin.health.answers import answer_for as answer_for
     from twin.health.assessment import DeploymentHealth as DeploymentHealth
     from twin.health.assessment import KindVerdict as KindVerdict
     from twin.health.assessment import assess as assess

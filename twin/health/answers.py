@@ -1,6 +1,6 @@
 """Answers: compass, drag, pump and energy of one deployment, each with its deviation.
 
-    said = answers("real.zarr", "unit334", load_vehicle("mine.xml"))
+    said = answer_for("real.zarr", "unit334", load_vehicle("mine.xml"))
     said.drag["value"], said.compass["iron_deg"], said.pump, said.energy
 
 Drag and compass are beliefs (`twin.health.beliefs`), the energy by device is `twin energy`'s, and
@@ -70,7 +70,7 @@ class Answers:
         return {name: getattr(self, name) for name in kept} | {"unanswered": self.lacking}
 
 
-def answers(store: str | StorePath, deployment: str, vehicle: Vehicle) -> Answers:
+def answer_for(store: str | StorePath, deployment: str, vehicle: Vehicle) -> Answers:
     """Answer for one deployment of a store of logs.
 
     Raises:

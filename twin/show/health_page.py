@@ -43,7 +43,7 @@ def write_health(
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
     Args:
-      answered: by the name of the deployment, see `twin.health.answers`.
+      answered: by the name of the deployment, see `twin.health.answer_for`.
 
     Raises:
       WriteError: something that is no page is in the way.

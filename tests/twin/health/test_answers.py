@@ -12,7 +12,7 @@ from logs import Flight, slocum_columns, write_slocum
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
-from twin.health.answers import answers
+from twin.health.answers import answer_for
 from twin.health.assessment import judged
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.signatures import hypotheses_of, usual_dive
@@ -37,7 +37,7 @@ def store(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def said(store):
-    return answers(store, "unit1", twin.load_vehicle("slocum-200"))
+    return answer_for(store, "unit1", twin.load_vehicle("slocum-200"))
 
 
 def test_drag_is_told_over_the_dives_with_its_change(said):
