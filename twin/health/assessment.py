@@ -174,7 +174,9 @@ def assess(
                 raise InputError(f"store {store} has no deployment {name!r}: {', '.join(names)}")
         found = []
         for name in deployments or names:
-            found.append(_judged(logs, name, vehicle, threshold))
+            found.append(
+                judged(**told_by(logs, name, vehicle), vehicle=vehicle, threshold=threshold)
+            )
             advance()
     return found
 
@@ -206,21 +208,21 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
     return rows, dives, ways
 
 
-def _judged(
-    logs: LogStore, deployment: str, vehicle: Vehicle, threshold: float
-) -> DeploymentHealth:
-    """One deployment."""
+def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
+    """What `judged` takes of a deployment's log, by its names there."""
     rows, dives, ways = dives_of(logs, deployment)
     calibration = flight_model(vehicle)
-    values = np.array([channels_of(dive, calibration) for dive in dives])
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
-    counted = tuple(int(numbers[row]) for row in rows)
     starts = np.array([logs.starts[row] for row in rows])
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
-    return judged(
-        deployment, counted, values, starts + 0.5 * lasted, ways, vehicle,
-        typical(dives, vehicle), threshold,
-    )  # fmt: skip
+    return {
+        "name": deployment,
+        "numbers": tuple(int(numbers[row]) for row in rows),
+        "values": np.array([channels_of(dive, calibration) for dive in dives]),
+        "time": starts + 0.5 * lasted,
+        "ways": ways,
+        "dive": typical(dives, vehicle),
+    }
 
 
 def judged(
@@ -229,8 +231,8 @@ def judged(
     values: Array,
     time: Array,
     ways: Array,
-    vehicle: Vehicle,
     dive: TypicalDive,
+    vehicle: Vehicle,
     threshold: float,
 ) -> DeploymentHealth:
     """A verdict over the channels of a deployment.
