@@ -143,16 +143,16 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
     )  # (hypotheses, dives, channels)
     scale = np.array([h.scale for h in hypotheses])
     signed = np.array([h.fault.signed for h in hypotheses])
-    onsets = np.arange(FIRST, count)
+    by_dives = np.array([h.fault.expected(np.zeros((0, 2))) is not None for h in hypotheses])
+    # the first is that of what was there before the log
+    onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))
     info, score = np.zeros((2, len(onsets), size))
     evidence, running = np.full(count, -math.inf), ["none"] * count
     usual = np.array([_usual(h) for h in hypotheses])
-    before = np.zeros((len(onsets), size))
+    before = np.zeros((len(onsets) - 1, size))
     for d in range(count):
         begun = onsets <= d
-        if not begun.any():
-            continue
         since = np.where(begun, days[d] - days[np.minimum(onsets, d)] + _half(days, d), 0.0)
         shape = np.where(grows[None, :], since[:, None], 1.0) * begun[:, None]
         added = shape[:, :, None] * (signatures[:, d, :] * known)[None]
@@ -163,11 +163,14 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
         weighted = response / spread[d] * told[d]
         info += (weighted**2).sum(axis=2)
         score += (weighted * innovation[d]).sum(axis=2)
-        before = _ratio(info, score, usual, signed)
+        before = _against_standing(_ratio(info, score, usual, signed), by_dives)
+        if not begun[1:].any():
+            continue
         prior = -math.log(RARE) - math.log(size)
-        alive = np.where(begun[:, None], before + prior, -math.inf)
+        alive = np.where(begun[1:, None], before + prior, -math.inf)
         evidence[d] = float(logsumexp(alive))
         running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
+    onsets = onsets[1:]
     names = tuple(dict.fromkeys(h.kind for h in hypotheses))
     prior = -math.log(RARE) - math.log(size)
     total = logsumexp(before + prior, axis=0) if len(onsets) else np.full(size, -math.inf)
@@ -213,6 +216,19 @@ def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tu
         info += float(weighted @ weighted)
         score += float(weighted @ levels.innovation[d][known])
     return score / info, 1.0 / math.sqrt(info)
+
+
+def _against_standing(ratio: Array, by_dives: NDArray[np.bool_]) -> Array:
+    """The ratios of faults that began in the log, (onsets - 1, hypotheses).
+
+    What shows in some dives and not in others, as a compass' iron does by the heading, may have
+    been there all along: it is weighed against that, the first row, too.
+    """
+    before = ratio[1:].copy()
+    if by_dives.any():
+        standing = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
+        before[:, by_dives] -= np.logaddexp(0.0, standing)
+    return before
 
 
 def _half(days: Array, d: int) -> float:

@@ -50,6 +50,10 @@ ASTRAY = 10.0
 them, are not told: what turns it is at its end"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
 """Channels of what holds the heading"""
+STEEPER, STEEPEST, DEEPER = 6.0, 40.0, 40.0
+"""[degree] by which a dive is steeper where a vehicle stalls from the surface on, as real ones
+begin theirs steeply, and the most; [m] by which it is deeper, where its pump takes most of it"""
+RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
 LIKE = 0.97
 """Cosine between two signatures, over their noise, from which no channel tells them apart"""
 
@@ -102,6 +106,8 @@ def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> T
 def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
     """Every fault that a vehicle can have, with its signature in a dive; see `in_dives`.
 
+    Where the vehicle does not glide steadily in it, it flies a steeper, deeper one.
+
     Raises:
       InputError: the vehicle's dive cannot be flown.
     """
@@ -118,6 +124,18 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
     sound, beside, *table = _flown_channels(
         vehicle, [(dive, ()), (flatter, ()), *((dive, (fault,)) for fault in flown)]
     )
+    if np.isnan(sound[RATES]).any() and flight_model(vehicle) is not None:
+        if min(dive.pitch, dive.climb_pitch) >= STEEPEST:
+            raise InputError(
+                f"vehicle {vehicle.name!r} does not glide in the dive that its logs show, even at "
+                f"{dive.pitch:g} and {dive.climb_pitch:g} degree; give the vehicle that made them "
+                "with --vehicle"
+            )
+        steeper = dataclasses.replace(
+            dive, depth=dive.depth + DEEPER, pitch=min(dive.pitch + STEEPER, STEEPEST),
+            climb_pitch=min(dive.climb_pitch + STEEPER, STEEPEST),
+        )  # fmt: skip
+        return hypotheses_of(vehicle, steeper)
     loose = np.nan_to_num(np.abs(beside - sound))
     off = max(math.exp(one[PLACE["heading_error"]]) for one in (sound, beside))
     found = []
