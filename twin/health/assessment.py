@@ -46,6 +46,8 @@ ENDS = 0.0
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
 """Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and
 [cm3] of dive and climb; three times those of a pilot who changes nothing in the preset `faulty`"""
+UNTOLD_WARMING = 0.001
+"""Part by which a hull's air changes from dive to dive where a log lacks its temperature: 0.3 K"""
 LEANING = 3.0
 """[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
 ROUND = 10.0
@@ -224,11 +226,10 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
             current = (float(moved[0]), float(moved[1]))
         count = int(logs.samples[row])
         signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
-        heading = signals.get("measured_heading")
-        if heading is None or not np.isfinite(heading).any():
-            # a current by the heading that was wanted says nothing of the compass
+        heading, powered = signals.get("measured_heading"), of_rows[row].powered
+        if powered or heading is None or not np.isfinite(heading).any():
+            # a current by the heading that was wanted, or beside a thruster's speed, says nothing
             current, ways[k] = (math.nan, math.nan), math.nan
-        powered = of_rows[row].powered
         dives.append(
             DiveSignals(period=logs.period, signals=signals, current=current, powered=powered)
         )
@@ -251,7 +252,16 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
         "dive": typical(dives, vehicle),
         "changes": changes_of(dives),
         "powered": [dive.powered for dive in dives],
+        "wander": wander_of(dives),
     }
+
+
+def wander_of(dives: Sequence[DiveSignals]) -> Array:
+    """By how much more channels change than where the log tells all they depend on, (channels,)."""
+    found = np.zeros(len(NAMES))
+    if all(dive.get("temperature") is None for dive in dives):
+        found[NAMES.index("air")] = UNTOLD_WARMING
+    return found
 
 
 def changes_of(dives: Sequence[DiveSignals]) -> Array:
@@ -287,6 +297,7 @@ def judged(
     threshold: float,
     changes: Array | None = None,
     powered: Sequence[bool] = (),
+    wander: Array | None = None,
 ) -> DeploymentHealth:
     """A verdict over the channels of a deployment.
 
@@ -295,6 +306,7 @@ def judged(
       time: [s] unix, of the middles of the dives. ways: (dives, 2), see `dives_of`.
       dive: that faults are flown in.
       changes: see `changes_of`. powered: whether a thruster drove each dive.
+      wander: see `wander_of`.
     """
     lacking = tuple(
         c.name
@@ -302,7 +314,7 @@ def judged(
         if not np.isfinite(column).any()
     ) if len(values) else ()  # fmt: skip
     seen = values if len(values) else np.full((1, len(CHANNELS)), math.nan)
-    levels = follow(seen, changes)
+    levels = follow(seen, changes, wander)
     days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
     shared: dict[str, Any] = {
         "name": name, "days": float(days[-1]) if len(days) else 0.0, "dives": tuple(numbers),

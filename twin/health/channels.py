@@ -277,9 +277,10 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
     moved = np.diff(_filled(volume), prepend=_filled(volume)[:1])
     out = moved > PUMPING * dive.period
     found: dict[str, float] = {}
-    # a sample at an end of a stroke has a part of it alone
+    # a sample at an end of a stroke has a part of it alone, and a valve lets some through
     if out.sum() >= 5:
-        found["pump_rate"] = math.log(float(np.percentile(moved[out], 75.0)) / dive.period)
+        whole = out & (moved > 0.5 * float(moved[out].max()))
+        found["pump_rate"] = math.log(float(np.median(moved[whole])) / dive.period)
     power = dive.get("pump_power")
     if power is not None and out.any():
         vacuum = dive.get("vacuum")

@@ -60,17 +60,20 @@ class Levels:
     """of each update, 0 without a value"""
 
 
-def follow(values: Array, changes: Array | None = None) -> Levels:
+def follow(values: Array, changes: Array | None = None, wander: Array | None = None) -> Levels:
     """Follow every channel of a deployment.
 
     Args:
       values: (dives, channels), NaN where the log does not tell.
       changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
         same; beyond, levels may step by what the model lacks. None: all dives are the same.
+      wander: deviation of each channel's change from dive to dive, (channels,), beside that of a
+        log that tells all it depends on.
     """
     count, width = values.shape
     noise = np.array([one.noise for one in CHANNELS]) ** 2
     walk = np.array([one.walk for one in CHANNELS]) ** 2
+    walk = walk if wander is None else walk + wander**2
     level, variance = np.zeros(width), UNKNOWN**2 * noise
     seen, squares = np.zeros(width), np.zeros((count, width))
     scale = np.ones(width)

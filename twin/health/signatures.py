@@ -144,6 +144,9 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         shown = np.sign(shown) * np.maximum(np.abs(shown) - loose, 0.0)
         signature = shown / (fault.size * (GROWN if fault.grows else 1.0))
         signature[~FLOWN] = 0.0
+        if type(fault).change is not Fault.change:
+            # how deep it floats is the affair of a bladder, which no twin has
+            signature[PLACE["surface_depth"]] = 0.0
         if off > ASTRAY:
             signature[[PLACE[name] for name in TURNING]] = math.nan
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
