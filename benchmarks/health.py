@@ -91,6 +91,7 @@ def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw]]) -> list[Case]:
         {
             **one, "values": one["values"].tolist(), "time": one["time"].tolist(),
             "ways": one["ways"].tolist(), "dive": dataclasses.asdict(one["dive"]),
+            "changes": one["changes"].tolist(), "wander": one["wander"].tolist(),
             "vehicle": plan.vehicle.name, "preset": plan.preset, "truth": truth, "onset": onset,
             "fault": json.loads(fault),
         }
@@ -172,6 +173,7 @@ def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
     one = judged(
         case["name"], case["numbers"], values, np.array(case["time"]), np.array(case["ways"]),
         TypicalDive(**case["dive"]), vehicle, threshold_of(RATE),
+        **{name: np.array(case[name]) for name in ("changes", "wander") if name in case},
     )  # fmt: skip
     alarms = {name: Alarms(_chart(values, channels), "") for name, channels in CHARTS.items()}
     alarms[OURS] = Alarms(one.evidence, "")

@@ -45,7 +45,7 @@ ENDS = 0.0
 """Log of the odds below which an alarm ends: none is then as likely"""
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
 """Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and
-[cm3] of dive and climb; three times those of a pilot who changes nothing in the preset `faulty`"""
+[cm3] of dive and climb; nine of ten dives of preset `faulty`, where nobody does, stay within"""
 UNTOLD_WARMING = 0.001
 """Part by which a hull's air changes from dive to dive where a log lacks its temperature: 0.3 K"""
 LEANING = 3.0
