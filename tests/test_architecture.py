@@ -114,6 +114,7 @@ OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.show.render.motion": "shift of a mesh",
+    "twin.show.health_page": "the pump's answer, as twin.health has it",
     "learn.networks.vector_kernels": "shift of a buffer",
     "learn.data.store_checks": "advice on what store to take",
 }

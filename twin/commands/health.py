@@ -96,11 +96,10 @@ class JudgeHealth(JsonOption):
     def _answers(self, found: Sequence[DeploymentHealth]) -> dict[str, Answers]:
         """For each deployment that has dives."""
         from twin.health import answer_for
-        from twin.identify import start_vehicle
-        from twin.vehicle.vehicle import load_vehicle
 
-        vehicle = start_vehicle(self.store) if self.vehicle is None else load_vehicle(self.vehicle)
-        return {one.name: answer_for(self.store, one.name, vehicle) for one in found if one.dives}
+        return {
+            one.name: answer_for(self.store, one.name, self.vehicle) for one in found if one.dives
+        }
 
 
 FEW = 4

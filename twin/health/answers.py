@@ -13,6 +13,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,12 @@ from numpy.typing import NDArray
 from twin.errors import TwinError
 from twin.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from twin.health.channels import PUMPING
-from twin.identify import load_calibration, load_logs
+from twin.identify import load_calibration, load_logs, start_vehicle
 from twin.logs import energy_used
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.records.storage.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 
@@ -70,13 +71,20 @@ class Answers:
         return {name: getattr(self, name) for name in kept} | {"unanswered": self.lacking}
 
 
-def answer_for(store: str | StorePath, deployment: str, vehicle: Vehicle) -> Answers:
+def answer_for(
+    store: str | StorePath, deployment: str, vehicle: str | Path | Vehicle | None = None
+) -> Answers:
     """Answer for one deployment of a store of logs.
+
+    Args:
+      vehicle: that made it, as `twin.health.assess` takes it.
 
     Raises:
       StoreError: no store of logs.
     """
     lacking: dict[str, str] = {}
+    made = start_vehicle(store) if vehicle is None else vehicle
+    flown = made if isinstance(made, Vehicle) else load_vehicle(made)
 
     def tried(name: str, answer: Callable[[], Any]) -> Any:
         try:
@@ -92,7 +100,7 @@ def answer_for(store: str | StorePath, deployment: str, vehicle: Vehicle) -> Ans
         starts = logs.starts
     if pump is None:
         lacking["pump"] = "the log has no strokes of a pump"
-    beliefs = tried("drag", lambda: _followed(store, rows, vehicle))
+    beliefs = tried("drag", lambda: _followed(store, rows, flown))
     used = () if beliefs is None else beliefs.rows
     compass = None if beliefs is None else _compass(beliefs)
     if compass is None:
@@ -104,7 +112,7 @@ def answer_for(store: str | StorePath, deployment: str, vehicle: Vehicle) -> Ans
         compass=compass,
         drag=None if beliefs is None else _drag(beliefs, numbers, starts),
         pump=pump,
-        energy=tried("energy", lambda: _energy(store, rows, vehicle)),
+        energy=tried("energy", lambda: _energy(store, rows, flown)),
         lacking=lacking,
     )
 
