@@ -173,7 +173,8 @@ def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
     one = judged(
         case["name"], case["numbers"], values, np.array(case["time"]), np.array(case["ways"]),
         TypicalDive(**case["dive"]), vehicle, threshold_of(RATE),
-        **{name: np.array(case[name]) for name in ("changes", "wander") if name in case},
+        changes=np.array(case["changes"]) if "changes" in case else None,
+        wander=np.array(case["wander"]) if "wander" in case else None,
     )  # fmt: skip
     alarms = {name: Alarms(_chart(values, channels), "") for name, channels in CHARTS.items()}
     alarms[OURS] = Alarms(one.evidence, "")
