@@ -106,7 +106,10 @@ class Morning:
         """One line."""
         if self.health is None:
             return f"{self.title}: nothing can be judged yet"
-        return self.health.verdict()
+        said = self.health.verdict()
+        if not self.health.alarm or self.vehicle is None or identified(self.vehicle):
+            return said
+        return f"{said}; judged by {self.vehicle.name}, not by a vehicle identified from its logs"
 
     @property
     def last_fix(self) -> LastFix | None:
@@ -179,6 +182,7 @@ class Morning:
             "verdict": self.verdict,
             "dives": list(self.dives),
             "last_fix": None if self.last_fix is None else self.last_fix.describe(),
+            "current": self.legs[-1].leg.current.tolist() if self.legs else None,
             "health": None if self.health is None else self.health.describe(),
             "levels": levels,
             "parameters": self.parameters(),
@@ -233,6 +237,12 @@ def morning(
         return Morning(**shared, lacking=tuple(lacking))
     if odd := other_kind(store, vehicle):
         lacking.append(odd.replace(str(store), store.name))
+    if not identified(vehicle):
+        lacking.append(
+            f"vehicle: {vehicle.name} was not identified from logs of this vehicle, so that what "
+            "differs between the two may look like a fault: `twin identify` with logs that have "
+            "attitude and pump, then vehicle in deployment.toml"
+        )
     say("health")
     found = told(
         "health",

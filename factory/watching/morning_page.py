@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,9 @@ import numpy as np
 
 from factory.watching.expected_plan import NAMES
 from factory.watching.morning import Morning
-from factory.watching.morning_figures import track_figure, water_figure
+from factory.watching.morning_figures import mail_figure, track_figure, water_figure
 from twin.cli.text_table import counted
-from twin.forecast import NINETY
+from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
 from twin.show import forecast_row
 from twin.show.dates import moment_of
@@ -22,7 +23,8 @@ from twin.show.health_page import channel_figure, evidence_figure
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
-BESIDE = (LATEST, SUMMARY, GEOJSON, *NAMES)
+BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
+BESIDE = (LATEST, SUMMARY, GEOJSON, BOXES, BOXES_TEXT, *NAMES)
 MOST_KINDS = 5
 """Kinds of fault in the table"""
 LIKELY = 0.01
@@ -105,13 +107,19 @@ def write_morning(
             page.code(text)
             page.attach(name, text)
     page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
-    page.attach(SUMMARY, summary(told, new))
-    geojson = (
-        {"type": "FeatureCollection", "features": []}
-        if told.surfacings is None
-        else told.surfacings.geojson()
-    )
-    page.attach(GEOJSON, json.dumps(geojson, indent=1) + "\n")
+    lines = summary(told, new)
+    page.attach(SUMMARY, lines)
+    verdict, *rest = lines.splitlines()
+    page.picture(MAIL, mail_figure(verdict, rest, told.legs, told.surfacings))
+    flown = told.surfacings
+    boxes = [] if flown is None else notice_boxes(flown)
+    page.attach(BOXES_TEXT, boxes_text(boxes, told.deployment or told.title))
+    for name, features in (
+        (GEOJSON, [] if flown is None else flown.geojson()["features"]),
+        (BOXES, [one.feature() for one in boxes]),
+    ):
+        collection = {"type": "FeatureCollection", "features": features}
+        page.attach(name, json.dumps(collection, indent=1) + "\n")
     return page.write()
 
 
@@ -128,7 +136,12 @@ def summary(told: Morning, new: Sequence[str]) -> str:
     """Ten lines at most, for an e-mail."""
     lines = [told.verdict]
     if told.dives:
-        lines.append(f"{counted(len(told.dives), 'dive')} of {told.deployment}")
+        north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
+        speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
+        lines.append(
+            f"{counted(len(told.dives), 'dive')} of {told.deployment}"
+            + (f"; current of the last {speed:.2f} m/s to {course:.0f}" if speed >= 0.0 else "")
+        )
     if (fix := told.last_fix) is not None:
         lines.append(
             f"Last fix {moment_of(fix.time):%Y-%m-%d %H:%M} UTC at {fix.latitude:.4f}, "
@@ -195,6 +208,8 @@ def _forecast(page: Page, told: Morning) -> None:
     else:
         page.say(found.left_out or f"No surfacing within {found.request.hours:g} h.")
     page.facts(found.spread)
+    page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
+    page.code(boxes_text(notice_boxes(found), told.deployment))
 
 
 def _health(page: Page, health: DeploymentHealth) -> None:

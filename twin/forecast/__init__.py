@@ -12,6 +12,9 @@ from twin.forecast.deployment_hindcast import hindcast as hindcast
 from twin.forecast.known import Known as Known
 from twin.forecast.known import known_from_logs as known_from_logs
 from twin.forecast.known import known_without_logs as known_without_logs
+from twin.forecast.notice_box import NoticeBox as NoticeBox
+from twin.forecast.notice_box import boxes_text as boxes_text
+from twin.forecast.notice_box import notice_boxes as notice_boxes
 from twin.forecast.request import FIELD_ERROR as FIELD_ERROR
 from twin.forecast.request import Request as Request
 from twin.forecast.request import arrivals as arrivals

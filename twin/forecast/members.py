@@ -221,6 +221,8 @@ class MemberFlight:
     """[J] taken until then, (surfacing,)"""
     track: Array
     """North, east [m], thinned, (point, 2)"""
+    times: Array
+    """[s] since the start of its points, (point,)"""
     duration: float
     """[s] of the flight"""
     taken: float
@@ -280,6 +282,7 @@ def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
         place=run.position[found, :2],
         energy=energy[found],
         track=run.position[::THINNED, :2],
+        times=run.time[::THINNED],
         duration=float(run.time[-1]),
         taken=float(energy[-1]),
         end=state_at(run, -1),

@@ -42,6 +42,8 @@ class Forecast:
     """What was drawn, in words."""
     power_w: float
     """Mean electrical power."""
+    ways: tuple[tuple[Array, Array], ...]
+    """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
     left_out: str = ""
     """Why a surfacing within the hours is not told; empty: none is left out."""
     beside_mujoco: EndsApart | None = None
@@ -195,6 +197,7 @@ def forecast(
             track=first,
             spread=members.spread,
             power_w=float(np.mean([one.taken / one.duration for one in flights])),
+            ways=tuple((one.times, one.track) for one in flights),
         )
         refined(found)
     if found is None:
