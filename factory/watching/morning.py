@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from factory.watching.expected_plan import expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
 from twin.errors import TwinError
@@ -28,7 +29,7 @@ from twin.identify import (
     start_vehicle,
     with_consumption,
 )
-from twin.logs import EnergyUse, counted_energy
+from twin.logs import Endurance, EnergyUse, counted_energy, endurance
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
@@ -39,10 +40,6 @@ Told = TypeVar("Told")
 KILO = 1e3
 MOST_FOLLOWED = 30
 """Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
-LEAST_DIVES = 3
-"""Dives by whose spread a power's deviation is told"""
-NINETY_REACH = 1.645
-"""Standard deviations either way that hold 90 % of a normal distribution"""
 
 
 def end_of(leg: LoggedLeg) -> tuple[float, float]:
@@ -93,6 +90,10 @@ class Morning:
     """From fix to fix, in order of time"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
+    lasts: Endurance | None = None
+    """By the dives so far, where the energy left is known"""
+    outlook: EnergyOutlook | None = None
+    """For changes of the plan"""
     surfacings: Forecast | None = None
     plan: str = ""
     """What the forecast takes it to do, in words"""
@@ -118,36 +119,6 @@ class Morning:
             return None
         latitude, longitude = end_of(self.legs[-1])
         return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
-
-    @property
-    def days_left(self) -> float | None:
-        """[d] that the batteries last at the mean power so far; None where it is not known."""
-        if self.used is None or self.energy_left_kwh is None:
-            return None
-        if self.energy_left_kwh <= 0.0:
-            return 0.0
-        return self.used.days_left(self.energy_left_kwh)
-
-    @property
-    def power_deviation(self) -> float | None:
-        """[W] of the mean power, by what the dives took for their hours; None of fewer than 3."""
-        if self.used is None or len(self.used.dives) < LEAST_DIVES:
-            return None
-        hours = np.array([one.hours for one in self.used.dives])
-        taken = np.array([one.measured for one in self.used.dives])
-        rest = taken - hours * taken.sum() / hours.sum()
-        count = len(hours)
-        deviation = np.sqrt((rest**2).sum() * count / (count - 1)) / hours.sum()  # of a ratio
-        return float(deviation * self.used.voltage)
-
-    @property
-    def days_interval(self) -> tuple[float, float] | None:
-        """[d] 90 %, where it goes on as so far: the mean power's deviation alone."""
-        days, spread = self.days_left, self.power_deviation
-        if days is None or spread is None or self.used is None:
-            return None
-        apart = NINETY_REACH * spread / self.used.power
-        return days / (1.0 + apart), days / max(1.0 - apart, 1e-3)
 
     def parameters(self) -> list[dict[str, Any]]:
         """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
@@ -188,9 +159,9 @@ class Morning:
             "parameters": self.parameters(),
             "energy": None if self.used is None else self.used.describe(),
             "energy_left_kwh": self.energy_left_kwh,
-            "power_deviation_w": self.power_deviation,
-            "days_left": self.days_left,
-            "days_left_90": self.days_interval,
+            "days_left": None if self.lasts is None else self.lasts.days,
+            "days_left_90": None if self.lasts is None else self.lasts.interval(),
+            "outlook": None if self.outlook is None else self.outlook.describe(),
             "plan": self.plan,
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),
@@ -261,6 +232,8 @@ def morning(
         lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
+    lasts = None if used is None or left is None else endurance(used, left)
+    outlook = None
     flown, plan, files = None, "", {}
     if not legs:
         lacking.append("forecast: no dive lies between two fixes and has a known way")
@@ -274,6 +247,15 @@ def morning(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
                     "its last dive; give goto in deployment.toml"
                 )
+            if used is not None and lasts is not None:
+                say("endurance")
+                outlook = told(
+                    "endurance",
+                    lambda: energy_outlook(
+                        answer[0], used, lasts, legs, deployment.harbour, guessed=guessed
+                    ),
+                )
+                lacking += () if outlook is None else outlook.lacking
         if flown is not None and deployment.goto:
             mission = flown.request.mission
             files = told("proposal", lambda: proposals(source, mission)) or {}
@@ -285,6 +267,8 @@ def morning(
         followed_dives=tuple(by_row[row] for row in followed.rows) if followed else (),
         used=used,
         energy_left_kwh=left,
+        lasts=lasts,
+        outlook=outlook,
         surfacings=flown,
         plan=plan,
         proposed=files,

@@ -25,6 +25,7 @@ PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
 BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
 BESIDE = (LATEST, SUMMARY, GEOJSON, BOXES, BOXES_TEXT, *NAMES)
+DAY = 86400.0
 MOST_KINDS = 5
 """Kinds of fault in the table"""
 LIKELY = 0.01
@@ -170,13 +171,25 @@ def summary(told: Morning, new: Sequence[str]) -> str:
 def _power(told: Morning) -> str:
     if told.used is None:
         return ""
-    spread = told.power_deviation
     said = f"{told.used.power:.2f} W so far"
-    said += "" if spread is None else f" (+- {spread:.2f} by the spread of its dives)"
-    if told.days_left is None or told.days_interval is None:
-        return said if told.days_left is None else f"{said}, {told.days_left:.1f} days left at it"
-    low, high = told.days_interval
-    return f"{said}, {told.days_left:.1f} days left at it (90 %: {low:.1f} to {high:.1f})"
+    if told.lasts is None:
+        return said
+    low, high = told.lasts.interval()
+    said += (
+        f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: {low:.1f} to "
+        f"{high:.1f})"
+    )
+    if (home := _home(told)) is not None:
+        said += f"; turn home by {moment_of(home):%Y-%m-%d %H:%M} UTC"
+    return said
+
+
+def _home(told: Morning) -> float | None:
+    """[s] unix of the last safe moment to turn home."""
+    fix, outlook = told.last_fix, told.outlook
+    if fix is None or outlook is None or outlook.home is None:
+        return None
+    return fix.time + outlook.home.safe_days * DAY
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
@@ -189,8 +202,10 @@ def _numbers(told: Morning) -> Mapping[str, str]:
         found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"
-    if told.days_left is not None:
-        found["days left"] = f"{told.days_left:.1f}"
+    if told.lasts is not None:
+        found["days left"] = f"{told.lasts.days:.1f}"
+    if (home := _home(told)) is not None:
+        found["turn home by, UTC"] = f"{moment_of(home):%m-%d %H:%M}"
     return found
 
 
@@ -286,6 +301,18 @@ def _energy(page: Page, told: Morning) -> None:
         return
     page.section("Energy")
     page.say(f"{_power(told)}, over {told.used.hours:.1f} h.")
+    if told.outlook is not None and told.outlook.rows:
+        page.table(
+            [one.row() for one in told.outlook.rows],
+            "Days left with what the dives so far took, and with what the twin says that a change "
+            "of the plan adds to it.",
+        )
+    if told.outlook is not None and (home := told.outlook.home) is not None:
+        page.say(
+            f"Home is {home.away_km:.1f} km away. Going on as planned, 95 of 100 draws still get "
+            f"there if it turns within {home.safe_days:.1f} days of the last fix, half of them "
+            f"within {home.days:.1f}: by a straight way against the mean current so far."
+        )
     total = sum(one.energy for one in told.used.terms)
     page.table(
         [

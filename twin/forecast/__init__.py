@@ -12,6 +12,8 @@ from twin.forecast.deployment_hindcast import hindcast as hindcast
 from twin.forecast.known import Known as Known
 from twin.forecast.known import known_from_logs as known_from_logs
 from twin.forecast.known import known_without_logs as known_without_logs
+from twin.forecast.members import MemberFlight as MemberFlight
+from twin.forecast.members import fly_nominal as fly_nominal
 from twin.forecast.notice_box import NoticeBox as NoticeBox
 from twin.forecast.notice_box import boxes_text as boxes_text
 from twin.forecast.notice_box import notice_boxes as notice_boxes

@@ -272,6 +272,16 @@ def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | S
     ]
 
 
+def fly_nominal(
+    request: Request, missions: Sequence[Mission]
+) -> list[MemberFlight | SimulationUnstable]:
+    """Missions by the request's vehicle in still water, from its start."""
+    still = [dataclasses.replace(request, mission=mission, field=None) for mission in missions]
+    longest = max(one.flown for one in still)
+    scenarios = [_scenario(one, one.mission) for one in still]
+    return _flown([dataclasses.replace(one, duration=longest) for one in scenarios], threads=0)
+
+
 def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
     """The surfacings of a run."""
     vehicle = scenario.vehicle

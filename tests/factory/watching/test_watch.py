@@ -135,6 +135,7 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
         (text.replace('"seaglider"  # of', '"seaglyder"  # of'), "unknown kind"),
         (text.replace('variation_deg = ""', 'variation_deg = "W"'), "must be degrees"),
         (text.replace("source", "# source"), "key source is missing"),
+        (text.replace('home = ""', 'home = "harbour"'), "must be LAT,LON"),
         (text.replace('mission = ""', 'mission = "a.mi"'), "goto or mission, not both"),
     ):
         path.write_text(wrong)

@@ -120,7 +120,8 @@ def _flight(place, time=60.0):
     from twin.forecast.members import MemberFlight as Flown
 
     return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
-                 track=np.zeros((2, 2)), duration=100.0, taken=20.0, end=np.zeros(6))  # fmt: skip
+                 track=np.zeros((2, 2)), times=np.zeros(2), duration=100.0, taken=20.0,
+                 end=np.zeros(6))  # fmt: skip
 
 
 def test_two_members_spread_as_far_as_they_are_apart() -> None:
