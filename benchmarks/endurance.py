@@ -17,8 +17,8 @@ import json
 
 import numpy as np
 
-from twin.forecast import Request, fly_nominal
-from twin.logs import EnergyUse, endurance
+from twin.forecast import MemberFlight, Request, fly_nominal
+from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
 from twin.mission import Mission, Waypoint
 from twin.vehicle.consumption import Consumption
@@ -68,7 +68,9 @@ def dives_of(name: str, deepest: float) -> Dives:
     longest = deepest / 0.1 * 2.0 / 3600.0
     request = Request(vehicle=vehicle, mission=missions[-1], place=place, hours=longest)
     flown = fly_nominal(request, missions)
-    seconds, energy = np.array([(one.time[0], one.energy[0]) for one in flown]).T
+    seconds, energy = np.array(
+        [(one.time[0], one.energy[0]) for one in flown if isinstance(one, MemberFlight)]
+    ).T
     return Dives(vehicle, PARTS * deepest, seconds,
                  energy - Consumption.of(vehicle).hotel_power * seconds)  # fmt: skip
 
@@ -103,7 +105,7 @@ def deployment(dives: Dives, rng: np.random.Generator) -> list[dict[str, float]]
             resets=0,
         )  # fmt: skip
         left = taken[-1] / 3.6e6 - counter[last + 1] * VOLTAGE / 1e3
-        lasts = endurance(known, left)
+        lasts = endurance_of(known, left)
         assert lasts is not None
         truth = (time[-1] - time[last]) / 86400.0
         low, high = lasts.interval()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import MissionError, SimulationUnstable
-from twin.forecast import Forecast, LoggedLeg, MemberFlight, fly_nominal
+from twin.forecast import Forecast, LoggedLeg, fly_nominal
 from twin.geodesy import to_tangent_plane
 from twin.logs import Endurance, EnergyUse
 from twin.mission import Mission
@@ -112,13 +112,13 @@ def energy_outlook(
     plan = flown[0]
     if isinstance(plan, SimulationUnstable):
         return EnergyOutlook(rows=(), home=None, lacking=(f"what ifs: {plan}",))
-    own, speed = _rates(plan)
+    own, speed = plan.rates()
     rows = []
     for name, flight in zip(names, flown, strict=True):
         if isinstance(flight, SimulationUnstable):
             lacking.append(f"what if {name}: {flight}")
             continue
-        power, fast = _rates(flight)
+        power, fast = flight.rates()
         rows.append(_row(name, lasts, power - own, fast * DAY / KILO))
     takes = {one.name: one.energy / (used.hours * 3600.0) for one in used.terms}
     for name, (consumer, part) in LESS.items():
@@ -151,15 +151,6 @@ def _changes(mission: Mission) -> dict[str, Mission]:
         f"{DEEPER:g} times as deep": changed(max_depth_m=more, surface_after_s=more),
         f"{STEEPER_DEG:.0f} degree steeper": changed(pitch_deg=steep, climb_pitch_deg=steep),
     }
-
-
-def _rates(flight: MemberFlight) -> tuple[float, float]:
-    """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""
-    end, energy = flight.duration, flight.taken
-    if len(flight.time):
-        end, energy = float(flight.time[-1]), float(flight.energy[-1])
-    before = flight.track[flight.times <= end]
-    return energy / end, float(np.hypot(*np.diff(before, axis=0).T).sum()) / end
 
 
 def _row(what: str, lasts: Endurance, added: float, km_a_day: float | None) -> WhatIf:

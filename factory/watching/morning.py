@@ -29,7 +29,7 @@ from twin.identify import (
     start_vehicle,
     with_consumption,
 )
-from twin.logs import Endurance, EnergyUse, counted_energy, endurance
+from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
@@ -232,7 +232,7 @@ def morning(
         lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
-    lasts = None if used is None or left is None else endurance(used, left)
+    lasts = None if used is None or left is None else endurance_of(used, left)
     outlook = None
     flown, plan, files = None, "", {}
     if not legs:

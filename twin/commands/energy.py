@@ -43,7 +43,7 @@ class AccountEnergy(JsonOption):
         from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.identify import write_consumption
-        from twin.logs import endurance, energy_used, second_half
+        from twin.logs import endurance_of, energy_used, second_half
 
         if self.out is not None and self.out.suffix.lower() != ".xml":
             raise InputError(f"--out {str(self.out)!r} must end in .xml")
@@ -54,7 +54,7 @@ class AccountEnergy(JsonOption):
         left = self.energy_left_kwh
         days = None if left is None else found.days_left(left)
         _say(console, found)
-        lasts = None if left is None else endurance(found, left)
+        lasts = None if left is None else endurance_of(found, left)
         if days is not None:
             console.say(f"{days:.1f} days left at this power")
         if lasts is not None:

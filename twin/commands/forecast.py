@@ -160,11 +160,7 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
-        from twin import Origin
-        from twin.errors import InputError
-        from twin.forecast import FIELD_ERROR, Request, known_from_logs, known_without_logs
-        from twin.physics import parse_place, utc_text
-        from twin.records import unix_seconds
+        from twin.forecast import FIELD_ERROR, Request, begun, known_from_logs
 
         vehicle = self._vehicle(console, logs)
         mission = self._mission(vehicle)
@@ -181,26 +177,13 @@ class ForecastSurfacings(JsonOption):
             if (used := counted_energy(logs, vehicle, newest=True)) is not None:
                 vehicle = with_consumption(vehicle, used.consumption)
                 console.note(f"energy by the log's counter: {used.power:.2f} W so far")
-        if self.from_ is not None:
-            place = parse_place(self.from_)
-            if "time" not in place:
-                raise InputError(f"--from {self.from_}: the time is missing: LAT,LON,TIME in UTC")
-            time = utc_text(place["time"])
-            latitude, longitude = place["latitude"], place["longitude"]
-        else:
-            assert known is not None
-            assert known.place is not None
-            assert known.time is not None
-            latitude, longitude = known.place
-            time = _utc(known.time)
-        if known is None:
-            known = known_without_logs(latitude, unix_seconds(time))
-        if stale := known.check_begin(latitude, longitude, unix_seconds(time)):
+        place, known, stale = begun(self.from_, known)
+        if stale:
             console.warn(stale)
         request = Request(
             vehicle=vehicle,
             mission=mission,
-            place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=time),
+            place=place,
             hours=self.hours,
             members=self.members,
             field=self._field(),
@@ -212,7 +195,7 @@ class ForecastSurfacings(JsonOption):
         )
         for note in request.notes():
             console.warn(note)
-        return request, known.at(unix_seconds(time))
+        return request, known
 
     def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
         from twin import load_vehicle
@@ -335,10 +318,3 @@ def _near(found: Found) -> dict[str, str]:
 
     one = found.surfacings[0]
     return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}
-
-
-def _utc(seconds: float) -> str:
-    import datetime
-
-    moment = datetime.datetime.fromtimestamp(round(seconds), datetime.UTC)
-    return moment.replace(tzinfo=None).isoformat()

@@ -10,6 +10,7 @@ from twin.forecast.deployment_hindcast import DeploymentHindcast as DeploymentHi
 from twin.forecast.deployment_hindcast import Hindcast as Hindcast
 from twin.forecast.deployment_hindcast import hindcast as hindcast
 from twin.forecast.known import Known as Known
+from twin.forecast.known import begun as begun
 from twin.forecast.known import known_from_logs as known_from_logs
 from twin.forecast.known import known_without_logs as known_without_logs
 from twin.forecast.members import MemberFlight as MemberFlight
@@ -22,6 +23,9 @@ from twin.forecast.request import Request as Request
 from twin.forecast.request import arrivals as arrivals
 from twin.forecast.request import check_watched as check_watched
 from twin.forecast.request import mission_to as mission_to
+from twin.forecast.routes import Route as Route
+from twin.forecast.routes import RoutePlan as RoutePlan
+from twin.forecast.routes import plan_routes as plan_routes
 from twin.forecast.scores import METHODS as METHODS
 from twin.forecast.scores import Scores as Scores
 from twin.forecast.scores import scores_of as scores_of

@@ -230,6 +230,14 @@ class MemberFlight:
     end: Array
     """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
 
+    def rates(self) -> tuple[float, float]:
+        """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""
+        end, energy = self.duration, self.taken
+        if len(self.time):
+            end, energy = float(self.time[-1]), float(self.energy[-1])
+        before = self.track[self.times <= end]
+        return energy / end, float(np.hypot(*np.diff(before, axis=0).T).sum()) / end
+
 
 def fly(
     scenarios: Sequence[Scenario], *, threads: int = 0

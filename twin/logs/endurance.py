@@ -59,7 +59,7 @@ class Endurance:
         return float(low), float(high)
 
 
-def endurance(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
+def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     """Days left by the dives of a deployment; None of fewer than three.
 
     Args:

@@ -9,7 +9,7 @@ import pytest
 
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_without_logs, mission_to
-from twin.logs import EnergyUse, endurance
+from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
 from twin.logs.energy_use import EnergyTerm
 from twin.navigation.current import Leg
@@ -66,7 +66,7 @@ def legs(north: float) -> list[LoggedLeg]:
 def outlook(found: Forecast, home: tuple[float, float] | None, *, north: float = 0.0,
             kwh: float = 1.0, guessed: bool = True) -> EnergyOutlook:  # fmt: skip
     use = used()
-    lasts = endurance(use, kwh)
+    lasts = endurance_of(use, kwh)
     assert lasts is not None
     return energy_outlook(found, use, lasts, legs(north), home, guessed=guessed)
 
@@ -92,7 +92,7 @@ def test_the_table_has_the_plan_and_each_change(found: Forecast) -> None:
 
 def test_a_change_that_cannot_be_flown_is_said(found: Forecast) -> None:
     mission = found.request.mission
-    steep = dataclasses.replace(mission.segments[0], pitch_deg=50.0)
+    steep = dataclasses.replace(mission.segments[0], pitch_deg=50.0)  # type: ignore[call-arg]
     request = dataclasses.replace(
         found.request, mission=dataclasses.replace(mission, segments=(steep,))
     )

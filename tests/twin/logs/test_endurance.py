@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.logs import EnergyUse, endurance
+from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
@@ -29,7 +29,7 @@ def used(power: np.ndarray, afloat: float = 0.0) -> EnergyUse:
 
 
 def test_an_even_power_is_the_energy_over_it() -> None:
-    found = endurance(used(np.full(20, 3.0), afloat=8.0), 3.6)
+    found = endurance_of(used(np.full(20, 3.0), afloat=8.0), 3.6)
     assert found is not None
     assert found.days == pytest.approx(50.0, rel=1e-3)
     low, high = found.interval()
@@ -41,7 +41,7 @@ def test_more_dives_promise_more() -> None:
     rng = np.random.default_rng(0)
     width: dict[int, list[float]] = {5: [], 50: []}
     for count in 20 * [5, 50]:
-        found = endurance(used(3.0 + 0.2 * rng.standard_normal(count)), 1.0)
+        found = endurance_of(used(3.0 + 0.2 * rng.standard_normal(count)), 1.0)
         assert found is not None
         low, high = found.interval()
         width[count].append((high - low) / found.days)
@@ -50,7 +50,7 @@ def test_more_dives_promise_more() -> None:
 
 def test_a_power_that_grows_is_expected_to_grow_on() -> None:
     power = np.linspace(3.0, 4.0, 100) + 0.02 * np.random.default_rng(1).standard_normal(100)
-    found = endurance(used(power), 1.0)
+    found = endurance_of(used(power), 1.0)
     assert found is not None
     assert found.power > 4.0 > used(power).power + 0.4
 
@@ -58,14 +58,14 @@ def test_a_power_that_grows_is_expected_to_grow_on() -> None:
 def test_a_plan_that_changed_counts_more_than_what_was_before() -> None:
     power = np.r_[np.full(30, 2.0), np.full(30, 3.0)]
     power += 0.05 * np.random.default_rng(2).standard_normal(60)
-    found = endurance(used(power), 1.0)
+    found = endurance_of(used(power), 1.0)
     assert found is not None
     assert found.power == pytest.approx(3.0, abs=0.15)
 
 
 def test_two_dives_tell_nothing_and_no_energy_no_days() -> None:
-    assert endurance(used(np.full(2, 3.0)), 1.0) is None
-    found = endurance(used(np.full(5, 3.0)), -0.1)
+    assert endurance_of(used(np.full(2, 3.0)), 1.0) is None
+    found = endurance_of(used(np.full(5, 3.0)), -0.1)
     assert found is not None
     assert found.days == 0.0
     assert found.interval() == (0.0, 0.0)
