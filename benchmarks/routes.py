@@ -4,7 +4,7 @@
 
 Each draw is a sea of eddies of a known rms. The way is planned in the forecast; times are those in
 the sea itself. The brute-force search throws thousands of ways of up to four corners across the
-region and moves the corners of the ten best (Nelder and Mead): it knows the sea, as the planner
+region and moves the corners of the six best (Nelder and Mead): it knows the sea, as the planner
 does in the part without errors. In the part with errors the planner knows the sea but for an error
 of its own, which `plan_routes` allows for by its draws.
 """
@@ -30,7 +30,7 @@ HALF = 60e3
 """[m] of the region beside it"""
 RATIOS = (0.5, 0.8, 1.1)
 """rms of the current over the vehicle's speed"""
-THROWN, MOVED = 2000, 10
+THROWN, MOVED = 1000, 6
 ERROR = 0.05
 """[m/s] of the forecast, each way"""
 

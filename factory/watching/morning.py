@@ -17,6 +17,7 @@ from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from factory.watching.expected_plan import expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
+from factory.watching.surface_dialogue import SurfaceDialogue
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
@@ -76,6 +77,8 @@ class Morning:
     title: str
     """Name of the folder"""
     log: LogOfFiles
+    dialogue: SurfaceDialogue | None = None
+    """What it said at its last surfacing"""
     deployment: str = ""
     """Name of it in the log: of several the one that began last"""
     dives: tuple[int, ...] = ()
@@ -114,7 +117,11 @@ class Morning:
 
     @property
     def last_fix(self) -> LastFix | None:
-        """The end of the last dive between two fixes."""
+        """The dialogue's, where it is newer than the end of the last dive between two fixes."""
+        before = self.legs[-1].leg.end if self.legs else -np.inf
+        said = self.dialogue
+        if said is not None and said.fix and said.fix_time and said.fix_time > before:
+            return LastFix(latitude=said.fix[0], longitude=said.fix[1], time=said.fix_time)
         if not self.legs:
             return None
         latitude, longitude = end_of(self.legs[-1])
@@ -153,6 +160,7 @@ class Morning:
             "verdict": self.verdict,
             "dives": list(self.dives),
             "last_fix": None if self.last_fix is None else self.last_fix.describe(),
+            "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
             "current": self.legs[-1].leg.current.tolist() if self.legs else None,
             "health": None if self.health is None else self.health.describe(),
             "levels": levels,
@@ -170,7 +178,11 @@ class Morning:
 
 
 def morning(
-    deployment: WatchedDeployment, log: LogOfFiles, *, say: Callable[[str], object] = lambda _: None
+    deployment: WatchedDeployment,
+    log: LogOfFiles,
+    dialogue: SurfaceDialogue | None = None,
+    *,
+    say: Callable[[str], object] = lambda _: None,
 ) -> Morning:
     """What the log tells.
 
@@ -179,7 +191,7 @@ def morning(
     """
     title = deployment.folder.resolve().name
     if log.store is None:
-        return Morning(title=title, log=log, lacking=(log.missing,))
+        return Morning(title=title, log=log, dialogue=dialogue, lacking=(log.missing,))
     store = log.store
     lacking = [log.missing] if log.missing else []
 
@@ -198,11 +210,18 @@ def morning(
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
         source = logs.source
+    if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
+        lacking.append(
+            f"the newest dialogue in the source is of {dialogue.vehicle}, the log of {name}: it is "
+            "left out"
+        )
+        dialogue = None
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     vehicle = told("vehicle", lambda: _vehicle(deployment, store))
     shared: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
+        "dialogue": dialogue,
     }  # fmt: skip
     if vehicle is None:
         return Morning(**shared, lacking=tuple(lacking))
@@ -239,7 +258,12 @@ def morning(
         lacking.append("forecast: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
-        answer = told("forecast", lambda: _forecast(deployment, store, vehicle, used, left, legs))
+        answer = told(
+            "forecast",
+            lambda: _forecast(
+                deployment, store, vehicle, used, left, legs, Morning(**shared).last_fix
+            ),
+        )
         if answer is not None:
             flown, plan, guessed = answer
             if guessed:
@@ -295,23 +319,24 @@ def _forecast(
     used: EnergyUse | None,
     left: float | None,
     legs: tuple[LoggedLeg, ...],
+    fix: LastFix | None,
 ) -> tuple[Forecast, str, bool]:
     """The next surfacings from the last fix on, what it is taken to do, whether that is guessed."""
     if used is not None:
         vehicle = with_consumption(vehicle, used.consumption)
     plan = expected_plan(deployment, store, vehicle, legs)
     known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
-    assert known.place is not None
-    assert known.time is not None
-    latitude, longitude = known.place
-    begin = moment_of(float(round(known.time))).replace(tzinfo=None).isoformat()
+    assert fix is not None
+    start = float(round(fix.time))
+    stale = known.check_begin(fix.latitude, fix.longitude, start)
+    begin = moment_of(start).replace(tzinfo=None).isoformat()
     request = Request(
         vehicle=vehicle,
         mission=plan.mission,
-        place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=begin),
+        place=Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
         hours=deployment.hours,
         members=deployment.members,
         energy_left_kwh=left if left and left > 0.0 else None,
     )
-    said = ". ".join([plan.words, *request.notes()])
-    return forecast(request, known.at(float(round(known.time)))), said, plan.guessed
+    said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
+    return forecast(request, known.at(start)), said, plan.guessed

@@ -64,6 +64,10 @@ def write_morning(
     if told.lacking or told.log.unreadable:
         page.section("What is missing")
         page.points([*told.lacking, *(f"left out: {said}" for said in told.log.unreadable)])
+    if (said := told.dialogue) is not None:
+        page.section("Said at its last surfacing")
+        page.say(f"{said.vehicle}, {moment_of(said.time):%Y-%m-%d %H:%M} UTC by its clock.")
+        page.facts(said.facts())
     if new:
         page.section("New since the page before")
         page.points(new)
@@ -147,6 +151,10 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         lines.append(
             f"Last fix {moment_of(fix.time):%Y-%m-%d %H:%M} UTC at {fix.latitude:.4f}, "
             f"{fix.longitude:.4f}"
+        )
+    if (said := told.dialogue) is not None and said.why:
+        lines[-1] += f"; came up because of: {said.why}" + (
+            f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
         )
     if (found := told.surfacings) is not None and found.surfacings:
         one = found.surfacings[0]

@@ -82,34 +82,15 @@ class ForecastSurfacings(JsonOption):
     out: Path | None = None
     """folder for index.html with a map, forecast.json and forecast.geojson; written at once with
     the first member, and again as others follow"""
-    watch: Path | None = None
-    """folder in which stores of logs arrive: does it again for each, until Ctrl-C"""
 
     def run(self, console: Console) -> int:
         """Ask, fly, say."""
-        from twin.errors import InputError
-
         self._check()
         if self.out is not None:
             from twin.show import check_forecast_target
 
             check_forecast_target(self.out)
-        if self.watch is None:
-            self._once(console, self.logs)
-            return 0
-        from twin.forecast import arrivals
-
-        if self.json:
-            raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
-        from twin.forecast import check_watched
-
-        check_watched(self.watch)
-        console.note(f"watching {self.watch}; Ctrl-C ends it")
-        for store in arrivals(self.watch):
-            try:
-                self._once(console, store)
-            except InputError as error:
-                console.warn(str(error))  # the next logs may do
+        self._once(console, self.logs)
         return 0
 
     def _check(self) -> None:
@@ -120,9 +101,7 @@ class ForecastSurfacings(JsonOption):
                 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
                 + ("" if self.goto is None else ", not both")
             )
-        if self.logs is not None and self.watch is not None:
-            raise InputError("give --logs or --watch, not both: --watch brings its own logs")
-        if self.from_ is None and self.logs is None and self.watch is None:
+        if self.from_ is None and self.logs is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         for name, needed in (
             ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
@@ -131,8 +110,8 @@ class ForecastSurfacings(JsonOption):
             if getattr(self, name) is not None and getattr(self, needed) is None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
-        if self.way != "usual" and self.logs is None and self.watch is None:
-            raise InputError("--way is for --logs or --watch, which are not given: leave it out")
+        if self.way != "usual" and self.logs is None:
+            raise InputError("--way is for --logs, which is not given: leave it out")
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
 
@@ -273,13 +252,7 @@ class _Shows:
         from twin.show import write_forecast
 
         assert self._command.out is not None
-        reload_s = None
-        if ended:
-            pass
-        elif not found.complete:
-            reload_s = 5.0
-        elif self._command.watch is not None:
-            reload_s = 60.0
+        reload_s = None if ended or found.complete else 5.0
         index = write_forecast(found, self._command.out, reload_s=reload_s)
         self.written = found
         return index

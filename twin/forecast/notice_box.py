@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from twin.forecast.surfacing import degrees
-from twin.forecast.surfacing_forecast import Forecast
+from twin.forecast.surfacing_forecast import Forecast, feature
 from twin.geodesy import wrap_longitude
 
 HOURS = 12.0
@@ -56,16 +56,9 @@ class NoticeBox:
             [self.west, self.south], [east, self.south], [east, self.north],
             [self.west, self.north], [self.west, self.south],
         ]  # fmt: skip
-        return {
-            "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [ring]},
-            "properties": {
-                "what": "box of a notice",
-                "begin": self.begin.isoformat(),
-                "end": self.end.isoformat(),
-                "holds": self.holds,
-            },
-        }
+        begin, end = self.begin.isoformat(), self.end.isoformat()
+        said = {"what": "box of a notice", "begin": begin, "end": end, "holds": self.holds}
+        return feature("Polygon", [ring], said)
 
 
 def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:

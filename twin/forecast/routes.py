@@ -22,6 +22,7 @@ from twin.forecast.members import MemberFlight, fly, fly_nominal, members_of
 from twin.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
 from twin.forecast.route_search import BARRED, fastest, polished, way_times
 from twin.forecast.route_water import RouteWater, route_water
+from twin.forecast.surfacing_forecast import feature
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
 from twin.mission import Mission
 
@@ -102,20 +103,19 @@ class RoutePlan:
     speed: float
     """[m/s] through the water, stays at the surface included"""
     pitch_deg: float
+    start: tuple[float, float]
+    """Latitude, longitude [degree]"""
     order: tuple[int, ...]
     """Vias as they were given, in the order of the ways"""
 
     def geojson(self) -> dict[str, Any]:
         """A FeatureCollection of lines."""
         features = [
-            {
-                "type": "Feature",
-                "geometry": {
-                    "type": "LineString",
-                    "coordinates": [[east, north] for north, east in one.places],
-                },
-                "properties": {"best": one is self.best, **one.describe()},
-            }
+            feature(
+                "LineString",
+                [[east, north] for north, east in (self.start, *one.places)],
+                {"best": one is self.best, **one.describe()},
+            )
             for one in self.routes
         ]
         return {"type": "FeatureCollection", "features": features}
@@ -220,7 +220,9 @@ def plan_routes(
         routes = [_flown(one, steeper, known, longest) for one in routes]
     safe = [one for one in routes if one.slower <= SELDOM] or routes
     best = min(safe, key=lambda one: float(one.hours.mean()))
-    return RoutePlan(routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, order=order)
+    return RoutePlan(
+        routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, start=origin, order=order
+    )
 
 
 def _order(water: RouteWater, points: Array, speed: float) -> tuple[int, ...]:

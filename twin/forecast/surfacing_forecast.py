@@ -125,9 +125,9 @@ class Forecast:
 
     def geojson(self) -> dict[str, Any]:
         """A FeatureCollection (RFC 7946): surfacings, their ellipses, track, targets."""
-        features = [_feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
+        features = [feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
         features += [
-            _feature("Point", target, {"what": "target", "number": k})
+            feature("Point", target, {"what": "target", "number": k})
             for k, target in enumerate(self.targets().tolist(), start=1)
         ]
         for one in self.surfacings:
@@ -135,13 +135,14 @@ class Forecast:
             for part in (NINETY, HALF):
                 ring = one.ring(part, self.request.place).tolist()
                 said_of_it = {"what": f"ellipse of {100.0 * part:.0f} %", "holds": part, **said}
-                features.append(_feature("Polygon", [ring], said_of_it))
+                features.append(feature("Polygon", [ring], said_of_it))
             point = [one.longitude, one.latitude]
-            features.append(_feature("Point", point, {"what": "surfacing", **said}))
+            features.append(feature("Point", point, {"what": "surfacing", **said}))
         return {"type": "FeatureCollection", "features": features}
 
 
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    """A GeoJSON feature (RFC 7946)."""
     return {
         "type": "Feature",
         "geometry": {"type": kind, "coordinates": coordinates},

@@ -20,9 +20,10 @@ from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
-from factory.watching.morning import Morning
+from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
+from factory.watching.surface_dialogue import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
@@ -504,6 +505,33 @@ def test_files_below_an_empty_source_are_pointed_at(
     assert "1 file in folders below it, such as calypso-2026" in missing
     assert "recursive = true" in missing
     assert log_of_files(dataclasses.replace(made, recursive=True), made.folder).changed
+
+
+def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    before = one_pass(made).told
+    assert before is not None
+    assert before.last_fix is not None
+    fix = before.last_fix
+    said = {"aborts": None, "sensors": {}, "why": "", "time": fix.time + 660.0}
+    place = (fix.latitude + 0.01, fix.longitude)
+    dialogue = SurfaceDialogue(
+        vehicle=before.deployment, fix=place, fix_time=fix.time + 600.0, **said
+    )  # fmt: skip
+    log = log_of_files(made, made.folder)
+    told = morning(made, log, dialogue)
+    assert told.surfacings is not None
+    start = told.surfacings.request.place
+    assert (start.latitude_deg, start.longitude_deg) == pytest.approx(place)
+    begins = told.surfacings.begins.replace(tzinfo=datetime.UTC).timestamp()
+    assert begins == pytest.approx(fix.time + 600.0, abs=1.0)
+    other = morning(made, log, dataclasses.replace(dialogue, vehicle="another"))
+    assert other.last_fix == fix
+    assert any("of another" in why for why in other.lacking)
 
 
 def test_a_vehicle_that_was_not_identified_is_said_with_an_alarm(
