@@ -57,6 +57,8 @@ class ExpectedPlan:
 
     mission: Mission
     words: str
+    changes: tuple[Mapping[str, str], ...] = ()
+    """Rows of a table: what it does now, by its last dives, and in the plan"""
     guessed: bool = False
     """Whether nobody says where it goes: the ellipses then hold if it goes there"""
 
@@ -77,11 +79,10 @@ def expected_plan(
         name = str(path) if path.is_file() else deployment.mission
         mission = load_mission_for(vehicle, name)
         return ExpectedPlan(mission=mission, words=f"mission {mission.name}")
-    depth, pitch = _habits(store, legs, vehicle)
-    depth = deployment.depth_m or float(round(depth))
-    seconds = HOUR * deployment.surface_every_h or MINUTE * round(
-        float(np.median([one.leg.duration for one in legs[-LAST:]])) / MINUTE
-    )
+    deep, pitch = _habits(store, legs, vehicle)
+    depth = deployment.depth_m or float(round(deep))
+    lasted = float(np.median([one.leg.duration for one in legs[-LAST:]]))
+    seconds = HOUR * deployment.surface_every_h or MINUTE * round(lasted / MINUTE)
     goto, words, guessed = deployment.goto, "to goto of deployment.toml", False
     if not goto:
         goto, words, guessed = _onward(legs[-1])
@@ -90,7 +91,16 @@ def expected_plan(
     words += (
         f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
     )
-    return ExpectedPlan(mission=mission, words=words, guessed=guessed)
+    aims = legs[-1].targets
+    places = (_place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"), goto
+    table = {
+        "next place": tuple(one.partition(";")[0] for one in places),
+        "depth [m]": (f"{deep:.0f}", f"{depth:.0f}"),
+        "pitch [degree]": (f"{pitch:.0f}", f"{pitch:.0f}"),
+        "between surfacings [h]": (f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
+    }
+    changes = tuple({"what": k, "now": now, "proposed": new} for k, (now, new) in table.items())
+    return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=changes)
 
 
 def proposals(kind: str, mission: Mission) -> dict[str, str]:

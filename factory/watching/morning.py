@@ -15,7 +15,7 @@ import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
-from factory.watching.expected_plan import expected_plan, proposals
+from factory.watching.expected_plan import ExpectedPlan, expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
 from factory.watching.surface_dialogue import SurfaceDialogue
 from twin.errors import TwinError
@@ -100,6 +100,8 @@ class Morning:
     surfacings: Forecast | None = None
     plan: str = ""
     """What the forecast takes it to do, in words"""
+    changes: tuple[Mapping[str, str], ...] = ()
+    """What it does now beside what the plan has, rows of a table"""
     proposed: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Files with that plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
@@ -171,6 +173,7 @@ class Morning:
             "days_left_90": None if self.lasts is None else self.lasts.interval(),
             "outlook": None if self.outlook is None else self.outlook.describe(),
             "plan": self.plan,
+            "changes": list(self.changes),
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),
             "unreadable": list(self.log.unreadable),
@@ -254,6 +257,7 @@ def morning(
     lasts = None if used is None or left is None else endurance_of(used, left)
     outlook = None
     flown, plan, files = None, "", {}
+    changes: tuple[Mapping[str, str], ...] = ()
     if not legs:
         lacking.append("forecast: no dive lies between two fixes and has a known way")
     else:
@@ -265,8 +269,9 @@ def morning(
             ),
         )
         if answer is not None:
-            flown, plan, guessed = answer
-            if guessed:
+            flown, plan, expected = answer
+            changes = expected.changes
+            if expected.guessed:
                 lacking.append(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
                     "its last dive; give goto in deployment.toml"
@@ -276,7 +281,7 @@ def morning(
                 outlook = told(
                     "endurance",
                     lambda: energy_outlook(
-                        answer[0], used, lasts, legs, deployment.harbour, guessed=guessed
+                        answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
                     ),
                 )
                 lacking += () if outlook is None else outlook.lacking
@@ -295,6 +300,7 @@ def morning(
         outlook=outlook,
         surfacings=flown,
         plan=plan,
+        changes=changes,
         proposed=files,
         lacking=tuple(lacking),
     )
@@ -320,8 +326,8 @@ def _forecast(
     left: float | None,
     legs: tuple[LoggedLeg, ...],
     fix: LastFix | None,
-) -> tuple[Forecast, str, bool]:
-    """The next surfacings from the last fix on, what it is taken to do, whether that is guessed."""
+) -> tuple[Forecast, str, ExpectedPlan]:
+    """The next surfacings from the last fix on, what it is taken to do in words, and the plan."""
     if used is not None:
         vehicle = with_consumption(vehicle, used.consumption)
     plan = expected_plan(deployment, store, vehicle, legs)
@@ -339,4 +345,4 @@ def _forecast(
         energy_left_kwh=left if left and left > 0.0 else None,
     )
     said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
-    return forecast(request, known.at(start)), said, plan.guessed
+    return forecast(request, known.at(start)), said, plan

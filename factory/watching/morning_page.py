@@ -107,6 +107,10 @@ def write_morning(
             "flies exactly these places, depths, pitches and times. Nothing is sent: read them, "
             "and send them yourself."
         )
+        if told.changes:
+            page.table(
+                told.changes, "What its last dives did, and what the files ask:", first=False
+            )
         for name, text in told.proposed.items():
             page.say(name)
             page.code(text)

@@ -309,6 +309,10 @@ def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
     assert (first.goto, second.goto) == ("T2", "T2")
     assert "Proposal" in (made.folder / "page" / "index.html").read_text()
     assert told.plan.startswith("to goto of deployment.toml")
+    rows = {row["what"]: row for row in told.changes}
+    assert rows["next place"]["proposed"] == "49.6,-57.9"
+    assert rows["depth [m]"]["now"] == rows["depth [m]"]["proposed"]
+    assert "What its last dives did" in (made.folder / "page" / "index.html").read_text()
     one_pass(dataclasses.replace(made, goto=""))
     assert not (made.folder / "page" / "targets").exists()
 
