@@ -83,7 +83,7 @@ def expected_plan(
     depth = deployment.depth_m or float(round(deep))
     lasted = float(np.median([one.leg.duration for one in legs[-LAST:]]))
     seconds = HOUR * deployment.surface_every_h or MINUTE * round(lasted / MINUTE)
-    goto, words, guessed = deployment.goto, "to goto of deployment.toml", False
+    goto, words, guessed = deployment.goto, "to the places of deployment.toml", False
     if not goto:
         goto, words, guessed = _onward(legs[-1])
     mission = mission_to(goto, depth=depth, pitch_deg=pitch, surface_after_s=seconds, radius=RADIUS)
@@ -94,7 +94,7 @@ def expected_plan(
     aims = legs[-1].targets
     places = (_place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"), goto
     table = {
-        "next place": tuple(one.partition(";")[0] for one in places),
+        "next place": (places[0], places[1].partition(";")[0]),
         "depth [m]": (f"{deep:.0f}", f"{depth:.0f}"),
         "pitch [degree]": (f"{pitch:.0f}", f"{pitch:.0f}"),
         "between surfacings [h]": (f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
@@ -150,4 +150,4 @@ def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:
     north, east = (np.array([float(metres)]) for metres in moved)
     latitude, longitude = position(north, east, *begin)
     turned = wrap_longitude(longitude)
-    return f"{float(latitude[0]):.6f},{float(turned[0]):.6f}"
+    return f"{float(latitude[0]):.5f},{float(turned[0]):.5f}"

@@ -312,7 +312,7 @@ def _energy(page: Page, told: Morning) -> None:
     if told.used is None:
         return
     page.section("Energy")
-    page.say(f"{_power(told)}, over {told.used.hours:.1f} h.")
+    page.say(f"Over {told.used.hours:.1f} h {_power(told)}.")
     if told.outlook is not None and told.outlook.rows:
         page.table(
             [one.row() for one in told.outlook.rows],

@@ -40,7 +40,7 @@ def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
     if (was := before.get("verdict")) != now.verdict:
         said.append(f"Verdict before: {was}")
     said += _levels(before.get("levels", {}), now)
-    said += _moved(before, now.describe())
+    said += _moved(before, now.describe()) if new else []
     return said + surfaced(before.get("forecast"), now.legs)[:1]
 
 

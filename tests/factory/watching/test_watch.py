@@ -308,7 +308,7 @@ def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
     assert first.latitude == pytest.approx(49.6, abs=1e-5)
     assert (first.goto, second.goto) == ("T2", "T2")
     assert "Proposal" in (made.folder / "page" / "index.html").read_text()
-    assert told.plan.startswith("to goto of deployment.toml")
+    assert told.plan.startswith("to the places of deployment.toml")
     rows = {row["what"]: row for row in told.changes}
     assert rows["next place"]["proposed"] == "49.6,-57.9"
     assert rows["depth [m]"]["now"] == rows["depth [m]"]["proposed"]
