@@ -1,266 +1,464 @@
 """Health: deployments with and without a fault, judged by the twin and by simple rivals.
 
-    python -m benchmarks.health --vehicle slocum-200 --each 10 --seed 101 --json
+    python -m benchmarks.health --vehicle slocum-200 --each 8 --sound 16 --seed 201 --keep FILE
+    python -m benchmarks.health --judge FILE [FILE ...] [--taught FILE ...] [--thresholds]
 
-For each kind of fault as many deployments with it as without fly in lanes with the errors of preset
-`faulty`, on seeds that tuned nothing. A fault counts where its signature, over the noise of the
-channels, is at least three standard deviations in some dive; it is noticed where the first alarm
-comes within three dives of the first such dive and not before the onset. Rivals see the same
-channels: a chart with limits of three standard deviations on roll and depth rates, and one on the
-battery's place at the pitch.
+The first flies deployments in lanes with the errors of preset `faulty` and keeps the channels of
+their dives, a line for each deployment; the second prints what is noticed. A fault is there to be
+noticed from the first dive in which its expected signature is three deviations of the channels, as
+they were in the deployment before it; it is noticed in time where the first alarm comes within
+three dives of that dive and not before the onset. Rivals see the same channels: charts with limits
+of three standard deviations, or of as many as give one false alarm in 30 days of the deployments
+that `--taught` names, and a detector that learned from these.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import functools
+import itertools
 import json
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from factory.generation.deployments import (
     CHUNK,
     FAULT_KIND,
     FAULT_ONSET,
+    HEALTHY,
     LABELS,
+    NAME,
     DeploymentPlan,
     dataset_of_logs,
+    first_draw,
     flown_logs,
 )
 from factory.generation.executors import local_pool
-from factory.sampling.deployment import fault_kinds
-from twin.faults.base import fault_from_dict
-from twin.health.assessment import DeploymentHealth, assess, dives_of, hypotheses_for, typical
-from twin.health.channels import CHANNELS, NAMES
+from factory.sampling.deployment import DeploymentDraw, faulty_of
+from learn.networks.fault_detector import FaultDetector
+from twin.faults.base import FAULTS, fault_from_dict
+from twin.health.assessment import DeploymentHealth, hypotheses_for, judged, told_by
+from twin.health.channels import NAMES
+from twin.health.signatures import TypicalDive
+from twin.health.thresholds import threshold_of
 from twin.records.logged import LogStore
 from twin.records.store import write_store
-from twin.vehicle.vehicle import load_vehicle
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+Case = dict[str, Any]
 
 SEEN = 3.0
-"""Standard deviations of a signature in one dive from which a fault is there to be noticed"""
+"""Deviations of a signature in one dive from which a fault is there to be noticed"""
 WITHIN = 3
 """Dives in which it must be"""
 NEAR = 2
 """Dives by which the onset may be off"""
-CHARTS = {
-    "3-sigma chart of roll and depth rate": (
-        "roll_dive", "roll_climb", "rate_dive", "rate_climb"
-    ),
-    "3-sigma chart of the battery's place": ("trim_dive", "trim_climb"),
-}  # fmt: skip
-LEARNING = 6
+RATE = 30.0
+"""[d] of sound vehicles with one false alarm"""
+OURS, LEARNED = "twin health", "learned detector"
+CHARTS: Mapping[str, tuple[str, ...]] = {
+    "chart of roll and depth rate": ("roll_dive", "roll_climb", "rate_dive", "rate_climb"),
+    "chart of the battery's place at the pitch": ("trim_dive", "trim_climb"),
+}
+LIMIT = 3.0
+"""Standard deviations of the charts' limits"""
+BEFORE = 6
 """Dives that a chart's limits are learned from"""
-NOISE = np.array([channel.noise for channel in CHANNELS])
 
 
-def _cases(job: tuple[str, str, str, int, int, float | None]) -> list[dict[str, Any]]:
-    """Some deployments of one kind: flown, stored, judged."""
-    vehicle_name, preset, kind, first, seed, size = job
-    vehicle = load_vehicle(vehicle_name)
-    plan = DeploymentPlan(
-        vehicle=vehicle, preset=preset, seed=seed, kinds=(kind,), size=size
-    )  # fmt: skip
-    flown = flown_logs(plan, range(first, first + CHUNK))
-    dataset = dataset_of_logs(flown, plan)
+# --- deployments ----------------------------------------------------------------------------------
+
+
+def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw]]) -> list[Case]:
+    """Some deployments: flown, stored, made to channels."""
+    plan, draws = job
+    dataset = dataset_of_logs(flown_logs(plan, draws), plan)
     with tempfile.TemporaryDirectory() as folder:
         path = write_store(dataset, Path(folder) / "cases.zarr")
-        found = assess(path, vehicle)
         with LogStore(path) as logs:
-            contexts = [dives_of(logs, one.name)[1:] for one in found]
-    cases = []
-    for k, one in enumerate(found):
-        truth = str(dataset[FAULT_KIND].values[k])
-        onset = float(dataset[FAULT_ONSET].values[k])
-        cases.append(_case(one, truth, onset, str(dataset[LABELS].values[k]), contexts[k], vehicle))
-    return cases
-
-
-def _case(
-    one: DeploymentHealth, truth: str, onset: float, labels: str, context: Any, vehicle: Any
-) -> dict[str, Any]:
-    dives, ways = context
-    numbers = list(one.dives)
-    case: dict[str, Any] = {
-        "name": one.name, "truth": truth, "days": one.days, "alarm": one.alarm, "kind": one.kind,
-        "evidence": float(one.evidence.max()), "dives": len(numbers),
-        "also": list(one.kinds[0].also) if one.kinds else [],
-        "charts": {name: _chart(one, channels) for name, channels in CHARTS.items()},
-    }  # fmt: skip
-    case["alarm_at"] = numbers.index(one.noticed_dive) if one.noticed_dive is not None else None
-    case["since_at"] = numbers.index(one.since_dive) if one.since_dive is not None else None
-    if truth == "none" or not math.isfinite(onset) or int(onset) not in numbers:
-        return case
-    fault = fault_from_dict(json.loads(labels))
-    begun = numbers.index(int(onset))
-    case["onset_at"], case["size"] = begun, fault.size
-    signature = _signature(
-        fault, hypotheses_for(vehicle, typical(dives, vehicle), ways), len(numbers)
-    )
-    days = (one.time - one.time[begun]) / 86400.0
-    size = abs(fault.size) * (np.maximum(days, 0.0) if fault.grows else 1.0)
-    told = np.isfinite(one.values).any(axis=0)
-    over = np.linalg.norm(np.nan_to_num(signature)[:, told] / NOISE[told], axis=1) * size
-    there = [d for d in range(begun, len(numbers)) if over[d] >= SEEN]
-    case["seen_at"] = there[0] if there else None
-    return case
-
-
-def _signature(fault: Any, hypotheses: Sequence[Any], dives: int) -> np.ndarray:
-    """Of size 1, in each dive; of the way in which the vehicle has the fault."""
-    mine = [h for h in hypotheses if h.kind == fault.kind]
-    side = [h for h in mine if getattr(h.fault, "side", None) == getattr(fault, "side", None)]
-    return np.broadcast_to((side or mine)[0].signature, (dives, len(NAMES)))
-
-
-def _chart(one: DeploymentHealth, channels: Sequence[str]) -> int | None:
-    """The first dive, as a place, at which a chart is beyond its limits twice in a row."""
-    beyond = np.zeros(len(one.values), bool)
-    for name in channels:
-        values = one.values[:, NAMES.index(name)]
-        learned = values[:LEARNING][np.isfinite(values[:LEARNING])]
-        if len(learned) < 3:
-            continue
-        spread = max(float(np.std(learned, ddof=1)), 1e-6)
-        beyond |= np.nan_to_num(np.abs(values - learned.mean()) / spread) > 3.0
-    twice = np.flatnonzero(beyond[LEARNING:] & np.roll(beyond, 1)[LEARNING:])
-    return int(twice[0]) + LEARNING if twice.size else None
-
-
-def summary(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What the cases show."""
-    sound = [c for c in cases if c["truth"] == "none"]
-    faulty = [c for c in cases if c["truth"] != "none"]
-    days = sum(c["days"] for c in sound) + sum(
-        c["days"] * c.get("onset_at", 0) / max(c["dives"], 1) for c in faulty
-    )
-    early = [c for c in faulty if c["alarm"] and c["alarm_at"] < c.get("onset_at", 0)]
-    false = sum(c["alarm"] for c in sound) + len(early)
-    kinds = {}
-    for kind in dict.fromkeys(c["truth"] for c in faulty):
-        mine = [c for c in faulty if c["truth"] == kind]
-        seen = [c for c in mine if c.get("seen_at") is not None]
-        intime = [c for c in seen if _noticed(c)]
-        noticed = [c for c in mine if c["alarm"]]
-        kinds[kind] = {
-            "deployments": len(mine),
-            "to_be_noticed": len(seen),
-            "noticed_in_time": len(intime),
-            "noticed": len(noticed),
-            "named": sum(kind == c["kind"] or kind in c["also"] for c in noticed),
-            "onset_within_2": sum(
-                c["since_at"] is not None and abs(c["since_at"] - c["onset_at"]) <= NEAR
-                for c in noticed if "onset_at" in c
-            ),
-            "called": _counted(c["kind"] for c in noticed),
-        }  # fmt: skip
-    rivals = {}
-    for name in CHARTS:
-        first = [(c, c["charts"][name]) for c in faulty if c.get("seen_at") is not None]
-        rivals[name] = {
-            "noticed_in_time": sum(
-                at is not None and c["onset_at"] <= at <= c["seen_at"] + WITHIN for c, at in first
-            ),
-            "of": len(first),
-            "false_alarms": sum(c["charts"][name] is not None for c in sound),
+            found = [told_by(logs, str(one), plan.vehicle) for one in dataset[NAME].values]
+    labels = (dataset[word].values.tolist() for word in (FAULT_KIND, FAULT_ONSET, LABELS))
+    return [
+        {
+            **one, "values": one["values"].tolist(), "time": one["time"].tolist(),
+            "ways": one["ways"].tolist(), "dive": dataclasses.asdict(one["dive"]),
+            "changes": one["changes"].tolist(), "wander": one["wander"].tolist(),
+            "vehicle": plan.vehicle.name, "preset": plan.preset, "truth": truth, "onset": onset,
+            "fault": json.loads(fault),
         }
-    total = list(kinds.values())
+        for one, truth, onset, fault in zip(found, *labels, strict=True)
+    ]  # fmt: skip
+
+
+def fly(plan: DeploymentPlan, *, each: int, sound: int, workers: int = 1) -> Iterator[Case]:
+    """Channels of `each` deployments of every kind of a plan, and of so many sound ones."""
+    lacking = dict.fromkeys(plan.kinds, each) | {HEALTHY: sound}
+    draws: list[DeploymentDraw] = []
+    for index in itertools.count():
+        faulty = faulty_of(plan.seed, index)
+        if not any(lacking.values()):
+            break
+        if faulty and lacking[HEALTHY] == sum(lacking.values()):
+            continue
+        if not faulty and not lacking[HEALTHY]:
+            continue
+        draw = first_draw(plan, index)
+        if lacking[draw.kind]:
+            lacking[draw.kind] -= 1
+            draws.append(draw)
+    # a block flies as long as its longest
+    draws.sort(key=lambda draw: draw.scenario.run_time())
+    jobs = [(plan, draws[first : first + CHUNK]) for first in range(0, len(draws), CHUNK)]
+    with local_pool(workers) as pool:
+        for cases in pool.map(_flown, jobs):
+            yield from cases
+
+
+# --- judged ---------------------------------------------------------------------------------------
+
+
+class Alarms(NamedTuple):
+    """What one detector says of a deployment."""
+
+    statistic: Array
+    """after each dive, (dives,); above its level there is an alarm"""
+    kind: str
+    """that it names at the end; empty where it names none"""
+    also: Sequence[str] = ()
+    since: int | None = None
+    """Place of the dive with which it says that the fault began"""
+
+
+class Judged(NamedTuple):
+    """A deployment with what is true of it and what each detector says."""
+
+    case: Case
+    days: Array
+    """[d] of its dives since its first, (dives,)"""
+    onset: int | None
+    seen: int | None
+    """Place of the first dive in which the fault is there to be noticed"""
+    alarms: dict[str, Alarms]
+
+    def first(self, name: str, level: float) -> int | None:
+        """Place of the dive of a detector's first alarm."""
+        over = np.flatnonzero(self.alarms[name].statistic > level)
+        return int(over[0]) if over.size else None
+
+    def in_time(self, name: str, level: float) -> bool:
+        """Whether a fault that is there to be noticed was, not before its onset."""
+        at = self.first(name, level)
+        if at is None or self.seen is None or self.onset is None:
+            return False
+        return self.onset <= at <= self.seen + WITHIN
+
+
+@functools.cache
+def _vehicle(name: str) -> Vehicle:
+    return load_vehicle(name)
+
+
+def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
+    """One kept deployment by every detector."""
+    vehicle, values = _vehicle(case["vehicle"]), np.array(case["values"], float)
+    one = judged(
+        case["name"], case["numbers"], values, np.array(case["time"]), np.array(case["ways"]),
+        TypicalDive(**case["dive"]), vehicle, threshold_of(RATE),
+        **{name: np.array(case[name]) for name in ("changes", "wander") if name in case},
+    )  # fmt: skip
+    alarms = {name: Alarms(_chart(values, channels), "") for name, channels in CHARTS.items()}
+    alarms[OURS] = Alarms(one.evidence, "")
+    if one.kinds:
+        best = one.kinds[0]
+        since = None if best.since_dive is None else one.dives.index(best.since_dive)
+        alarms[OURS] = Alarms(one.evidence, best.kind, best.also, since)
+    if detector is not None:
+        odds, named = detector.judge(values)
+        alarms[LEARNED] = Alarms(odds, named[-1])
+    days = (one.time - one.time[0]) / 86400.0
+    onset = case["onset"]
+    begun = one.dives.index(int(onset)) if math.isfinite(onset) and onset in one.dives else None
+    seen = None if begun is None else _seen(one, case, begun, vehicle)
+    return Judged(case, days, begun, seen, alarms)
+
+
+def _seen(one: DeploymentHealth, case: Case, begun: int, vehicle: Vehicle) -> int | None:
+    """Place of the first dive in which a fault's signature is `SEEN` deviations."""
+    fault = fault_from_dict(case["fault"])
+    every = hypotheses_for(vehicle, TypicalDive(**case["dive"]), np.array(case["ways"]))
+    mine = [h for h in every if h.kind == fault.kind]
+    same = [
+        h for h in mine
+        if all(getattr(h.fault, name) == getattr(fault, name) for name in fault.choices(vehicle)[0])
+    ]  # fmt: skip
+    signature = (same or mine)[0].signature
+    if (told := fault.expected(np.nan_to_num(np.array(case["ways"])))) is not None:
+        signature = np.zeros((len(one.time), len(NAMES)))
+        for name, values in told.items():
+            signature[:, NAMES.index(name)] = values
+    since = (one.time - one.time[begun]) / 86400.0
+    size = abs(fault.size) * (np.maximum(since, 0.0) if fault.grows else 1.0)
+    known = np.isfinite(one.values[:begun]).any(axis=0)
+    over = np.nan_to_num(np.atleast_2d(signature)) / np.sqrt(one.levels.expected[begun - 1])
+    there = np.broadcast_to(np.linalg.norm(over[:, known], axis=1), since.shape) * size >= SEEN
+    places = np.flatnonzero(there[begun:])
+    return begun + int(places[0]) if places.size else None
+
+
+def _chart(values: Array, channels: Sequence[str]) -> Array:
+    """Deviations by which a chart is beyond its middle in two dives that follow each other."""
+    beyond = np.zeros(len(values))
+    for name in channels:
+        column = values[:, NAMES.index(name)]
+        learned = column[:BEFORE][np.isfinite(column[:BEFORE])]
+        if len(learned) >= 3:
+            spread = max(float(np.std(learned, ddof=1)), 1e-6)
+            off = np.nan_to_num(np.abs(column - learned.mean()) / spread)
+            beyond = np.maximum(beyond, np.minimum(off, np.roll(off, 1)))
+    beyond[: BEFORE + 1] = 0.0
+    return beyond
+
+
+def taught(cases: Sequence[Case]) -> FaultDetector:
+    """A detector that learned from kept deployments."""
+    onsets = [
+        case["numbers"].index(int(case["onset"])) if case["onset"] in case["numbers"] else None
+        for case in cases
+    ]
+    return FaultDetector.fit(
+        [np.array(case["values"], float) for case in cases],
+        [HEALTHY if onset is None else case["truth"]
+         for case, onset in zip(cases, onsets, strict=True)],
+        onsets,
+    )  # fmt: skip
+
+
+# --- counted --------------------------------------------------------------------------------------
+
+
+def sound_days(ones: Sequence[Judged], name: str, level: float) -> tuple[int, float]:
+    """False alarms, and days of sound vehicles until the first in each deployment.
+
+    What comes before a fault is sound; a deployment's alarm ends its count.
+    """
+    alarms, days = 0, 0.0
+    for one in ones:
+        end = len(one.days) if one.onset is None else one.onset
+        at = one.first(name, level)
+        rung = at is not None and at < end
+        alarms += rung
+        days += float(one.days[at if rung else end - 1])
+    return alarms, days
+
+
+def level_of(ones: Sequence[Judged], name: str, days: float) -> float:
+    """The lowest level at which there is at most one false alarm in so many days."""
+    highest = sorted(
+        {float(s) for one in ones
+         for s in np.maximum.accumulate(
+             one.alarms[name].statistic[: len(one.days) if one.onset is None else one.onset])
+         if math.isfinite(s)}
+    )  # fmt: skip
+    low, high = 0, len(highest) - 1
+    while low < high:
+        middle = (low + high) // 2
+        alarms, at_risk = sound_days(ones, name, highest[middle])
+        if alarms * days <= at_risk:
+            high = middle
+        else:
+            low = middle + 1
+    return highest[low]
+
+
+def interval(alarms: int, days: float) -> tuple[float, float]:
+    """95 % of the alarms in `RATE` days that a count in so many days tells (Garwood 1936)."""
+    low = 0.0 if alarms == 0 else 0.5 * float(chi2.ppf(0.025, 2 * alarms))
+    high = 0.5 * float(chi2.ppf(0.975, 2 * alarms + 2))
+    return low * RATE / days, high * RATE / days
+
+
+def named(one: Judged, name: str) -> bool:
+    """Whether a detector calls the fault rightly, or one that nothing tells from it."""
+    says = one.alarms[name]
+    return one.case["truth"] in (says.kind, *says.also)
+
+
+def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
+    """What a detector makes of deployments with a fault."""
+    there = [one for one in ones if one.seen is not None]
+    rung = [one for one in ones if one.onset is not None
+            and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
+    since = [(one.alarms[name].since, one.onset) for one in rung]
     return {
-        "kinds": kinds,
-        "to_be_noticed": sum(k["to_be_noticed"] for k in total),
-        "noticed_in_time": sum(k["noticed_in_time"] for k in total),
-        "noticed": sum(k["noticed"] for k in total),
-        "named": sum(k["named"] for k in total),
-        "onset_within_2": sum(k["onset_within_2"] for k in total),
-        "sound_days": days,
-        "false_alarms": false,
-        "false_alarms_in_30_days": 30.0 * false / days if days else math.nan,
-        "rivals": rivals,
+        "flown": len(ones),
+        "there": len(there),
+        "in time": sum(one.in_time(name, level) for one in ones),
+        "noticed": len(rung),
+        "named": sum(named(one, name) for one in rung),
+        "onset": sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
     }
 
 
-def _noticed(case: dict[str, Any]) -> bool:
-    at = case["alarm_at"]
-    return at is not None and case["onset_at"] <= at <= case["seen_at"] + WITHIN
+# --- tables, as pages have them -------------------------------------------------------------------
 
 
-def _counted(words: Iterator[str]) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for word in words:
-        found[word] = found.get(word, 0) + 1
-    return found
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
-def run(
-    vehicle: str, *, each: int, seed: int, preset: str, kinds: Sequence[str],
-    size: float | None, workers: int,
-) -> list[dict[str, Any]]:  # fmt: skip
-    """Cases of a vehicle, `each` of every kind and as many sound ones."""
-    chosen = fault_kinds(load_vehicle(vehicle), tuple(kinds))
-    jobs = [
-        (vehicle, preset, kind, first, seed + place, size)
-        for place, kind in enumerate(chosen)
-        for first in range(0, 2 * each, CHUNK)
-    ]
-    with local_pool(workers) as pool:
-        return [case for cases in pool.map(_cases, jobs) for case in cases]
+def of_kinds(ones: Sequence[Judged], level: float) -> str:
+    """What is noticed of each kind."""
+    kinds = [kind for kind in FAULTS if any(one.case["truth"] == kind for one in ones)]
+    rows = []
+    for kind in [*kinds, "all"]:
+        mine = [one for one in ones if one.onset is not None and kind in (one.case["truth"], "all")]
+        found = counts(mine, OURS, level)
+        rows.append([kind, *found.values()])
+    return table(["fault", "flown", "to be noticed", "in time", "noticed", "named", "onset"], rows)
 
 
-def thresholds(cases: Sequence[dict[str, Any]]) -> list[tuple[float, float]]:
-    """[d] of sound vehicles for one false alarm by the level of the evidence."""
-    sound = [c for c in cases if c["truth"] == "none"]
-    days = sum(c["days"] for c in sound)
-    highest = np.sort([c["evidence"] for c in sound])[::-1]
-    return [(days / (k + 1), float(level)) for k, level in enumerate(highest)]
+def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: float) -> str:
+    """Every detector, at its own level and at that which the teachers give."""
+    levels = [(OURS, OURS, level)]
+    levels += [(f"{name}, 3 deviations", name, LIMIT) for name in CHARTS]
+    if teachers:
+        levels += [
+            (f"{name}, same rate", name, level_of(teachers, name, RATE))
+            for name in ones[0].alarms if name != OURS
+        ]  # fmt: skip
+    rows = []
+    for says, name, limit in levels:
+        found = counts([one for one in ones if one.onset is not None], name, limit)
+        alarms, days = sound_days(ones, name, limit)
+        rows.append([
+            says, found["there"], found["in time"], found["named"] if name not in CHARTS else "-",
+            alarms, f"{days:.0f}", f"{RATE * alarms / days:.2f}",
+        ])  # fmt: skip
+    head = ["detector", "to be noticed", "in time", "named", "false alarms", "days", "in 30 d"]
+    return table(head, rows)
+
+
+def of_false_alarms(ones: Sequence[Judged], level: float) -> str:
+    """False alarms of each vehicle."""
+    rows = []
+    vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
+    for vehicle in [*vehicles, "all"]:
+        mine = [one for one in ones if vehicle in (one.case["vehicle"], "all")]
+        alarms, days = sound_days(mine, OURS, level)
+        low, high = interval(alarms, days)
+        rows.append([vehicle, f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
+                     f"{low:.2f} to {high:.2f}"])  # fmt: skip
+    return table(["vehicle", "days", "false alarms", "in 30 d", "95 %"], rows)
+
+
+def of_sizes(ones: Sequence[Judged], level: float) -> str:
+    """Part that is noticed in each third of a kind's sizes."""
+    rows = []
+    for kind in FAULTS:
+        mine = [one for one in ones if one.case["truth"] == kind and one.onset is not None]
+        low, high = FAULTS[kind].sizes
+        if not mine or low == high:
+            continue
+        edges = np.geomspace(low, high, 4)
+        thirds: list[list[Judged]] = [[], [], []]
+        for one in mine:
+            size = abs(fault_from_dict(one.case["fault"]).size)
+            thirds[int(np.clip(np.searchsorted(edges, size) - 1, 0, 2))].append(one)
+        cells = [f"{counts(third, OURS, level)['noticed']} of {len(third)}" for third in thirds]
+        rows.append([kind, " to ".join(f"{edge:.3g}" for edge in (low, high)), *cells])
+    return table(["fault", "sizes", "smallest third", "middle", "largest"], rows)
+
+
+def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
+    """What noticed faults are called."""
+    rows = []
+    for kind in FAULTS:
+        mine = [one for one in ones if one.case["truth"] == kind and one.onset is not None
+                and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
+        called = [one.alarms[name].kind for one in mine]
+        if called:
+            words = sorted(set(called), key=lambda word: -called.count(word))
+            rows.append([kind, ", ".join(f"{word} {called.count(word)}" for word in words)])
+    return table(["fault", "called"], rows)
+
+
+def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
+    """The levels that give so many days for one false alarm."""
+    rows = [
+        [f"{days:g}", f"{(level := level_of(ones, OURS, days)):.2f}",
+         *(f"{x:.0f}" for x in sound_days(ones, OURS, level))]
+        for days in rates
+    ]  # fmt: skip
+    return table(["one in days", "level", "alarms", "days"], rows)
+
+
+def load(paths: Sequence[Path]) -> list[Case]:
+    """Kept deployments."""
+    return [json.loads(line) for path in paths for line in path.read_text().splitlines()]
 
 
 def main() -> None:
-    """Print the table."""
+    """Fly and keep, or print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vehicle", nargs="+", default=["slocum-200"])
-    parser.add_argument("--each", type=int, default=4)
-    parser.add_argument("--seed", type=int, default=101)
+    parser.add_argument("--each", type=int, default=4, help="deployments of each kind of fault")
+    parser.add_argument("--sound", type=int, default=8, help="deployments without one")
+    parser.add_argument("--seed", type=int, default=201)
     parser.add_argument("--preset", default="faulty")
     parser.add_argument("--kinds", nargs="*", default=[])
     parser.add_argument("--size", type=float, default=None, help="of every fault, in its unit")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--thresholds", action="store_true", help="levels by false alarms")
-    parser.add_argument("--keep", type=Path, default=None, help="file for the cases as JSON")
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
-    cases = []
-    for vehicle in given.vehicle:
-        cases += run(
-            vehicle, each=given.each, seed=given.seed, preset=given.preset, kinds=given.kinds,
-            size=given.size, workers=given.workers,
-        )  # fmt: skip
-        if given.keep is not None:
-            given.keep.write_text(json.dumps(cases))
-    if given.thresholds:
-        for days, level in thresholds(cases)[:12]:
-            print(f"{days:8.1f} d  {level:6.2f}")
-    found = summary(cases)
-    if given.json:
-        print(json.dumps(found, indent=1))
-        return
-    print(f"{'kind':16} there in time noticed named onset  called")
-    for kind, row in found["kinds"].items():
-        print(
-            f"{kind:16} {row['to_be_noticed']:5} {row['noticed_in_time']:7} {row['noticed']:7} "
-            f"{row['named']:5} {row['onset_within_2']:5}  {row['called']}"
-        )
-    print(
-        f"false alarms {found['false_alarms']} in {found['sound_days']:.0f} d: "
-        f"{found['false_alarms_in_30_days']:.2f} in 30 d"
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="file that channels are added to; judge later")
+    parser.add_argument(
+        "--judge", type=Path, nargs="*", default=[], help="kept files; nothing flies"
     )
-    for name, row in found["rivals"].items():
-        print(
-            f"{name}: in time {row['noticed_in_time']} of {row['of']}, "
-            f"false alarms {row['false_alarms']}"
-        )
+    parser.add_argument("--taught", type=Path, nargs="*", default=[], help="kept files of teachers")
+    parser.add_argument("--thresholds", action="store_true", help="levels by false alarms")
+    given = parser.parse_args()
+    cases = load(given.judge)
+    for vehicle in given.vehicle if not given.judge else []:
+        plan = DeploymentPlan(
+            vehicle=_vehicle(vehicle), preset=given.preset, seed=given.seed,
+            kinds=tuple(given.kinds), size=given.size,
+        )  # fmt: skip
+        for case in fly(plan, each=given.each, sound=given.sound, workers=given.workers):
+            cases.append(case)
+            if given.keep is not None:
+                with given.keep.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(case) + "\n")
+    if given.keep is not None:
+        return
+    teaching = load(given.taught)
+    detector = taught(teaching) if teaching else None
+    ones = [judge(case, detector) for case in cases]
+    # a detector's level is told by deployments that did not teach it
+    halves = [teaching[0::2], teaching[1::2]]
+    others = [taught(half) if teaching else None for half in halves[::-1]]
+    teachers = [
+        judge(case, other) for half, other in zip(halves, others, strict=True) for case in half
+    ]
+    if given.thresholds:
+        print(of_levels(ones, (3.0, 10.0, 30.0, 100.0, 300.0)))
+        return
+    level = threshold_of(RATE)
+    for say in (
+        of_kinds(ones, level), of_detectors(ones, teachers, level), of_false_alarms(ones, level),
+        of_sizes(ones, level), of_confusion(ones, OURS, level),
+    ):  # fmt: skip
+        print(f"{say}\n")
+    if detector is not None:
+        print(of_confusion(ones, LEARNED, level_of(teachers, LEARNED, RATE)))
 
 
 if __name__ == "__main__":

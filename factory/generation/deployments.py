@@ -34,7 +34,7 @@ from factory.sampling.deployment import (
 )
 from factory.sampling.distribution import Distribution
 from factory.sampling.parameters import Table, declared, override, parameter_table
-from twin.errors import InputError, TwinError
+from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
 from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
 from twin.records.presence import is_store
@@ -155,11 +155,12 @@ def make_deployments(
         preset=preset, seed=seed, kinds=tuple(kinds), size=size,
     )  # fmt: skip
     if count is None:
-        count = _count(plan, 240.0 if hours is None else hours)
-    if count < 2:
+        draws = _lasting(plan, 240.0 if hours is None else hours)
+    elif count < 2:
         raise InputError(f"{count} deployments: give at least 2, one of which has a fault")
-    count += count % 2
-    pieces = [range(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
+    else:
+        draws = [first_draw(plan, index) for index in range(count + count % 2)]
+    pieces = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
     with whole_folder(out, overwrite=overwrite, ours=is_store) as folder:
         beside = folder.parent / "pieces"
         beside.mkdir()
@@ -170,7 +171,7 @@ def make_deployments(
             watch(made)
         dives, days, faulty = _joined(files, folder)
     return MadeDeployments(
-        store=Path(out), deployments=count, faulty=faulty, dives=dives, days=days
+        store=Path(out), deployments=len(draws), faulty=faulty, dives=dives, days=days
     )
 
 
@@ -184,51 +185,50 @@ def _done(workers: int | None, function: Any, jobs: Sequence[Any]) -> Iterator[A
         yield from pool.map(function, jobs)
 
 
-def _count(plan: DeploymentPlan, hours: float) -> int:
-    """Deployments that last so many hours together."""
+def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
+    """Deployments that last so many hours together; an even number of them."""
     if not 0.0 < hours < 1e9:
         raise InputError(f"--hours {hours:g} must be above 0 and below 1e9")
-    total, index = 0.0, 0
-    while total < 3600.0 * hours or index % 2:
-        total += _drawn(plan, index)[0].scenario.run_time()
-        index += 1
-    return index
+    total, draws = 0.0, list[DeploymentDraw]()
+    while total < 3600.0 * hours or len(draws) % 2:
+        draws.append(first_draw(plan, len(draws)))
+        total += draws[-1].scenario.run_time()
+    return draws
 
 
-def _drawn(plan: DeploymentPlan, index: int, first: int = 0) -> tuple[DeploymentDraw, int]:
-    """The first draw from an attempt on that the vehicle's guidance can plan, and its attempt."""
+def first_draw(plan: DeploymentPlan, index: int, attempt: int = 0) -> DeploymentDraw:
+    """A deployment's first draw from an attempt on that the vehicle's guidance can fly."""
     faulty, problem = faulty_of(plan.seed, index), ""
-    for attempt in range(first, first + ATTEMPTS):
+    for again in range(attempt, ATTEMPTS):
         try:
-            return plan.draw(index, attempt, faulty), attempt
-        except InputError:
-            raise
+            return plan.draw(index, again, faulty)
         except TwinError as error:
+            if isinstance(error, InputError) and not isinstance(error, MissionError):
+                raise  # what was asked for is wrong, and not the draw
             problem = str(error)
     raise TwinError(f"deployment {index}: {ATTEMPTS} draws cannot be flown; the last: {problem}")
 
 
 def flown_logs(
-    plan: DeploymentPlan, indices: Sequence[int]
+    plan: DeploymentPlan, draws: Sequence[DeploymentDraw]
 ) -> list[tuple[DeploymentDraw, DeploymentLog]]:
-    """Deployments with what the vehicle logged of them, in order."""
+    """Deployments with what the vehicle logged of them, in order.
+
+    One that came to harm is drawn and flown again.
+    """
     suite = SensorSuite.preset("field")
-    waiting = {index: _drawn(plan, index) for index in indices}
+    waiting = list(draws)
     found: dict[int, tuple[DeploymentDraw, DeploymentLog]] = {}
     while waiting:
-        draws = [draw for draw, _ in waiting.values()]
-        again: dict[int, tuple[DeploymentDraw, int]] = {}
-        for place, signals in fly_deployments(draws, suite):
-            draw = draws[place]
+        again = []
+        for place, signals in fly_deployments(waiting, suite):
+            draw = waiting[place]
             if isinstance(signals, TwinError):
-                attempt = waiting[draw.number][1]
-                if attempt >= ATTEMPTS:
-                    raise TwinError(f"deployment {draw.number} cannot be flown: {signals}")
-                again[draw.number] = _drawn(plan, draw.number, attempt + 1)
+                again.append(first_draw(plan, draw.number, draw.attempt + 1))
             else:
                 found[draw.number] = draw, log_of(draw, signals, plan)
         waiting = again
-    return [found[index] for index in indices]
+    return [found[draw.number] for draw in draws]
 
 
 def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan) -> DeploymentLog:
@@ -265,10 +265,10 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
     )
 
 
-def _piece(job: tuple[DeploymentPlan, Sequence[int], Path]) -> float:
+def _piece(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path]) -> float:
     """Fly some deployments into a store of their own; their hours [h]."""
-    plan, indices, path = job
-    flown = flown_logs(plan, indices)
+    plan, draws, path = job
+    flown = flown_logs(plan, draws)
     dataset = dataset_of_logs(flown, plan)
     write_zarr(dataset, path)
     return sum(draw.scenario.run_time() for draw, _ in flown) / 3600.0
@@ -373,12 +373,12 @@ def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:
             MISSION: (MISSION, begun + np.arange(count), known[MISSION].attrs),
             TIME: longest[TIME],
         })  # fmt: skip
-        write_zarr(whole, folder, append=MISSION if begun else None)
+        write_zarr(whole, folder, along=MISSION if begun else None)
         begun += count
         days += float(np.nansum(part[DIVE_DURATION])) / 86400.0
         faulty += sum(str(kind) != HEALTHY for kind in part[FAULT_KIND].values)
     told = xr.concat(
         [part[labels].drop_vars(MISSION, errors="ignore") for part in parts], DEPLOYMENT
     )
-    write_zarr(told.drop_vars(DEPLOYMENT, errors="ignore"), folder, append=DEPLOYMENT)
+    write_zarr(told.drop_vars(DEPLOYMENT, errors="ignore"), folder, beside=True)
     return begun, days, faulty

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from factory.sampling.distribution import Distribution, number
 from factory.sampling.draw import Parameters, draw_values
-from factory.sampling.fly import check_possible
+from factory.sampling.fly import Impossible, check_possible
 from factory.sampling.mission_water import build_current, build_density, origin
 from factory.sampling.parameters import Table
 from factory.sampling.vehicle_errors import (
@@ -54,6 +54,8 @@ HEALTHY_DIVES = 0.25
 """Part of the dives, at the beginning, that are healthy at least"""
 ABOVE_FLOOR = (20.0, 50.0)
 """[m] between the deepest turn and the floor, so that an altimeter hears it"""
+CIRCLING = 3600.0
+"""[s] most of which no sound vehicle heads away from where it should"""
 NOT_DRAWN = ("dvl_beam",)
 """Faults of instruments that these deployments do not carry"""
 _KEY = 0xFA17
@@ -77,6 +79,8 @@ class DeploymentDraw:
     """What one deployment is flown and measured by."""
 
     number: int
+    attempt: int
+    """Which of its draws it is"""
     scenario: Scenario
     dives: int
     fault: Fault | None
@@ -176,8 +180,11 @@ def draw_deployment(
         engine="lanes",
         sample_period=period,
     )
+    # refused here and not in flight, where the others of its block would wait for another draw
+    scenario.mission_in_metres().compile(believed)
     return DeploymentDraw(
         number=index,
+        attempt=attempt,
         scenario=scenario,
         dives=dives,
         fault=fault,
@@ -303,10 +310,23 @@ def fly_deployments(
         draw = draws[places[place]]
         try:
             check_possible(found.signals, found.time)
+            check_steered(draw, found)
         except TwinError as error:
             yield places[place], error
             continue
         yield places[place], measured(draw, found, lanes[place], suite)
+
+
+def check_steered(draw: DeploymentDraw, flown: Trajectory) -> None:
+    """Raise Impossible where a vehicle circled before it had a fault: no pilot flies on so."""
+    sound = math.inf if draw.fault is None else draw.fault.start
+    used = (flown.time < sound) & (flown["true_depth"] > 1.0)
+    off = np.deg2rad(flown["true_heading"] - flown["commanded_heading"])[used]
+    time, away = flown.time[used], np.cos(off) < 0.0
+    for begin in np.arange(0.0, flown.time[-1], CIRCLING):
+        some = away[(time >= begin) & (time < begin + CIRCLING)]
+        if some.sum() > 0.5 * max(len(some), 1):
+            raise Impossible("it circled before it had a fault", time_s=float(begin))
 
 
 def measured(

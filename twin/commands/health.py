@@ -11,7 +11,9 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.health import DeploymentHealth
+    from collections.abc import Sequence
+
+    from twin.health import Answers, DeploymentHealth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,9 @@ class JudgeHealth(JsonOption):
     """days of sound vehicles in which one false alarm is borne, from 1 to 300"""
     deployment: tuple[str, ...] = ()
     """names of the deployments to judge; default: all"""
+    answers: bool | None = None
+    """answer for compass, drag, pump and energy too, some seconds for ten hours of log; default:
+    for up to four deployments"""
     page: Path | None = None
     """folder for a page with every channel over the deployments, index.html, which opens without a
     network"""
@@ -60,8 +65,12 @@ class JudgeHealth(JsonOption):
                 deployments=self.deployment or None,
                 advance=progress.update,
             )
+        wanted = len(found) <= FEW if self.answers is None else self.answers
+        answered = self._answers(found) if wanted else {}
         for one in found:
             console.say(one.verdict())
+            for remark in one.remarks:
+                console.note(f"{one.name}: {remark}")
         for one in found:
             if one.alarm:
                 console.table(_rows(one), title=f"{one.name}: what it may be", digits=3)
@@ -73,15 +82,29 @@ class JudgeHealth(JsonOption):
 
             command = f"twin health {self.store}"
             command += "" if self.vehicle is None else f" --vehicle {self.vehicle}"
-            console.say(str(write_health(self.page, found, command)))
+            console.say(str(write_health(self.page, found, command, answered)))
         console.answer(
             store=self.store,
             false_alarm_days=self.false_alarm_days,
-            deployments=[one.describe() for one in found],
+            deployments=[
+                one.describe() | (answered[one.name].describe() if one.name in answered else {})
+                for one in found
+            ],
         )
         return 0
 
+    def _answers(self, found: Sequence[DeploymentHealth]) -> dict[str, Answers]:
+        """For each deployment that has dives."""
+        from twin.health import answer_for
+        from twin.identify import start_vehicle
+        from twin.vehicle.vehicle import load_vehicle
 
+        vehicle = start_vehicle(self.store) if self.vehicle is None else load_vehicle(self.vehicle)
+        return {one.name: answer_for(self.store, one.name, vehicle) for one in found if one.dives}
+
+
+FEW = 4
+"""Deployments that are answered for where nobody says"""
 MOST_ROWS = 5
 """Kinds of a table, the likeliest"""
 UNLIKELY = 0.005

@@ -182,6 +182,7 @@ class ViewMission:
             vehicle=scenario.vehicle,
             title=f"Mission {trajectory.provenance['mission']}, live",
             floor=floor if floor.size else None,
+            faults=scenario.faults,
         )
         return subject, scenario
 

@@ -119,8 +119,6 @@ class Fault:
     """What else would look like it"""
     find_out: ClassVar[str] = ""
     """What a pilot does to be sure"""
-    drawn: ClassVar[tuple[str, ...]] = ()
-    """Names of the geoms of a vehicle file, or their beginnings, that pictures leave out"""
 
     start: float = 0.0
     """[s] on the scenario's clock from when on; negative: it began before"""
@@ -184,6 +182,11 @@ class Fault:
           way: mean velocity through the water by the compass, north and east [m/s], (dives, 2).
         """
         return None
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """Beginnings of the names of a vehicle file's geoms that pictures leave out."""
+        return ()
 
     # --- what all have --------------------------------------------------------------------------
 

@@ -18,18 +18,23 @@ MILLISIEMENS_PER_CM = 10.0
 def lagged(values: Array, lag: Array, period: float) -> Array:
     """What an instrument shows that follows with a lag [s] at each sample, (n,), where it is known.
 
-    NaN stay NaN. The lag is that of the middle of the stretch: it grows from day to day, and a
-    stretch is a dive.
+    NaN stay NaN, and where the lag is 0 the values stay as they are. From the sample on at which it
+    changes, the instrument follows with the new one from what it showed there.
     """
     known = np.flatnonzero(np.isfinite(values))
-    tau = float(np.median(lag[known])) if known.size else 0.0
-    if known.size < 2 or tau <= 0.0:
-        return values
-    share = 1.0 - np.exp(-period * float(np.median(np.diff(known))) / tau)
-    given = values[known]
-    shown, _ = lfilter([share], [1.0, share - 1.0], given, zi=[given[0] * (1.0 - share)])
     found = values.copy()
-    found[known] = shown
+    if known.size < 2:
+        return found
+    step = period * float(np.median(np.diff(known)))
+    for stretch in np.split(known, np.flatnonzero(np.diff(lag[known])) + 1):
+        tau = float(lag[stretch[0]])
+        if tau > 0.0:
+            share = 1.0 - np.exp(-step / tau)
+            before = known[known < stretch[0]]
+            begin = found[before[-1]] if before.size else values[stretch[0]]
+            found[stretch], _ = lfilter(
+                [share], [1.0, share - 1.0], values[stretch], zi=[begin * (1.0 - share)]
+            )
     return found
 
 

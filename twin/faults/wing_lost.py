@@ -23,6 +23,8 @@ WING_DRAG = 0.2
 SPAN = 0.2
 """Lever of a wing's forces and weight over the hull's length: the middle of a wing of 0.4 m on a
 hull of 1.8 m, with the hull's radius"""
+MISSED = 0.5
+"""Part of a wing without which pictures leave it out"""
 HEAVY = 0.0008
 """Weight of one wing in water over the vehicle's: 0.04 kg of 54, ours"""
 
@@ -88,6 +90,12 @@ class WingLost(Fault):
             weight = -HEAVY * size * vehicle.mass
             found = found.with_mass(weight, (0.0, side * lever, 0.0))
         return found
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """The wing, where most of it is."""
+        sides = ("port", "starboard") if self.side == "both" else (self.side,)
+        return tuple(f"wing_{side}" for side in sides) if self.part >= MISSED else ()
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
         """Port, starboard, both."""

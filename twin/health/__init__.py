@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.health.answers import Answers as Answers
+    from twin.health.answers import answer_for as answer_for
     from twin.health.assessment import DeploymentHealth as DeploymentHealth
     from twin.health.assessment import KindVerdict as KindVerdict
     from twin.health.assessment import assess as assess

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.faults.base import FAULTS, Fault
-from twin.health.channels import CHANNELS, DiveSignals, channels_of, flight_model
+from twin.health.channels import CHANNELS, NAMES, DiveSignals, channels_of, flight_model
 from twin.health.judgement import Levels, Verdict, follow, judge
 from twin.health.signatures import (
     Hypothesis,
@@ -31,7 +31,7 @@ from twin.health.thresholds import threshold_of
 from twin.identify.start_values import start_vehicle
 from twin.logs.logged_leg import legs_of
 from twin.records.attributes import DIVE, DIVE_DURATION
-from twin.records.logged import LogStore
+from twin.records.logged import LogStore, log_rows
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -41,9 +41,20 @@ NONE = "none"
 """The kind of a healthy deployment"""
 LEAST_DIVES = 6
 """Dives below which nothing is judged"""
+ENDS = 0.0
+"""Log of the odds below which an alarm ends: none is then as likely"""
+CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
+"""Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and
+[cm3] of dive and climb; nine of ten dives of preset `faulty`, where nobody does, stay within"""
+UNTOLD_WARMING = 0.001
+"""Part by which a hull's air changes from dive to dive where a log lacks its temperature: 0.3 K"""
+LEANING = 3.0
+"""[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
 ROUND = 10.0
 """[m], and tenths of a degree and of the pump's reach, to which the typical dive is rounded, so
 that deployments of one vehicle share its signatures"""
+STEEP, LEAST_SAMPLES = 8.0, 20
+"""[degree] and samples from which on a vehicle dives or climbs"""
 READ = (
     "depth", "pressure", "pitch", "roll", "heading", "pump", "shift", "rotation", "fin", "density",
     "temperature", "conductivity", "salinity", "altitude", "charge", "voltage", "battery_current",
@@ -91,7 +102,9 @@ class DeploymentHealth:
     """The most likely fault; none without an alarm"""
     since_dive: int | None
     noticed_dive: int | None
-    """The dive after which the alarm was first given"""
+    """The dive after which the alarm that stands was given"""
+    rang: tuple[tuple[int, int], ...]
+    """First and last dive after which each alarm stood; one whose odds fell below even has ended"""
     probability: float
     """of that kind, or of a fault at all where there is no alarm"""
     kinds: tuple[KindVerdict, ...]
@@ -106,6 +119,8 @@ class DeploymentHealth:
     """[s] unix, of the middle of each dive, (dives,)"""
     lacking: tuple[str, ...]
     """Channels that this log does not tell"""
+    remarks: tuple[str, ...]
+    """What is no fault and a pilot should know: what drove it, how it leans, what was changed"""
 
     def describe(self) -> dict[str, object]:
         """Plain values, as `--json` prints them."""
@@ -121,6 +136,8 @@ class DeploymentHealth:
             "also": list(self.kinds[0].also) if self.alarm else [],
             "size": self.kinds[0].size if self.alarm else None,
             "size_deviation": self.kinds[0].size_deviation if self.alarm else None,
+            "rang": [list(dives) for dives in self.rang],
+            "remarks": list(self.remarks),
             "lacking": list(self.lacking),
         }
 
@@ -129,7 +146,12 @@ class DeploymentHealth:
         if not self.dives or not self.kinds:
             return f"{self.name}: {len(self.dives)} dives are too few to judge"
         if not self.alarm:
-            return f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d"
+            before = "" if not self.rang else (
+                f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"
+            )  # fmt: skip
+            return (
+                f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{before}"
+            )
         first = self.kinds[0]
         others = [k for k in first.also if k != first.kind]
         told = f" or {', '.join(others)}" if others else ""
@@ -174,7 +196,8 @@ def assess(
                 raise InputError(f"store {store} has no deployment {name!r}: {', '.join(names)}")
         found = []
         for name in deployments or names:
-            found.append(_judged(logs, name, vehicle, threshold))
+            told = told_by(logs, name, vehicle)
+            found.append(judged(**told, vehicle=vehicle, threshold=threshold))
             advance()
     return found
 
@@ -193,6 +216,7 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
     blocks = {name: logs.rows(name, rows) for name in names}
     legs = {leg.mission: leg.leg for leg in legs_of(logs, deployment)}
     dives, ways = [], np.full((len(rows), 2), math.nan)
+    of_rows = log_rows(logs)
     for k, row in enumerate(rows):
         current = (math.nan, math.nan)
         leg = legs.get(row)
@@ -202,25 +226,64 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
             current = (float(moved[0]), float(moved[1]))
         count = int(logs.samples[row])
         signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
-        dives.append(DiveSignals(period=logs.period, signals=signals, current=current))
+        heading, powered = signals.get("measured_heading"), of_rows[row].powered
+        if powered or heading is None or not np.isfinite(heading).any():
+            # a current by the heading that was wanted, or beside a thruster's speed, says nothing
+            current, ways[k] = (math.nan, math.nan), math.nan
+        dives.append(
+            DiveSignals(period=logs.period, signals=signals, current=current, powered=powered)
+        )
     return rows, dives, ways
 
 
-def _judged(
-    logs: LogStore, deployment: str, vehicle: Vehicle, threshold: float
-) -> DeploymentHealth:
-    """One deployment."""
+def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
+    """What `judged` takes of a deployment's log, by its names there."""
     rows, dives, ways = dives_of(logs, deployment)
     calibration = flight_model(vehicle)
-    values = np.array([channels_of(dive, calibration) for dive in dives])
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
-    counted = tuple(int(numbers[row]) for row in rows)
     starts = np.array([logs.starts[row] for row in rows])
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
-    return judged(
-        deployment, counted, values, starts + 0.5 * lasted, ways, vehicle,
-        typical(dives, vehicle), threshold,
-    )  # fmt: skip
+    return {
+        "name": deployment,
+        "numbers": tuple(int(numbers[row]) for row in rows),
+        "values": np.array([channels_of(dive, calibration) for dive in dives]),
+        "time": starts + 0.5 * lasted,
+        "ways": ways,
+        "dive": typical(dives, vehicle),
+        "changes": changes_of(dives),
+        "powered": [dive.powered for dive in dives],
+        "wander": wander_of(dives),
+    }
+
+
+def wander_of(dives: Sequence[DiveSignals]) -> Array:
+    """By how much more channels change than where the log tells all they depend on, (channels,)."""
+    found = np.zeros(len(NAMES))
+    if all(dive.get("temperature") is None for dive in dives):
+        found[NAMES.index("air")] = UNTOLD_WARMING
+    return found
+
+
+def changes_of(dives: Sequence[DiveSignals]) -> Array:
+    """By how much each dive is another than the one before, in `CHANGED`, (dives,).
+
+    What a model lacks differs from a depth, a pitch and a volume to others.
+    """
+    rows = []
+    for dive in dives:
+        depth, pitch, pump = dive.get("depth"), dive.get("pitch"), dive.get("pump")
+        row = [math.nan if depth is None else math.log(max(float(np.nanmax(depth)), 1.0))
+               / CHANGED["depth"]]  # fmt: skip
+        for sign in (-1.0, 1.0):
+            for values, unit in ((pitch, CHANGED["pitch"]), (pump, CHANGED["volume"])):
+                way = np.zeros(0, bool) if pitch is None else sign * pitch > STEEP
+                if values is None or way.sum() <= LEAST_SAMPLES:
+                    row.append(math.nan)
+                else:
+                    row.append(float(np.nanmedian(values[way])) / unit)
+        rows.append(row)
+    steps = np.nan_to_num(np.diff(np.array(rows), axis=0))
+    return np.concatenate([[0.0], np.linalg.norm(steps, axis=1)])
 
 
 def judged(
@@ -229,9 +292,12 @@ def judged(
     values: Array,
     time: Array,
     ways: Array,
-    vehicle: Vehicle,
     dive: TypicalDive,
+    vehicle: Vehicle,
     threshold: float,
+    changes: Array | None = None,
+    powered: Sequence[bool] = (),
+    wander: Array | None = None,
 ) -> DeploymentHealth:
     """A verdict over the channels of a deployment.
 
@@ -239,27 +305,30 @@ def judged(
       numbers: of the dives, as the log counts. values: (dives, channels).
       time: [s] unix, of the middles of the dives. ways: (dives, 2), see `dives_of`.
       dive: that faults are flown in.
+      changes: see `changes_of`. powered: whether a thruster drove each dive.
+      wander: see `wander_of`.
     """
     lacking = tuple(
         c.name
         for c, column in zip(CHANNELS, values.T, strict=True)
         if not np.isfinite(column).any()
     ) if len(values) else ()  # fmt: skip
-    levels = follow(values) if len(values) else follow(np.full((1, len(CHANNELS)), math.nan))
+    seen = values if len(values) else np.full((1, len(CHANNELS)), math.nan)
+    levels = follow(seen, changes, wander)
     days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
     shared: dict[str, Any] = {
         "name": name, "days": float(days[-1]) if len(days) else 0.0, "dives": tuple(numbers),
         "threshold": threshold, "levels": levels, "values": values, "time": time,
-        "lacking": lacking,
+        "lacking": lacking, "remarks": remarks_of(numbers, values, changes, powered, vehicle),
     }  # fmt: skip
     if len(values) < LEAST_DIVES:
         return DeploymentHealth(
-            **shared, alarm=False, kind=NONE, since_dive=None, noticed_dive=None, probability=0.0,
-            kinds=(), evidence=np.full(len(values), -math.inf),
+            **shared, alarm=False, rang=(), kind=NONE, since_dive=None, noticed_dive=None,
+            probability=0.0, kinds=(), evidence=np.full(len(values), -math.inf),
         )  # fmt: skip
     hypotheses = hypotheses_for(vehicle, dive, ways)
     verdict = judge(levels, days, hypotheses)
-    alarms = np.flatnonzero(verdict.evidence > threshold)
+    rang = rings(verdict.evidence, threshold)
     noise = np.where(
         np.isfinite(values).sum(axis=0) >= LEAST_DIVES, [c.noise for c in CHANNELS], np.inf
     )
@@ -268,7 +337,7 @@ def judged(
     kinds = tuple(
         _kind(verdict, int(k), hypotheses, levels, numbers, groups) for k in order.tolist()
     )
-    alarm = alarms.size > 0
+    alarm = bool(rang) and rang[-1][1] == len(values) - 1
     first = kinds[0]
     odds = float(verdict.evidence[-1])
     return DeploymentHealth(
@@ -276,11 +345,73 @@ def judged(
         alarm=alarm,
         kind=first.kind if alarm else NONE,
         since_dive=first.since_dive if alarm else None,
-        noticed_dive=int(numbers[int(alarms[0])]) if alarm else None,
+        noticed_dive=int(numbers[rang[-1][0]]) if alarm else None,
+        rang=tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
         probability=first.probability if alarm else 1.0 / (1.0 + math.exp(-min(odds, 700.0))),
         kinds=kinds,
         evidence=verdict.evidence,
     )
+
+
+def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
+    """First and last dive, as places, of each alarm: above the threshold until below `ENDS`."""
+    found: list[tuple[int, int]] = []
+    ringing = False
+    for d, odds in enumerate(evidence.tolist()):
+        if not ringing and odds > threshold:
+            found.append((d, d))
+            ringing = True
+        elif ringing and odds > ENDS:
+            found[-1] = (found[-1][0], d)
+        else:
+            ringing = False
+    return found
+
+
+def remarks_of(
+    numbers: Sequence[int],
+    values: Array,
+    changes: Array | None,
+    powered: Sequence[bool],
+    vehicle: Vehicle,
+) -> tuple[str, ...]:
+    """What is no fault and explains a log, in whole sentences."""
+    found = []
+    driven = [n for n, is_driven in zip(numbers, powered, strict=False) if is_driven]
+    if driven:
+        found.append(
+            f"A thruster drove {_dives(driven)}: glide, trim, turns and power are not judged there."
+        )
+    part = vehicle.steered("heading")
+    if len(values) and part is not None:
+        held = [values[:, NAMES.index(name)] for name in ("turn_dive", "turn_climb")]
+        if all(np.isfinite(one).any() for one in held):
+            down, up = (float(np.nanmedian(one)) for one in held)
+            if min(abs(down), abs(up)) > LEANING and down * up > 0.0:
+                found.append(
+                    f"It holds its heading with the {part.name} at {down:.0f} degrees in dives and "
+                    f"{up:.0f} in climbs: an asymmetry of the hull or the trim, or the zero of "
+                    "that drive."
+                )
+    changed = [] if changes is None else np.flatnonzero(changes > 1.0).tolist()
+    if changed:
+        found.append(
+            f"Depth, pitch or pumped volume were changed in {_dives([numbers[d] for d in changed])}"
+            ": what changes there with them counts as the pilot's."
+        )
+    return tuple(found)
+
+
+def _dives(numbers: Sequence[int]) -> str:
+    """Numbers of dives as a person writes them: dives 3, 8 to 13."""
+    runs: list[list[int]] = []
+    for n in numbers:
+        if runs and n == runs[-1][-1] + 1:
+            runs[-1] = [runs[-1][0], n]
+        else:
+            runs.append([n, n])
+    words = [f"{a}" if a == b else f"{a} to {b}" for a, b in runs]
+    return f"dive{'s' if len(numbers) > 1 else ''} {', '.join(words)}"
 
 
 def _kind(
@@ -340,8 +471,8 @@ def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
         if pitch is None or pump is None:
             continue
         for steep, volume, sign in ((down, heavy, -1.0), (up, light, 1.0)):
-            way = sign * pitch > 8.0
-            if way.sum() > 20:
+            way = sign * pitch > STEEP
+            if way.sum() > LEAST_SAMPLES:
                 steep.append(float(np.nanmedian(sign * pitch[way])))
                 volume.append(float(np.nanmedian(pump[way])))
     if not down or not up:

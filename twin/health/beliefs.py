@@ -15,26 +15,35 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
+from twin.identify.depth_rates import DepthRates
 from twin.identify.logged_missions import Log, gliding
-from twin.identify.residuals import dive_residuals, noise_of_dives
 from twin.identify.unknowns import UnknownParameter, choose
 
 Array = NDArray[np.float64]
 
 FOLLOWED = ("neutral_density", "drag")
 """Parameters that are followed where the caller names none: those that every glide tells"""
-WALKS: Mapping[str, float] = {"neutral_density": 0.05, "drag": 0.05}
-"""Change from dive to dive, over the parameter's spread: water and growth"""
-OTHER_WALK = 0.02
+WALKS: Mapping[str, float] = {"neutral_density": 0.01, "drag": 0.01}
+"""Change from dive to dive, over the parameter's spread, before the dives say: water and growth"""
+OTHER_WALK = 0.01
 """likewise, of every other parameter"""
+LEARNING = 8
+"""Dives at the beginning that say how much larger walks and noise are; a later fault does not"""
+FACTORS = np.exp(np.arange(-2.5, 2.6, 0.5))
+"""that are tried, of the walks and of the deviation of what a dive says; the logarithm of each is
+about one either way before the dives say"""
 PASSES = 2
-"""Calibrations about which the residuals are linear"""
+"""Fits to all dives between which weights are taken again; the last one's place is where the
+residuals are linear about"""
+ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
+"""Ends of its search: offsets are in spreads"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,40 +97,36 @@ def follow_parameters(
     parameters: Sequence[str] = FOLLOWED,
     *,
     walks: Mapping[str, float] | float | None = None,
-    advance: Callable[[], object] = lambda: None,
+    fixes: bool = True,
+    progress: Callable[[float], None] = lambda part: None,
 ) -> Beliefs:
     """Follow parameters over the dives of one vehicle, in their order.
 
     Args:
       logs: the dives. calibration: where the beliefs begin, with the parameters' spreads.
       parameters: names of `twin.identify.unknowns`.
-      walks: change from dive to dive over the spread, by name or of all; default `WALKS`.
-      advance: called once for each dive of each pass.
+      walks: change from dive to dive over the spread, by name or of all; default `WALKS`, times a
+        factor that the first dives tell, as they tell how far dives are off.
+      fixes: compare the currents between fixes too, which tell of the compass.
+      progress: called with the part done, 0 to 1.
 
     Raises:
       InputError: no dive, an unknown parameter, or a calibration that does not fly.
     """
     used, _ = gliding(logs)
     chosen = choose(list(parameters))
-    nominal = tuple(one.get(calibration) for one in chosen)
+    problem = DepthRates(used, calibration, chosen, fixes=fixes)
+    about, _ = problem.fit(np.zeros(len(chosen)), PASSES, progress=progress, **ENDS)
+    said = _said(problem, about)
     steps = np.array([_walk(one.name, walks) for one in chosen])
-    about = calibration
-    shift = np.zeros(len(chosen))
-    for turn in range(PASSES):
-        said = _said(used, about, chosen, advance)
-        # the offsets count from the vehicle file's values, whatever they are linear about
-        said = [(matrix, matrix @ shift - slope) for matrix, slope in said]
-        if turn + 1 < PASSES:
-            still, _, _ = _filtered(said, np.zeros(len(chosen)))
-            shift = np.clip(still[-1], -3.0, 3.0)
-            about = calibration
-            for one, value, offset in zip(chosen, nominal, shift, strict=True):
-                about = one.at(about, value, float(offset))
-    offset, covariance, innovation = _filtered(said, steps)
+    if walks is None:
+        said, steps = _scaled(said, steps)
+    offset, covariance, innovation, _ = _filtered(said, steps)
     smoothed, after = _smoothed(offset, covariance, steps)
     return Beliefs(
-        parameters=chosen, nominal=nominal, rows=tuple(log.index for log in used), offset=offset,
-        covariance=covariance, innovation=innovation, smoothed=smoothed, smoothed_covariance=after,
+        parameters=chosen, nominal=tuple(one.get(calibration) for one in chosen),
+        rows=tuple(log.index for log in used), offset=offset, covariance=covariance,
+        innovation=innovation, smoothed=smoothed, smoothed_covariance=after,
     )  # fmt: skip
 
 
@@ -131,52 +136,73 @@ def _walk(name: str, walks: Mapping[str, float] | float | None) -> float:
     return float(walks) if isinstance(walks, int | float) else float(walks.get(name, 0.0))
 
 
-def _said(
-    logs: Sequence[Log],
-    about: Calibration,
-    parameters: tuple[UnknownParameter, ...],
-    advance: Callable[[], object],
-) -> list[tuple[Array, Array]]:
-    """J^T J and J^T r of each dive's depth rates and pitches about a calibration."""
-    noise = noise_of_dives(logs, about)
-    count, found = len(parameters), []
-    for log in logs:
-        residuals = dive_residuals([log], about, parameters, noise)
-        kept = {k: v for k, v in residuals.channels.items() if k in ("depth_rate", "pitch")}
-        matrix, slope = dataclasses.replace(residuals, channels=kept).information()
-        found.append((matrix[:count, :count], slope[:count]))
-        advance()
+def _said(problem: DepthRates, about: Array) -> list[tuple[Array, Array]]:
+    """J^T J of each dive's residuals at some offsets, and J^T (J x - r), in independent ones."""
+    count = len(about)
+    found = [(np.zeros((count, count)), np.zeros(count)) for _ in problem.logs]
+    for one in problem.residuals(about).values():
+        jacobian, values = one.jacobian / one.deviation[:, None], one.values / one.deviation
+        for dive in np.unique(one.dives):
+            mine = one.dives == dive
+            matrix, pulled = found[dive]
+            matrix += jacobian[mine].T @ jacobian[mine]
+            pulled += jacobian[mine].T @ (jacobian[mine] @ about - values[mine])
     return found
 
 
-def _filtered(said: Sequence[tuple[Array, Array]], steps: Array) -> tuple[Array, Array, Array]:
-    """Offsets, covariances and innovations after each dive; the first belief is a unit normal."""
+def _scaled(
+    said: list[tuple[Array, Array]], steps: Array
+) -> tuple[list[tuple[Array, Array]], Array]:
+    """What dives say, and the walks, as large as make the first dives' innovations likeliest."""
+    best, found = -np.inf, (1.0, 1.0)
+    for noise in FACTORS:
+        for walk in FACTORS:
+            first = [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said[:LEARNING]]
+            likely = _filtered(first, walk * steps)[3]
+            likely -= 0.5 * float(np.log(noise) ** 2 + np.log(walk) ** 2)
+            if likely > best:
+                best, found = likely, (float(noise), float(walk))
+    noise, walk = found
+    return [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said], walk * steps
+
+
+def _filtered(
+    said: Sequence[tuple[Array, Array]], steps: Array
+) -> tuple[Array, Array, Array, float]:
+    """Offsets, covariances and innovations after each dive, and the logarithm of the innovations'
+    likelihood; the first belief is a unit normal."""
     count = len(steps)
     mean: Array = np.zeros(count)
     covariance: Array = np.eye(count)
-    means, covariances, innovations = [], [], []
+    means, covariances, innovations, likely = [], [], [], 0.0
     for matrix, pulled in said:
         covariance = covariance + np.diag(steps**2)
-        innovations.append(_innovation(matrix, pulled, mean, covariance))
+        innovation, width = _innovation(matrix, pulled, mean, covariance)
+        innovations.append(innovation)
+        likely -= 0.5 * float(np.nansum(innovation**2)) + width
         precision = np.linalg.inv(covariance)
         before = mean
         covariance = np.asarray(np.linalg.inv(precision + matrix), np.float64)
         mean = covariance @ (precision @ before + pulled)
         means.append(mean)
         covariances.append(covariance)
-    return np.array(means), np.array(covariances), np.array(innovations)
+    return np.array(means), np.array(covariances), np.array(innovations), likely
 
 
-def _innovation(matrix: Array, pulled: Array, mean: Array, covariance: Array) -> Array:
-    """What a dive alone says less what was believed, over its deviation, by the dive's own
-    directions; NaN for directions that it does not tell."""
+def _innovation(
+    matrix: Array, pulled: Array, mean: Array, covariance: Array
+) -> tuple[Array, float]:
+    """What a dive alone says less what was believed, whitened, in the dive's own directions, the
+    best told one last, NaN for directions that it does not tell; and the logarithm of the root of
+    its covariance's determinant."""
     strength, ways = np.linalg.eigh(matrix)
     told = strength > 1e-9 * max(float(strength.max()), 1e-30)
     found = np.full(len(mean), np.nan)
-    along = ways.T @ (pulled - matrix @ mean)
-    spread = np.einsum("ij,jk,ki->i", ways.T, covariance, ways)
-    found[told] = along[told] / strength[told] / np.sqrt(1.0 / strength[told] + spread[told])
-    return found
+    ways, strength = ways[:, told], strength[told]
+    off = ways.T @ (pulled - matrix @ mean) / strength
+    root = np.linalg.cholesky(np.diag(1.0 / strength) + ways.T @ covariance @ ways)
+    found[told] = np.linalg.solve(root, off)
+    return found, float(np.log(np.diag(root)).sum())
 
 
 def _smoothed(means: Array, covariances: Array, steps: Array) -> tuple[Array, Array]:

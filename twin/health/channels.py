@@ -32,8 +32,8 @@ STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
 """[degree], [cm3] of change from bin to bin that ends a steady flight"""
 SHALLOW = 5.0
 """[m] above which a hull is near the surface"""
-AFLOAT = 1.2
-"""[m] above which a vehicle is at the surface"""
+AFLOAT, FLOATING = 0.5, 0.05
+"""[m] below the highest depth of a dive, and [m/s] of rise and fall there, of what floats: waves"""
 LEAST_BINS = 4
 """of a phase: with fewer it says nothing"""
 PUMPING = 0.15
@@ -66,9 +66,9 @@ class Channel:
 
 CHANNELS: tuple[Channel, ...] = (
     Channel(name="rate_dive", unit="1", noise=0.02, walk=0.004,
-            says="depth rate in dives over the flight model's, less 1"),
+            says="1 less the flight model's depth rate in dives over the log's"),
     Channel(name="rate_climb", unit="1", noise=0.015, walk=0.004,
-            says="depth rate in climbs over the flight model's, less 1"),
+            says="1 less the flight model's depth rate in climbs over the log's"),
     Channel(name="trim_dive", unit="mm", noise=0.4, walk=0.08,
             says="battery's place in dives, less what the pitch needs"),
     Channel(name="trim_climb", unit="mm", noise=0.4, walk=0.08,
@@ -95,19 +95,19 @@ CHANNELS: tuple[Channel, ...] = (
             says="logarithm of the voltage's drop over the current"),
     Channel(name="air", unit="1", noise=0.001, walk=0.0002,
             says="logarithm of the hull's pressure over its temperature"),
-    Channel(name="surface_depth", unit="m", noise=0.1, walk=0.03,
+    Channel(name="surface_depth", unit="m", noise=0.04, walk=0.01,
             says="depth that it shows at the surface"),
     Channel(name="echoes", unit="1", noise=0.06, walk=0.02,
             says="part of the pings near the lower turn that come back"),
     Channel(name="temperature_lag", unit="s", noise=3.0, walk=0.4,
             says="time by which the thermistor is late, by dives and climbs"),
-    Channel(name="conductivity_lag", unit="s", noise=3.0, walk=0.4,
-            says="time by which the conductivity is late, by dives and climbs"),
+    Channel(name="cell_lag", unit="s", noise=0.3, walk=0.05,
+            says="time by which the conductivity is later than the temperature"),
     Channel(name="lock", unit="1", noise=0.1, walk=0.02,
             says="part of the samples in which the Doppler log has lock"),
-    Channel(name="current_north", unit="m s-1", noise=0.02, walk=0.03, flown=False,
+    Channel(name="current_north", unit="m s-1", noise=0.012, walk=0.006, flown=False,
             says="depth-averaged current to the north, by the compass' heading"),
-    Channel(name="current_east", unit="m s-1", noise=0.02, walk=0.03, flown=False,
+    Channel(name="current_east", unit="m s-1", noise=0.012, walk=0.006, flown=False,
             says="depth-averaged current to the east, by the compass' heading"),
 )  # fmt: skip
 """Every channel; noise and walk are of the size that sound simulated deployments of a Slocum have
@@ -127,6 +127,8 @@ class DiveSignals:
     """by the names of the schema"""
     current: tuple[float, float] = (math.nan, math.nan)
     """north, east [m/s] between its fixes by the depth rate and the compass"""
+    powered: bool = False
+    """A thruster drove it: neither its glide nor its power is that of others"""
 
     def get(self, name: str) -> Array | None:
         """A measured signal with a finite value."""
@@ -144,11 +146,12 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
     depth = dive.get("depth")
     if depth is None or len(depth) < 10:
         return np.array(list(found.values()))
-    if calibration is not None:
-        found |= _flight(dive, depth, calibration)
-        found |= _turning(dive, depth, calibration.vehicle)
-    found |= _pump(dive, depth)
-    found |= _power(dive, depth)
+    if not dive.powered:
+        if calibration is not None:
+            found |= _flight(dive, depth, calibration)
+            found |= _turning(dive, depth, calibration.vehicle)
+        found |= _pump(dive, depth)
+        found |= _power(dive, depth)
     found |= _hull(dive, depth)
     found |= _lags(dive, depth)
     found["current_north"], found["current_east"] = dive.current
@@ -206,7 +209,7 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
         phase = steady & known & (sign * rate > 0.02) & (-sign * theta > 0.0)
         used = phase & gliding & (sign * model > 0.02)
         if used.sum() >= LEAST_BINS:
-            found[f"rate_{word}"] = float(rate[used].sum() / model[used].sum() - 1.0)
+            found[f"rate_{word}"] = float(1.0 - model[used].sum() / rate[used].sum())
         trimmed = phase & np.isfinite(moved)
         if trimmed.sum() >= LEAST_BINS:
             found[f"trim_{word}"] = float(np.median(moved[trimmed]))
@@ -274,9 +277,10 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
     moved = np.diff(_filled(volume), prepend=_filled(volume)[:1])
     out = moved > PUMPING * dive.period
     found: dict[str, float] = {}
-    # a sample at an end of a stroke has a part of it alone
+    # a sample at an end of a stroke has a part of it alone, and a valve lets some through
     if out.sum() >= 5:
-        found["pump_rate"] = math.log(float(np.percentile(moved[out], 75.0)) / dive.period)
+        whole = out & (moved > 0.5 * float(moved[out].max()))
+        found["pump_rate"] = math.log(float(np.median(moved[whole])) / dive.period)
     power = dive.get("pump_power")
     if power is not None and out.any():
         vacuum = dive.get("vacuum")
@@ -323,12 +327,20 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     """Air in the hull, depth at the surface, echoes of the floor."""
     found: dict[str, float] = {}
     vacuum, warmth = dive.get("vacuum"), dive.get("temperature")
-    if vacuum is not None:
+    # at the surface a bladder takes air out of the hull
+    under = depth > SHALLOW
+    if vacuum is not None and np.isfinite(vacuum[under]).any():
+        vacuum, warmth = vacuum[under], None if warmth is None else warmth[under]
+        if warmth is not None and not np.isfinite(warmth).any():
+            warmth = None
         kelvin = ZERO_C + (10.0 if warmth is None else float(np.nanmean(warmth)))
         found["air"] = math.log((SEA_LEVEL - float(np.nanmean(vacuum))) / kelvin)
-    afloat = depth < max(AFLOAT, float(np.nanpercentile(depth, 1)) + 0.5)
-    if afloat.sum() >= 3 and float(np.nanmin(depth)) < 10.0:
-        found["surface_depth"] = float(np.nanmedian(depth[afloat]))
+    highest = float(np.nanmin(depth))
+    if highest < 10.0:
+        floats = np.abs(np.gradient(_filled(depth), dive.period)) < FLOATING
+        afloat = floats & (depth < highest + AFLOAT)
+        if afloat.sum() >= 2:
+            found["surface_depth"] = float(np.median(depth[afloat]))
     if "measured_altitude" in dive.signals:
         heard = dive.signals["measured_altitude"]
         deepest = float(np.nanmax(depth))
@@ -373,6 +385,10 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
         if both.sum() >= 8 and float((late[both] ** 2).sum()) > 0.0:
             off = (falling - rising)[both]
             found[f"{name}_lag"] = float(off @ late[both] / (late[both] ** 2).sum())
+    # water that waves move between a dive and its climb moves both
+    if "conductivity_lag" in found and "temperature_lag" in found:
+        found["cell_lag"] = found.pop("conductivity_lag") - found["temperature_lag"]
+    found.pop("conductivity_lag", None)
     return found
 
 

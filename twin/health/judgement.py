@@ -33,6 +33,9 @@ LATE = 2
 """Dives at the end that do not teach the noise: a fault would"""
 LEAST, MOST = 0.4, 40.0
 """Smallest and largest variance of a channel over that before the deployment"""
+STEP = 2.0
+"""Noises by which a level may step where a pilot changed the dive by one unit more than he does
+without wanting to: what the model lacks at another depth, pitch and volume"""
 FIRST = 3
 """Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
 UNKNOWN = 100.0
@@ -57,15 +60,20 @@ class Levels:
     """of each update, 0 without a value"""
 
 
-def follow(values: Array) -> Levels:
+def follow(values: Array, changes: Array | None = None, wander: Array | None = None) -> Levels:
     """Follow every channel of a deployment.
 
     Args:
       values: (dives, channels), NaN where the log does not tell.
+      changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
+        same; beyond, levels may step by what the model lacks. None: all dives are the same.
+      wander: deviation of each channel's change from dive to dive, (channels,), beside that of a
+        log that tells all it depends on.
     """
     count, width = values.shape
     noise = np.array([one.noise for one in CHANNELS]) ** 2
     walk = np.array([one.walk for one in CHANNELS]) ** 2
+    walk = walk if wander is None else walk + wander**2
     level, variance = np.zeros(width), UNKNOWN**2 * noise
     seen, squares = np.zeros(width), np.zeros((count, width))
     scale = np.ones(width)
@@ -73,7 +81,8 @@ def follow(values: Array) -> Levels:
     for d in range(count):
         value = values[d]
         known = np.isfinite(value)
-        variance = variance + walk * scale
+        step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
+        variance = variance + (walk + noise * step**2) * scale
         spread = variance + noise * scale
         first = known & (seen == 0)
         level = np.where(first, value, level)
@@ -137,16 +146,16 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
     )  # (hypotheses, dives, channels)
     scale = np.array([h.scale for h in hypotheses])
     signed = np.array([h.fault.signed for h in hypotheses])
-    onsets = np.arange(FIRST, count)
+    by_dives = np.array([h.fault.expected(np.zeros((0, 2))) is not None for h in hypotheses])
+    # the first is that of what was there before the log
+    onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))
     info, score = np.zeros((2, len(onsets), size))
     evidence, running = np.full(count, -math.inf), ["none"] * count
     usual = np.array([_usual(h) for h in hypotheses])
-    before = np.zeros((len(onsets), size))
+    before = np.zeros((len(onsets) - 1, size))
     for d in range(count):
         begun = onsets <= d
-        if not begun.any():
-            continue
         since = np.where(begun, days[d] - days[np.minimum(onsets, d)] + _half(days, d), 0.0)
         shape = np.where(grows[None, :], since[:, None], 1.0) * begun[:, None]
         added = shape[:, :, None] * (signatures[:, d, :] * known)[None]
@@ -157,11 +166,14 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
         weighted = response / spread[d] * told[d]
         info += (weighted**2).sum(axis=2)
         score += (weighted * innovation[d]).sum(axis=2)
-        before = _ratio(info, score, usual, signed)
+        before = _against_standing(_ratio(info, score, usual, signed), by_dives)
+        if not begun[1:].any():
+            continue
         prior = -math.log(RARE) - math.log(size)
-        alive = np.where(begun[:, None], before + prior, -math.inf)
+        alive = np.where(begun[1:, None], before + prior, -math.inf)
         evidence[d] = float(logsumexp(alive))
         running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
+    onsets = onsets[1:]
     names = tuple(dict.fromkeys(h.kind for h in hypotheses))
     prior = -math.log(RARE) - math.log(size)
     total = logsumexp(before + prior, axis=0) if len(onsets) else np.full(size, -math.inf)
@@ -207,6 +219,19 @@ def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tu
         info += float(weighted @ weighted)
         score += float(weighted @ levels.innovation[d][known])
     return score / info, 1.0 / math.sqrt(info)
+
+
+def _against_standing(ratio: Array, by_dives: NDArray[np.bool_]) -> Array:
+    """The ratios of faults that began in the log, (onsets - 1, hypotheses).
+
+    What shows in some dives and not in others, as a compass' iron does by the heading, may have
+    been there all along: it is weighed against that, the first row, too.
+    """
+    before = ratio[1:].copy()
+    if by_dives.any():
+        standing = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
+        before[:, by_dives] -= np.logaddexp(0.0, standing)
+    return before
 
 
 def _half(days: Array, d: int) -> float:

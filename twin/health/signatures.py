@@ -36,8 +36,24 @@ FLOOR_BELOW = 20.0
 """[m] of the floor below the dive, so that an altimeter hears it"""
 PATIENCE = 60.0
 """[s] for each metre of depth: a vehicle without a wing is slow"""
+DEEP = 250.0
+"""[m] that is dived at least, in as many yos as that takes"""
+OCEAN, PER_SALINITY = 1025.0, 0.77
+"""[kg/m3] that the shipped gliders are ballasted for, and by which a unit of salinity is denser"""
 SETTLED = 300.0
 """[s] of a flight after which a fault begins that began at once"""
+FLATTER = 1.0
+"""[degree] by which a second sound dive is flatter: what already that changes, as where a weak turn
+settles, is no part of a signature"""
+ASTRAY = 10.0
+"""[degree] rms of its heading from which on a sound vehicle's turns, and what a fault makes of
+them, are not told: what turns it is at its end"""
+TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
+"""Channels of what holds the heading"""
+STEEPER, STEEPEST, DEEPER = 6.0, 40.0, 40.0
+"""[degree] by which a dive is steeper where a vehicle stalls from the surface on, as real ones
+begin theirs steeply, and the most; [m] by which it is deeper, where its pump takes most of it"""
+RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
 LIKE = 0.97
 """Cosine between two signatures, over their noise, from which no channel tells them apart"""
 
@@ -90,6 +106,8 @@ def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> T
 def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
     """Every fault that a vehicle can have, with its signature in a dive; see `in_dives`.
 
+    Where the vehicle does not glide steadily in it, it flies a steeper, deeper one.
+
     Raises:
       InputError: the vehicle's dive cannot be flown.
     """
@@ -100,11 +118,37 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         for choice in sample.choices(vehicle)
     ]
     flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
-    sound, *table = _flown_channels(vehicle, dive, [(), *((fault,) for fault in flown)])
+    flatter = dataclasses.replace(
+        dive, pitch=dive.pitch - FLATTER, climb_pitch=dive.climb_pitch - FLATTER
+    )
+    sound, beside, *table = _flown_channels(
+        vehicle, [(dive, ()), (flatter, ()), *((dive, (fault,)) for fault in flown)]
+    )
+    if np.isnan(sound[RATES]).any() and flight_model(vehicle) is not None:
+        if min(dive.pitch, dive.climb_pitch) >= STEEPEST:
+            raise InputError(
+                f"vehicle {vehicle.name!r} does not glide in the dive that its logs show, even at "
+                f"{dive.pitch:g} and {dive.climb_pitch:g} degree; give the vehicle that made them "
+                "with --vehicle"
+            )
+        steeper = dataclasses.replace(
+            dive, depth=dive.depth + DEEPER, pitch=min(dive.pitch + STEEPER, STEEPEST),
+            climb_pitch=min(dive.climb_pitch + STEEPER, STEEPEST),
+        )  # fmt: skip
+        return hypotheses_of(vehicle, steeper)
+    loose = np.nan_to_num(np.abs(beside - sound))
+    off = max(math.exp(one[PLACE["heading_error"]]) for one in (sound, beside))
     found = []
     for fault, channels in zip(flown, table, strict=True):
-        signature = (channels - sound) / (fault.size * (GROWN if fault.grows else 1.0))
+        shown = channels - sound
+        shown = np.sign(shown) * np.maximum(np.abs(shown) - loose, 0.0)
+        signature = shown / (fault.size * (GROWN if fault.grows else 1.0))
         signature[~FLOWN] = 0.0
+        if type(fault).change is not Fault.change:
+            # how deep it floats is the affair of a bladder, which no twin has
+            signature[PLACE["surface_depth"]] = 0.0
+        if off > ASTRAY:
+            signature[[PLACE[name] for name in TURNING]] = math.nan
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
     told = [fault for fault in faults if fault not in flown]
     nothing = np.zeros(len(NAMES))
@@ -131,14 +175,34 @@ def in_dives(hypotheses: Sequence[Hypothesis], way: Array) -> list[Hypothesis]:
 
 
 def _flown_channels(
-    vehicle: Vehicle, dive: TypicalDive, cases: Sequence[tuple[Fault, ...]]
+    vehicle: Vehicle, cases: Sequence[tuple[TypicalDive, tuple[Fault, ...]]]
 ) -> list[Array]:
-    """Channels of the dive with each set of faults, noise-free; NaN where it cannot be flown."""
+    """Channels of dives with sets of faults, noise-free; NaN where one cannot be flown."""
+    scenarios = [_scenario(vehicle, dive, case) for dive, case in cases]
+    calibration = flight_model(vehicle)
+    found = [np.full(len(NAMES), math.nan) for _ in cases]
+    try:
+        for k, one in flown_abreast([Lane(scenario) for scenario in scenarios]):
+            if isinstance(one, Trajectory):
+                found[k] = channels_of(told(scenarios[k], one), calibration)
+            elif not cases[k][1]:
+                raise one
+    except TwinError as error:
+        raise InputError(
+            f"vehicle {vehicle.name!r}: the dive that its logs show cannot be flown ({error}); "
+            "give the vehicle that made them with --vehicle"
+        ) from error
+    return found
+
+
+def _scenario(vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault]) -> Scenario:
+    """A dive with faults, and where it is shallow several, so that it says as much."""
+    yos = max(math.ceil(DEEP / dive.depth), 1)
     mission = Mission(
         segments=(
             Surface(duration_s=120.0),
             SawTooth(
-                heading_deg=30.0, yos=1, max_depth_m=dive.depth, min_depth_m=8.0,
+                heading_deg=30.0, yos=yos, max_depth_m=dive.depth, min_depth_m=8.0,
                 pitch_deg=dive.pitch, climb_pitch_deg=dive.climb_pitch, net_mass_kg=dive.net_mass,
                 climb_net_mass_kg=dive.climb_net_mass,
             ),
@@ -147,35 +211,23 @@ def _flown_channels(
         start_heading_deg=30.0,
         name="signature",
     )  # fmt: skip
-    water = DensityProfile.thermocline(max_depth=dive.depth + 200.0)
-    scenarios = [
-        Scenario(
-            vehicle=vehicle,
-            believed=vehicle,
-            mission=mission,
-            faults=[_begun(fault) for fault in case],
-            density=water,
-            floor=FlatFloor(depth_m=1.1 * dive.depth + FLOOR_BELOW),
-            engine="lanes",
-            sample_period=min(dive.period, 4.0),
-            duration=PATIENCE * dive.depth,
-        )
-        for case in cases
-    ]
-    calibration = flight_model(vehicle)
-    found = [np.full(len(NAMES), math.nan) for _ in cases]
-    try:
-        for k, one in flown_abreast([Lane(scenario) for scenario in scenarios]):
-            if isinstance(one, Trajectory):
-                found[k] = channels_of(told(scenarios[k], one), calibration)
-            elif not cases[k]:
-                raise one
-    except TwinError as error:
-        raise InputError(
-            f"vehicle {vehicle.name!r}: the dive that its logs show cannot be flown ({error}); "
-            "give the vehicle that made them with --vehicle"
-        ) from error
-    return found
+    # the water that the vehicle is ballasted for
+    fresher = max((OCEAN - vehicle.reference_density) / PER_SALINITY, -5.0)
+    water = DensityProfile.thermocline(
+        max_depth=dive.depth + 200.0,
+        surface_salinity=max(33.4 - fresher, 0.0), deep_salinity=max(34.4 - fresher, 0.0),
+    )  # fmt: skip
+    return Scenario(
+        vehicle=vehicle,
+        believed=vehicle,
+        mission=mission,
+        faults=[_begun(fault) for fault in faults],
+        density=water,
+        floor=FlatFloor(depth_m=1.1 * dive.depth + FLOOR_BELOW),
+        engine="lanes",
+        sample_period=min(dive.period, 4.0),
+        duration=PATIENCE * dive.depth * yos,
+    )
 
 
 def _begun(fault: Fault) -> Fault:

@@ -69,28 +69,28 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
     return path
 
 
-def write_zarr(dataset: xr.Dataset, folder: Path, *, append: str | None = None) -> None:
+def write_zarr(
+    dataset: xr.Dataset, folder: Path, *, along: str | None = None, beside: bool = False
+) -> None:
     """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
 
     Each chunk has a CRC-32C, so that whatever reads a changed one fails. `folder` is one of
     `whole_folder`: a kill leaves part of the group.
 
     Args:
-      append: dimension along which the arrays that are there grow; the others are added.
+      along: dimension along which the arrays of the group that is there grow.
+      beside: the arrays are added to those of the group that is there.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     codecs = {"compressors": [ZstdCodec(), Crc32cCodec()]}
-    encoding = dict.fromkeys(dataset.variables, codecs)
-    if append is not None:
-        there = {path.parent.name for path in folder.glob("*/zarr.json")}
-        encoding = {name: codecs for name in dataset.variables if name not in there}
+    encoding = {} if along else dict.fromkeys(dataset.variables, codecs)
+    how: dict[str, Any] = {"mode": "a" if along or beside else "w"}
+    if along:
+        how["append_dim"] = along
     with warnings.catch_warnings():
         # zarr 3 warns that its specification does not name consolidated metadata yet
         warnings.filterwarnings("ignore", "Consolidated metadata")
-        how: dict[str, Any] = {"mode": "w"}
-        if append is not None:
-            how = {"mode": "a", **({"append_dim": append} if not encoding else {})}
         dataset.to_zarr(folder, zarr_format=3, consolidated=True, encoding=encoding, **how)
 
 

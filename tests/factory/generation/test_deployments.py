@@ -1,11 +1,14 @@
 """Deployments with and without a fault: exactly half, the same draw of the same seed."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from factory.generation.deployments import DeploymentPlan
-from factory.sampling.deployment import fault_kinds, faulty_of
-from twin.errors import InputError
+from factory.generation import deployments
+from factory.generation.deployments import DeploymentPlan, first_draw
+from factory.sampling.deployment import check_steered, fault_kinds, faulty_of
+from twin.errors import InputError, MissionError, TwinError
 from twin.vehicle.vehicle import load_vehicle
 
 
@@ -35,3 +38,53 @@ def test_what_a_vehicle_cannot_have_is_refused():
         fault_kinds(load_vehicle("slocum-200"), ("blade_lost",))
     with pytest.raises(InputError, match="preset 'field' is none of"):
         DeploymentPlan(vehicle=load_vehicle("slocum-200"), preset="field")
+
+
+def test_hours_are_filled_by_draws_that_are_made_once(monkeypatch):
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), seed=5)
+    made, draw = [], DeploymentPlan.draw
+
+    def counted(self, index, attempt, faulty):
+        made.append((index, attempt))
+        return draw(self, index, attempt, faulty)
+
+    monkeypatch.setattr(DeploymentPlan, "draw", counted)
+    draws = deployments._lasting(plan, 200.0)
+    assert sum(one.scenario.run_time() for one in draws) >= 200.0 * 3600.0
+    assert len(draws) % 2 == 0
+    assert len(set(made)) == len(made)
+    assert [one.number for one in draws] == list(range(len(draws)))
+
+
+def test_a_draw_that_guidance_cannot_plan_is_drawn_again_and_a_wrong_wish_is_not(monkeypatch):
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), seed=5)
+
+    def refused(self, index, attempt, faulty):
+        if attempt < 2:
+            raise MissionError("too heavy")
+        return SimpleNamespace(attempt=attempt)
+
+    monkeypatch.setattr(DeploymentPlan, "draw", refused)
+    assert first_draw(plan, 0).attempt == 2
+    monkeypatch.setattr(deployments, "ATTEMPTS", 2)
+    with pytest.raises(TwinError, match="2 draws cannot be flown; the last: too heavy"):
+        first_draw(plan, 0)
+    monkeypatch.undo()
+    wrong = DeploymentPlan(vehicle=plan.vehicle, kinds=("attached",), size=-1.0)
+    with pytest.raises(InputError, match="drag"):
+        first_draw(wrong, 0 if faulty_of(0, 0) else 1)
+
+
+def test_a_sound_vehicle_that_circles_is_drawn_again():
+    time = np.arange(0.0, 8000.0, 4.0)
+    flown = {"true_depth": np.full(time.size, 50.0), "commanded_heading": np.full(time.size, 30.0)}
+    flown["true_heading"] = np.where(time < 4000.0, 30.0, 200.0)
+
+    class Flown(SimpleNamespace):
+        def __getitem__(self, name):
+            return self.signals[name]
+
+    track = Flown(time=time, signals=flown)
+    check_steered(SimpleNamespace(fault=SimpleNamespace(start=4000.0)), track)
+    with pytest.raises(TwinError, match="circled before"):
+        check_steered(SimpleNamespace(fault=None), track)

@@ -8,6 +8,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS, Condition, condition_at, faults_of, parse_faults
+from twin.faults.ctd_faults import lagged
 from twin.physics.condition import healthy
 from twin.physics.scenario import scenario_from_dict
 from twin.physics.simulation import Simulation
@@ -162,3 +163,15 @@ def test_sensors_read_what_the_fault_makes_of_it():
     ]  # fmt: skip
     grown = (both[1]["measured_pressure"] - both[0]["measured_pressure"])[-1]
     assert grown == pytest.approx(86.4 * 300.0 / 86400.0, rel=0.01)
+
+
+def test_an_instrument_is_late_from_its_onset_on_and_right_before():
+    ramp = 0.1 * np.arange(400.0)
+    ramp[7] = np.nan
+    lag = np.where(np.arange(400) < 200, 0.0, 40.0)
+    shown = lagged(ramp, lag, 4.0)
+    np.testing.assert_array_equal(shown[:200], ramp[:200])
+    # after many time constants a ramp is late by the lag, less the half sample of a step
+    assert ramp[-1] - shown[-1] == pytest.approx(0.1 * 40.0 / 4.0, rel=0.06)
+    assert shown[200] == pytest.approx(ramp[199], abs=0.02)
+    np.testing.assert_array_equal(lagged(ramp, np.zeros(400), 4.0), ramp)

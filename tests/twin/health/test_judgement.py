@@ -8,7 +8,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS
-from twin.health.channels import CHANNELS, NAMES
+from twin.health.channels import CHANNELS, NAMES, DiveSignals, channels_of
 from twin.health.judgement import follow, judge
 from twin.health.signatures import confusable, hypotheses_of, in_dives, usual_dive
 from twin.health.thresholds import threshold_of
@@ -87,3 +87,50 @@ def test_rates_that_were_not_measured_are_refused():
     assert threshold_of(300.0) > threshold_of(30.0) > threshold_of(1.0)
     with pytest.raises(InputError, match="must be within"):
         threshold_of(1e4)
+
+
+def dive(zero=0.0, waves=0.0, conductivity_lag=0.0, temperature_lag=0.0):
+    """A dive and its climb in a thermocline, from the surface to the surface."""
+    period, rng = 4.0, np.random.default_rng(0)
+    fall = np.concatenate([[0.0, 0.1, 0.3, 0.7], np.arange(1.0, 120.0, 0.6)])
+    depth = np.concatenate([fall, fall[::-1], 0.15 * np.cos(np.arange(12)) * 0.7 ** np.arange(12)])
+    rate = np.gradient(depth, period)
+    moved = depth + waves * np.sin(np.arange(len(depth)) / 70.0)
+    signals = {"measured_depth": depth + zero + 0.01 * rng.standard_normal(len(depth))}
+    for name, lag in (("temperature", temperature_lag), ("conductivity", conductivity_lag)):
+        signals[f"measured_{name}"] = 10.0 - 5.0 * np.tanh((moved - lag * rate - 60.0) / 25.0)
+    return DiveSignals(period=period, signals=signals)
+
+
+def channel(name, **settings):
+    return channels_of(dive(**settings), None)[NAMES.index(name)]
+
+
+@pytest.mark.parametrize("zero", [-1.2, 0.0, 0.3, 2.5])
+def test_the_depth_at_the_surface_is_told_to_centimetres(zero):
+    assert channel("surface_depth", zero=zero) == pytest.approx(zero, abs=0.08)
+
+
+def test_a_late_cell_is_told_though_waves_move_the_water():
+    calm, rough = (channel("cell_lag", conductivity_lag=20.0, waves=waves) for waves in (0.0, 3.0))
+    assert calm == pytest.approx(20.0, rel=0.1)
+    assert rough == pytest.approx(calm, abs=1.0)
+    assert abs(channel("temperature_lag", waves=3.0)) > 3.0
+    assert abs(channel("cell_lag", waves=3.0)) < 0.1
+
+
+def test_iron_that_was_there_before_the_log_is_no_fault(hypotheses):
+    """Headings that change show old iron as a fault that begins with them would."""
+    vehicle = twin.load_vehicle("slocum-200")
+    heading = np.repeat([0.3, 2.0, 4.0, 5.5], DIVES // 4)
+    way = 0.25 * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    mine = in_dives(hypotheses_of(vehicle, usual_dive(vehicle)), way)
+    iron = next(h for h in mine if h.kind == "compass_iron")
+    odds = {}
+    for begun in (0, BEGUN + 4):
+        values = sound(5)
+        values[begun:] += 25.0 * iron.signature[begun:]
+        verdict = judge(follow(values), days(), mine)
+        odds[begun] = verdict.probability[verdict.kinds.index("compass_iron")]
+    assert odds[0] < 0.2
+    assert odds[BEGUN + 4] > 0.9

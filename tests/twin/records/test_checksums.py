@@ -23,7 +23,7 @@ from twin.records.storage.checksums import (
     read_checksums,
     write_checksums,
 )
-from twin.records.store import write_zarr
+from twin.records.store import read_zarr, write_zarr
 
 
 def said(folder, only=None):
@@ -171,3 +171,14 @@ def test_a_changed_chunk_of_any_store_fails_where_it_is_read(tmp_path):
             xr.open_zarr(tmp_path / "a.zarr")["t"].load()
     chunk.write_bytes(whole)
     assert list(xr.open_zarr(tmp_path / "a.zarr")["w"].values) == ["a", "b", "c"]
+
+
+def test_a_group_grows_along_a_dimension_and_takes_other_arrays(tmp_path):
+    path = tmp_path / "a.zarr"
+    for first in (0, 2):
+        values = np.arange(first, first + 2.0)
+        write_zarr(xr.Dataset({"t": ("mission", values)}), path, along="mission" if first else None)
+    write_zarr(xr.Dataset({"kind": ("deployment", [7.0])}), path, beside=True)
+    found = read_zarr(path)
+    assert found["t"].values.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert found["kind"].values.tolist() == [7.0]

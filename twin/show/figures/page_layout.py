@@ -64,6 +64,8 @@ dl.facts { display: grid; grid-template-columns: max-content 1fr; gap: .25rem 1.
   font-size: .9rem; }
 dl.facts dt { color: var(--dim); }
 dl.facts dd { margin: 0; overflow-wrap: anywhere; }
+details { border-bottom: 1px solid var(--line); padding: .35rem 0; font-size: .95rem; }
+summary { cursor: pointer; overflow-wrap: anywhere; }
 figure { margin: 1.2rem 0; }
 figure img { max-width: 100%; height: auto; display: block; }
 figcaption { color: var(--dim); font-size: .9rem; max-width: 46rem; }
@@ -129,6 +131,12 @@ class Page:
             f"<dt>{_text(name)}</dt><dd>{_text(str(value))}</dd>" for name, value in facts.items()
         )
         self._body.append(f'<dl class="facts">{entries}</dl>')
+
+    def details(self, summary: str, facts: Mapping[str, object], *, shown: bool = False) -> None:
+        """A line that opens to show facts, or is open."""
+        self._body.append(f"<details{' open' if shown else ''}><summary>{_text(summary)}</summary>")
+        self.facts(facts)
+        self._body.append("</details>")
 
     def table(
         self, rows: Sequence[Mapping[str, object]], caption: str = "", *, first: bool = True

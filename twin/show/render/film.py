@@ -10,7 +10,7 @@ import dataclasses
 import multiprocessing
 import multiprocessing.connection
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
+from twin.faults.base import Fault
 from twin.records.storage.whole import check_file_target, whole_file
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
@@ -50,6 +51,8 @@ class Subject:
     title: str = ""
     floor: Array | None = None
     """Table of the mission's sea floor; None: what is drawn is decoration"""
+    faults: Sequence[Fault] = ()
+    """What is wrong with the vehicle: what is gone is not drawn from then on"""
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
@@ -134,6 +137,7 @@ def _painter(subject: Subject, shot: Shot, times: Array) -> Painter:
         subject.tracks,
         title=subject.title,
         floor=subject.floor,
+        faults=subject.faults,
     )
 
 

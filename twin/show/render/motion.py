@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.show.render import camera, sea, seabed
 from twin.show.render.playback import Poses
 from twin.show.render.ribbon import LADDER_STEP, ladder_arrow
-from twin.show.render.shapes import DRIFT, LEVEL, SEABED, VEHICLE, WATER, Shape
+from twin.show.render.shapes import DRIFT, LEVEL, SEABED, UNSEEN_GROUP, VEHICLE, WATER, Shape
 from twin.show.render.stage import Stage
 from twin.water.floor.lookup import floor_depth
 
@@ -33,6 +33,7 @@ class Motion:
         self._shaped: dict[int, Array] = {}
         model = stage.model
         self._alpha = model.geom_rgba[:, 3].copy()
+        self._groups = model.geom_group.copy()
         self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
         self._addresses: dict[str, int] = {
             model.joint(joint).name.removeprefix(VEHICLE): int(model.jnt_qposadr[joint])
@@ -57,6 +58,9 @@ class Motion:
             if joint in self._addresses:  # a part may move without being drawn so
                 data.qpos[self._addresses[joint]] = position
         self._turn(poses, index)
+        for since, geoms in stage.gone:
+            lost = float(poses.time[index]) >= since
+            stage.model.geom_group[geoms] = UNSEEN_GROUP if lost else self._groups[geoms]
         data.mocap_pos[self._mocap[WATER]] = -shift
         data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
         data.mocap_pos[self._mocap[DRIFT]] = drift

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.faults.base import Fault
 from twin.records.logged import LoggedTrajectory
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
@@ -47,9 +48,10 @@ class Painter:
         tracks: Sequence[NamedTrack] = (),
         title: str = "",
         floor: Array | None = None,
+        faults: Sequence[Fault] = (),
     ):
         """`times` [s], shape (frames,), are the mission times of the frames; `floor` is the table
-        of the mission's sea floor.
+        of the mission's sea floor; what `faults` say is gone is not drawn from then on.
 
         Raises:
           InputError: the shot does not fit the trajectory.
@@ -57,7 +59,7 @@ class Painter:
         """
         self.shot = shot
         self.poses: Poses = poses(trajectory, times)
-        self.stage: Stage = build(trajectory, vehicle, shot, tracks, floor)
+        self.stage: Stage = build(trajectory, vehicle, shot, tracks, floor, faults)
         self._canvas = Canvas(width=shot.width, height=shot.height)
         self._frame = frame_of(shot)
         close_up = shot.inset and not self.stage.chase

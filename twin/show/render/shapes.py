@@ -209,6 +209,8 @@ VEHICLE = "vehicle/"
 """Prefix of the attached glider's names"""
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
 """Geom groups; fluid geoms 4 stay hidden."""
+UNSEEN_GROUP = 4
+"""Of fluid geoms, and of what a vehicle has lost"""
 GLIDER_GROUPS = (1, 2)
 """Outside and inside of the glider"""
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"

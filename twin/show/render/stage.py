@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.faults.base import Fault
 from twin.frames import flip_vector
 from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
@@ -110,6 +111,8 @@ class Stage:
     """[m]"""
     turned: dict[str, TurnedBody]
     """The fins and propellers that are drawn, by the names of their parts"""
+    gone: list[tuple[float, list[int]]]
+    """From which mission time [s] on which geoms are not there"""
 
     def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
         """The arrows beside the glider at one frame; see `arrows.ladder`."""
@@ -124,8 +127,11 @@ def build(
     shot: Shot,
     tracks: Sequence[NamedTrack] = (),
     floor: Array | None = None,
+    faults: Sequence[Fault] = (),
 ) -> Stage:
     """Build and compile the scene of a shot; `floor` is the table of the mission's sea floor.
+
+    What `faults` say is gone is not drawn from their begin on.
 
     Raises:
       InputError: the shot's part or colour does not fit the trajectory.
@@ -187,7 +193,14 @@ def build(
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
         turned=turned_bodies(model, vehicle),
+        gone=[(fault.start, _named(model, fault.gone)) for fault in faults if fault.gone],
     )
+
+
+def _named(model: mujoco.MjModel, beginnings: Sequence[str]) -> list[int]:
+    """Geoms of the vehicle whose names begin so."""
+    starts = tuple(f"{VEHICLE}{one}" for one in beginnings)
+    return [k for k in range(model.ngeom) if (model.geom(k).name or "").startswith(starts)]
 
 
 def shown_paths(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, VehicleError, quoted
+from twin.faults.base import Fault, fault_from_dict
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
 from twin.physics.mujoco_model import quiet_mujoco
@@ -95,6 +96,7 @@ def read_subject(
         tracks=() if tracks is None else tuple(choose_tracks(read_tracks(tracks, mission), names)),
         title=caption if title is None else title,
         floor=_floor(found) if floor else None,
+        faults=_faults(found),
     )
 
 
@@ -119,6 +121,12 @@ def _logged(
     if drawn is None and trajectory.vehicle is not None:
         drawn = start_vehicle(store)
     return trajectory, drawn
+
+
+def _faults(store: MissionStore) -> tuple[Fault, ...]:
+    """What was wrong with the vehicle of `twin simulate`."""
+    described = store.json(SCENARIO) if SCENARIO in store.attributes else {}
+    return tuple(fault_from_dict(one) for one in described.get("faults", ()))
 
 
 def _floor(store: MissionStore) -> Array | None:

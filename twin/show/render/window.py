@@ -81,7 +81,12 @@ class Window:
         self._subject, self._flight, self._speed = subject, flight, speed_up
         self._shot = dataclasses.replace(shot, inset=False, hud=False, speed_up=speed_up)
         self._stage = build(
-            subject.trajectory, subject.vehicle, self._shot, subject.tracks, subject.floor
+            subject.trajectory,
+            subject.vehicle,
+            self._shot,
+            subject.tracks,
+            subject.floor,
+            subject.faults,
         )
         self._first, self._last = self._shot.part(subject.trajectory.time)
         self._data = mujoco.MjData(self._stage.model)

@@ -6,10 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from pictures import dead_reckoned, needs_gl, short_subject
+from pictures import dead_reckoned, needs_gl, short_scenario, short_subject
 from PIL import Image
 
+import twin
 from twin.errors import InputError
+from twin.faults.wing_lost import WingLost
 from twin.show.render import canvas as palette
 from twin.show.render.camera import fit, map_view, orbit_view, side_view
 from twin.show.render.canvas import (
@@ -26,6 +28,7 @@ from twin.show.render.film import save_still, still
 from twin.show.render.painter import GLIDER_GROUPS, Painter
 from twin.show.render.scene_geometry import Frame, nice_step, plan, principal_azimuth, ticks
 from twin.show.render.shot import CAMERAS, Shot
+from twin.show.render.subject import read_subject
 
 SIZE = {"width": 256, "height": 144}
 HIDDEN_GROUP = 4
@@ -164,6 +167,24 @@ def test_the_display_is_drawn_and_changes_with_time(subject, camera):
     colours = (255 * palette.track_colours(np.array([0.0, 1.0]), 0.0, 1.0)).astype(int)
     for colour in colours:  # both ends of the colour bar
         assert (np.abs(legend.astype(int) - colour).max(axis=-1) < 12).sum() > 3
+
+
+@needs_gl
+def test_a_wing_is_missing_from_when_it_is_lost(subject, tmp_path):
+    scenario = dataclasses.replace(short_scenario(), faults=[WingLost(side="port", start=150.0)])
+    store = twin.simulate(scenario).save(tmp_path / "faulty.zarr")
+    faulty = dataclasses.replace(subject, faults=read_subject(store).faults)
+    shot = Shot(**SIZE, hud=False, camera="chase")
+    for time, lost in ((100.0, False), (200.0, True)):
+        changed = still(faulty, shot, time) != still(subject, shot, time)
+        assert bool(changed.any()) is lost
+    with painter_of(subject, camera="chase") as painter:
+        wing, _ = without(painter, geoms_named(painter, "vehicle/wing_port"))
+    # what is gone is the port wing, and nothing else
+    assert np.mean(changed.any(axis=-1)[wing]) > 0.95
+    assert changed.any(axis=-1).sum() < 2.0 * wing.sum()
+    assert WingLost(part=0.2).gone == ()
+    assert WingLost(side="both").gone == ("wing_port", "wing_starboard")
 
 
 @needs_gl

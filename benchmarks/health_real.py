@@ -1,0 +1,145 @@
+"""Health of real logs: what rings on them, and faults put into what their dives say.
+
+    python -m benchmarks.health_real barnacle.zarr unit334.zarr --work identified \
+        --keep docs/results/health_real.json
+
+The stores are those of `factory import`. Each deployment is judged with the shipped vehicle of its
+kind and, where the log has attitude, with the one that `twin identify` makes of its first half.
+Then each fault's signature is added to the second half's channels, and the detector looks again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.cli.text_table import format_number
+from twin.health.assessment import LEAST_DIVES, hypotheses_for, judged, told_by
+from twin.health.channels import NAMES
+from twin.health.thresholds import threshold_of
+from twin.identify.start_values import start_vehicle
+from twin.records.logged import LogStore
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+PUT: tuple[tuple[str, float, dict[str, Any]], ...] = (
+    ("attached", 0.1, {}),
+    ("attached", 0.3, {}),
+    ("wing_lost", 1.0, {"side": "port"}),
+    ("compass_iron", 5.0, {"toward": 45.0}),
+    ("compass_iron", 15.0, {"toward": 45.0}),
+)
+"""Faults that are put in: kind, size, which of its ways; sizes within those that the kinds draw"""
+WITHIN = 3
+"""Dives from the first faulty one in which an alarm is in time"""
+DAYS = 30.0
+"""[d] of sound vehicles with one false alarm"""
+
+
+def main() -> None:
+    """Judge, print, keep."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("stores", nargs="+", type=Path, help="stores of logs")
+    parser.add_argument("--work", type=Path, required=True, help="folder for vehicles")
+    parser.add_argument("--keep", type=Path, help="write the figures here (.json)")
+    given = parser.parse_args()
+    given.work.mkdir(parents=True, exist_ok=True)
+    kept: dict[str, list[dict[str, Any]]] = {"logs": [], "faults": []}
+    for store in given.stores:
+        with LogStore(store) as logs:
+            for name in dict.fromkeys(logs.deployments):
+                for which, vehicle in _vehicles(logs, store, name, given.work).items():
+                    _look(logs, store, name, which, vehicle, kept)
+    print(_table(kept["logs"]), "\n", _table(kept["faults"]), sep="\n")
+    days = {which: sum(one["days"] for one in kept["logs"] if one["vehicle"] == which)
+            for which in ("shipped", "identified")}  # fmt: skip
+    print({which: f"{value:.1f} d" for which, value in days.items()})
+    if given.keep is not None:
+        given.keep.write_text(json.dumps(kept, indent=1) + "\n")
+
+
+def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, Vehicle]:
+    """The shipped one, and the one of the first half; none for too few dives."""
+    rows = logs.missions_of(name)
+    if len(rows) < LEAST_DIVES:
+        return {}
+    found = {"shipped": start_vehicle(store) if "measured_pitch" in logs else _blind(logs)}
+    path = work / f"{store.stem}-{name}.xml"
+    if "measured_pitch" in logs and not path.exists():
+        first = ",".join(map(str, rows[: max(len(rows) // 2, 4)]))
+        command = [sys.executable, "-m", "twin", "identify", str(store), "--missions", first]
+        subprocess.run([*command, "--out", str(path)], check=False, capture_output=True)
+    if path.exists():
+        found["identified"] = load_vehicle(str(path))
+    return found
+
+
+def _blind(logs: LogStore) -> Vehicle:
+    """Of a log without attitude: whose depth no vehicle of 200 m reaches is of 1000 m."""
+    deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
+    return load_vehicle("slocum-1000" if deep else "slocum-200")
+
+
+def _look(
+    logs: LogStore, store: Path, name: str, which: str, vehicle: Vehicle, kept: dict[str, Any]
+) -> None:
+    """One deployment as it is, and with each fault."""
+    told = told_by(logs, name, vehicle)
+    threshold = threshold_of(DAYS)
+    one = judged(**told, vehicle=vehicle, threshold=threshold)
+    attitude = bool(np.isfinite(told["values"][:, NAMES.index("rate_dive")]).any())
+    kept["logs"].append({
+        "log": store.stem, "deployment": name, "vehicle": which, "dives": len(one.dives),
+        "days": round(one.days, 2), "attitude": attitude,
+        "rang": [list(ring) for ring in one.rang], "kind": one.kind,
+        "highest": round(float(one.evidence.max()), 2), "remarks": list(one.remarks),
+    })  # fmt: skip
+    if which != "identified":
+        return
+    begun = len(one.dives) // 2
+    hypotheses = hypotheses_for(vehicle, told["dive"], told["ways"])
+    for kind, size, way in PUT:
+        mine = [h for h in hypotheses if h.kind == kind
+                and all(getattr(h.fault, key) == value for key, value in way.items())]  # fmt: skip
+        values = told["values"].copy()
+        added = np.broadcast_to(np.nan_to_num(mine[0].signature), values.shape)
+        values[begun:] += size * added[begun:]
+        found = judged(**{**told, "values": values}, vehicle=vehicle, threshold=threshold)
+        rung = [one.dives.index(ring[0]) for ring in found.rang]
+        late = [place - begun for place in rung if place >= begun]
+        kept["faults"].append({
+            "log": store.stem, "deployment": name, "fault": kind, "size": size,
+            "dives_after": len(one.dives) - begun,
+            "noticed_after": late[0] if late else None,
+            "in_time": bool(late) and late[0] < WITHIN,
+            "named": found.kind if found.alarm else "none",
+            "since_off": None if found.since_dive is None
+            else one.dives.index(found.since_dive) - begun,
+            "found_size": None if not found.alarm else round(found.kinds[0].size, 3),
+            "deviation": None if not found.alarm else round(found.kinds[0].size_deviation, 3),
+        })  # fmt: skip
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    """As a page of the documentation has it."""
+    heads = [head for head in rows[0] if head != "remarks"] if rows else []
+    lines = [heads, ["---"] * len(heads)]
+    lines += [[_cell(row[head]) for head in heads] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None or value == []:
+        return "-"
+    return format_number(value) if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

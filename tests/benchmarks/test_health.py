@@ -1,0 +1,74 @@
+"""What the benchmark of health counts: alarms in time, days at risk, levels by false alarms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.health import (
+    OURS,
+    Alarms,
+    Judged,
+    counts,
+    interval,
+    level_of,
+    of_confusion,
+    of_false_alarms,
+    sound_days,
+    table,
+)
+
+
+def judged(statistic, *, onset=None, seen=None, truth="none", kind="", since=None):
+    statistic = np.asarray(statistic, float)
+    case = {"truth": truth, "vehicle": "glider", "fault": {}}
+    alarms = {OURS: Alarms(statistic, kind, (), since)}
+    return Judged(case, np.arange(len(statistic)) / 2.0, onset, seen, alarms)
+
+
+def test_an_alarm_is_in_time_from_the_onset_to_three_dives_after_it_can_be_seen():
+    for at, right in ((4, False), (5, True), (9, True), (10, False)):
+        statistic = np.zeros(20)
+        statistic[at] = 5.0
+        one = judged(statistic, onset=5, seen=6, truth="fouling", kind="fouling", since=7)
+        assert one.in_time(OURS, 3.0) is right
+        found = counts([one], OURS, 3.0)
+        assert found["noticed"] == found["named"] == found["onset"] == (at >= 5)
+
+
+def test_days_at_risk_end_with_the_alarm_and_with_the_onset():
+    quiet, rung = np.zeros(11), np.zeros(11)
+    rung[4] = 5.0
+    assert sound_days([judged(quiet), judged(rung)], OURS, 3.0) == (1, 5.0 + 2.0)
+    late = judged(rung, onset=3, seen=3, truth="fouling")
+    assert sound_days([late], OURS, 3.0) == (0, 1.0)
+
+
+def test_a_level_has_no_more_false_alarms_than_were_asked():
+    rng = np.random.default_rng(2)
+    ones = [judged(rng.standard_normal(40)) for _ in range(60)]
+    for days in (10.0, 30.0, 100.0):
+        level = level_of(ones, OURS, days)
+        alarms, at_risk = sound_days(ones, OURS, level)
+        assert alarms * days <= at_risk
+        more, fewer_days = sound_days(ones, OURS, level - 0.1)
+        assert more * days > 0.7 * fewer_days
+    assert level_of(ones, OURS, 100.0) > level_of(ones, OURS, 10.0)
+
+
+def test_an_interval_of_no_alarms_and_of_some():
+    low, high = interval(0, 30.0)
+    assert low == 0.0
+    assert high == pytest.approx(-math.log(0.025))
+    low, high = interval(10, 300.0)
+    assert (low, high) == pytest.approx((0.480, 1.839), abs=0.001)  # Garwood 1936
+
+
+def test_tables_are_markdown():
+    assert table(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
+    ones = [
+        judged(np.full(9, 4.0), onset=0, seen=0, truth="fouling", kind=kind)
+        for kind in ("attached", "fouling", "fouling")
+    ]
+    assert of_confusion(ones, OURS, 3.0).endswith("| fouling | fouling 2, attached 1 |")
+    assert "| all | 4 | 0 | 0.00 | 0.00 to" in of_false_alarms([judged(np.zeros(9))], 3.0)
