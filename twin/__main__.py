@@ -41,6 +41,7 @@ PROGRAM = Program(
                 "ForecastSurfacings",
                 "the next surfacings of a glider: places with ellipses, times, energy",
             ),
+            "route": ("PlanRoute", "the best ways to a place through a forecast of the current"),
             "watch": (
                 "factory.commands.watch:WatchDeployment",
                 "a deployment at sea: new files in, health, forecast and a page out, every day",

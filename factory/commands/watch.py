@@ -12,11 +12,12 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     import datetime
+    from collections.abc import Callable
 
     from factory.watching import Passed, WatchedDeployment
 
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
-OF_PASSES = ("once", "replay", "as_of", "every")
+OF_PASSES = ("once", "replay", "as_of", "every", "serve", "port")
 EVERY, LEAST_EVERY = 60.0, 1.0
 """[s] between two looks, and the least"""
 
@@ -58,6 +59,10 @@ class WatchDeployment(JsonOption):
     files lie in DEPLOYMENT/as-of/TIME"""
     every: float | None = None
     """seconds between two looks; default: 60"""
+    serve: bool = False
+    """also serve the page to browsers of this machine, at an address with a key"""
+    port: int | None = None
+    """of --serve; 0 takes any free one; default: the first free one from 8080 on"""
 
     def run(self, console: Console) -> int:
         """Make, or pass."""
@@ -72,7 +77,14 @@ class WatchDeployment(JsonOption):
         if self.once or self.replay or until is not None:
             self._pass(console, deployment, until)
             return 0
-        self._forever(console)
+        if not self.serve:
+            self._forever(console, lambda page: None)
+            return 0
+        from twin.show.web import PageServer
+
+        with PageServer(self.port) as server:
+            console.note(f"open {server.address} in a browser once the first pass is done")
+            self._forever(console, lambda page: server.show(page.read_text(encoding="utf-8")))
         return 0
 
     def _check(self) -> None:
@@ -86,6 +98,10 @@ class WatchDeployment(JsonOption):
                 raise InputError(f"--{name.strip('_').replace('_', '-')}: {why}")
         if self.every is not None and (self.once or self.replay or self.as_of is not None):
             raise InputError("--every is for passes without end: leave it out, or --once")
+        if self.port is not None and not self.serve:
+            raise InputError("--port is for --serve, which is not given: leave it out")
+        if self.serve and (self.once or self.replay or self.as_of is not None):
+            raise InputError("--serve is for passes without end: leave it out, or --once")
         if self.every is not None and not self.every >= LEAST_EVERY:
             raise InputError(f"--every {self.every:g} must be {LEAST_EVERY:g} s or more")
         ends = self.new or self.once or self.replay or self.as_of is not None
@@ -181,7 +197,7 @@ class WatchDeployment(JsonOption):
         )
         return passed
 
-    def _forever(self, console: Console) -> None:
+    def _forever(self, console: Console, show: Callable[[Path], object]) -> None:
         import time
 
         from factory.watching import WatchedDeployment
@@ -190,7 +206,8 @@ class WatchDeployment(JsonOption):
         console.note(f"watching {self.deployment}; Ctrl-C ends it")
         while True:
             try:
-                self._pass(console, WatchedDeployment.read(self.deployment), None)
+                if passed := self._pass(console, WatchedDeployment.read(self.deployment), None):
+                    show(passed.page)
             except InputError as error:
                 console.warn(str(error))  # settings that are being edited will do again
             time.sleep(EVERY if self.every is None else self.every)

@@ -97,6 +97,12 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         missing = f"the source {source} is not there"
     elif not names:
         missing = f"no file has arrived in {source}"
+        if not deployment.recursive and (below := _names(source, recursive=True)):
+            folders = sorted({name.partition("/")[0] for name in below})
+            missing += (
+                f", but {counted(len(below), 'file')} in folders below it, such as {folders[0]}: "
+                "name that folder as source in deployment.toml, or set recursive = true for all"
+            )
     elif not sums:
         logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
         missing = f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"

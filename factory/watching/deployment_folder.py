@@ -60,6 +60,8 @@ class WatchedDeployment:
     """Of the forecast"""
     energy_kwh: float = 0.0
     """[kW h] in the batteries when the first dive of the log began; 0: not known"""
+    home: str = ""
+    """Place "LAT,LON" that it must reach before its energy is gone; empty: none"""
     false_alarm_days: float = 30.0
     """[d] of a sound vehicle in which one false alarm is borne"""
 
@@ -93,6 +95,23 @@ class WatchedDeployment:
             )
         if self.goto and self.mission:
             raise InputError(f"{where}: give goto or mission, not both")
+
+        self.harbour  # noqa: B018 - refuses what is no place
+
+    @property
+    def harbour(self) -> tuple[float, float] | None:
+        """Latitude, longitude [degree] of `home`; None where it is empty."""
+        if not self.home:
+            return None
+        try:
+            latitude, longitude = (float(word) for word in self.home.split(","))
+        except ValueError:
+            latitude = math.nan
+        if not abs(latitude) <= 90.0:
+            raise InputError(
+                f"{self.folder / SETTINGS}: home = {shown(self.home)} must be LAT,LON in degrees"
+            )
+        return latitude, longitude
 
     @classmethod
     def read(cls, folder: Path | str) -> WatchedDeployment:
@@ -176,5 +195,6 @@ _HELP = {
     "hours": "that the forecast reaches ahead",
     "members": "that the forecast draws",
     "energy_kwh": "in the batteries when the first dive began; 0: not known",
+    "home": 'LAT,LON that it must reach before its energy is gone; "": none',
     "false_alarm_days": "in which one false alarm is borne",
 }

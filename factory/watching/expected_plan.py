@@ -57,6 +57,8 @@ class ExpectedPlan:
 
     mission: Mission
     words: str
+    changes: tuple[Mapping[str, str], ...] = ()
+    """Rows of a table: what it does now, by its last dives, and in the plan"""
     guessed: bool = False
     """Whether nobody says where it goes: the ellipses then hold if it goes there"""
 
@@ -77,12 +79,11 @@ def expected_plan(
         name = str(path) if path.is_file() else deployment.mission
         mission = load_mission_for(vehicle, name)
         return ExpectedPlan(mission=mission, words=f"mission {mission.name}")
-    depth, pitch = _habits(store, legs, vehicle)
-    depth = deployment.depth_m or float(round(depth))
-    seconds = HOUR * deployment.surface_every_h or MINUTE * round(
-        float(np.median([one.leg.duration for one in legs[-LAST:]])) / MINUTE
-    )
-    goto, words, guessed = deployment.goto, "to goto of deployment.toml", False
+    deep, pitch = _habits(store, legs, vehicle)
+    depth = deployment.depth_m or float(round(deep))
+    lasted = float(np.median([one.leg.duration for one in legs[-LAST:]]))
+    seconds = HOUR * deployment.surface_every_h or MINUTE * round(lasted / MINUTE)
+    goto, words, guessed = deployment.goto, "to the places of deployment.toml", False
     if not goto:
         goto, words, guessed = _onward(legs[-1])
     mission = mission_to(goto, depth=depth, pitch_deg=pitch, surface_after_s=seconds, radius=RADIUS)
@@ -90,7 +91,16 @@ def expected_plan(
     words += (
         f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
     )
-    return ExpectedPlan(mission=mission, words=words, guessed=guessed)
+    aims = legs[-1].targets
+    places = (_place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"), goto
+    table = {
+        "next place": (places[0], places[1].partition(";")[0]),
+        "depth [m]": (f"{deep:.0f}", f"{depth:.0f}"),
+        "pitch [degree]": (f"{pitch:.0f}", f"{pitch:.0f}"),
+        "between surfacings [h]": (f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
+    }
+    changes = tuple({"what": k, "now": now, "proposed": new} for k, (now, new) in table.items())
+    return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=changes)
 
 
 def proposals(kind: str, mission: Mission) -> dict[str, str]:
@@ -140,4 +150,4 @@ def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:
     north, east = (np.array([float(metres)]) for metres in moved)
     latitude, longitude = position(north, east, *begin)
     turned = wrap_longitude(longitude)
-    return f"{float(latitude[0]):.6f},{float(turned[0]):.6f}"
+    return f"{float(latitude[0]):.5f},{float(turned[0]):.5f}"

@@ -14,8 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
-from factory.watching.expected_plan import expected_plan, proposals
+from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
+from factory.watching.expected_plan import ExpectedPlan, expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
+from factory.watching.surface_dialogue import SurfaceDialogue
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
@@ -28,7 +30,7 @@ from twin.identify import (
     start_vehicle,
     with_consumption,
 )
-from twin.logs import EnergyUse, counted_energy
+from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
@@ -39,10 +41,6 @@ Told = TypeVar("Told")
 KILO = 1e3
 MOST_FOLLOWED = 30
 """Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
-LEAST_DIVES = 3
-"""Dives by whose spread a power's deviation is told"""
-NINETY_REACH = 1.645
-"""Standard deviations either way that hold 90 % of a normal distribution"""
 
 
 def end_of(leg: LoggedLeg) -> tuple[float, float]:
@@ -79,6 +77,8 @@ class Morning:
     title: str
     """Name of the folder"""
     log: LogOfFiles
+    dialogue: SurfaceDialogue | None = None
+    """What it said at its last surfacing"""
     deployment: str = ""
     """Name of it in the log: of several the one that began last"""
     dives: tuple[int, ...] = ()
@@ -93,9 +93,15 @@ class Morning:
     """From fix to fix, in order of time"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
+    lasts: Endurance | None = None
+    """By the dives so far, where the energy left is known"""
+    outlook: EnergyOutlook | None = None
+    """For changes of the plan"""
     surfacings: Forecast | None = None
     plan: str = ""
     """What the forecast takes it to do, in words"""
+    changes: tuple[Mapping[str, str], ...] = ()
+    """What it does now beside what the plan has, rows of a table"""
     proposed: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Files with that plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
@@ -106,45 +112,22 @@ class Morning:
         """One line."""
         if self.health is None:
             return f"{self.title}: nothing can be judged yet"
-        return self.health.verdict()
+        said = self.health.verdict()
+        if not self.health.alarm or self.vehicle is None or identified(self.vehicle):
+            return said
+        return f"{said}; judged by {self.vehicle.name}, not by a vehicle identified from its logs"
 
     @property
     def last_fix(self) -> LastFix | None:
-        """The end of the last dive between two fixes."""
+        """The dialogue's, where it is newer than the end of the last dive between two fixes."""
+        before = self.legs[-1].leg.end if self.legs else -np.inf
+        said = self.dialogue
+        if said is not None and said.fix and said.fix_time and said.fix_time > before:
+            return LastFix(latitude=said.fix[0], longitude=said.fix[1], time=said.fix_time)
         if not self.legs:
             return None
         latitude, longitude = end_of(self.legs[-1])
         return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
-
-    @property
-    def days_left(self) -> float | None:
-        """[d] that the batteries last at the mean power so far; None where it is not known."""
-        if self.used is None or self.energy_left_kwh is None:
-            return None
-        if self.energy_left_kwh <= 0.0:
-            return 0.0
-        return self.used.days_left(self.energy_left_kwh)
-
-    @property
-    def power_deviation(self) -> float | None:
-        """[W] of the mean power, by what the dives took for their hours; None of fewer than 3."""
-        if self.used is None or len(self.used.dives) < LEAST_DIVES:
-            return None
-        hours = np.array([one.hours for one in self.used.dives])
-        taken = np.array([one.measured for one in self.used.dives])
-        rest = taken - hours * taken.sum() / hours.sum()
-        count = len(hours)
-        deviation = np.sqrt((rest**2).sum() * count / (count - 1)) / hours.sum()  # of a ratio
-        return float(deviation * self.used.voltage)
-
-    @property
-    def days_interval(self) -> tuple[float, float] | None:
-        """[d] 90 %, where it goes on as so far: the mean power's deviation alone."""
-        days, spread = self.days_left, self.power_deviation
-        if days is None or spread is None or self.used is None:
-            return None
-        apart = NINETY_REACH * spread / self.used.power
-        return days / (1.0 + apart), days / max(1.0 - apart, 1e-3)
 
     def parameters(self) -> list[dict[str, Any]]:
         """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
@@ -179,15 +162,18 @@ class Morning:
             "verdict": self.verdict,
             "dives": list(self.dives),
             "last_fix": None if self.last_fix is None else self.last_fix.describe(),
+            "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
+            "current": self.legs[-1].leg.current.tolist() if self.legs else None,
             "health": None if self.health is None else self.health.describe(),
             "levels": levels,
             "parameters": self.parameters(),
             "energy": None if self.used is None else self.used.describe(),
             "energy_left_kwh": self.energy_left_kwh,
-            "power_deviation_w": self.power_deviation,
-            "days_left": self.days_left,
-            "days_left_90": self.days_interval,
+            "days_left": None if self.lasts is None else self.lasts.days,
+            "days_left_90": None if self.lasts is None else self.lasts.interval(),
+            "outlook": None if self.outlook is None else self.outlook.describe(),
             "plan": self.plan,
+            "changes": list(self.changes),
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),
             "unreadable": list(self.log.unreadable),
@@ -195,7 +181,11 @@ class Morning:
 
 
 def morning(
-    deployment: WatchedDeployment, log: LogOfFiles, *, say: Callable[[str], object] = lambda _: None
+    deployment: WatchedDeployment,
+    log: LogOfFiles,
+    dialogue: SurfaceDialogue | None = None,
+    *,
+    say: Callable[[str], object] = lambda _: None,
 ) -> Morning:
     """What the log tells.
 
@@ -204,7 +194,7 @@ def morning(
     """
     title = deployment.folder.resolve().name
     if log.store is None:
-        return Morning(title=title, log=log, lacking=(log.missing,))
+        return Morning(title=title, log=log, dialogue=dialogue, lacking=(log.missing,))
     store = log.store
     lacking = [log.missing] if log.missing else []
 
@@ -223,16 +213,29 @@ def morning(
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
         source = logs.source
+    if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
+        lacking.append(
+            f"the newest dialogue in the source is of {dialogue.vehicle}, the log of {name}: it is "
+            "left out"
+        )
+        dialogue = None
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     vehicle = told("vehicle", lambda: _vehicle(deployment, store))
     shared: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
+        "dialogue": dialogue,
     }  # fmt: skip
     if vehicle is None:
         return Morning(**shared, lacking=tuple(lacking))
     if odd := other_kind(store, vehicle):
         lacking.append(odd.replace(str(store), store.name))
+    if not identified(vehicle):
+        lacking.append(
+            f"vehicle: {vehicle.name} was not identified from logs of this vehicle, so that what "
+            "differs between the two may look like a fault: `twin identify` with logs that have "
+            "attitude and pump, then vehicle in deployment.toml"
+        )
     say("health")
     found = told(
         "health",
@@ -251,19 +254,37 @@ def morning(
         lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
+    lasts = None if used is None or left is None else endurance_of(used, left)
+    outlook = None
     flown, plan, files = None, "", {}
+    changes: tuple[Mapping[str, str], ...] = ()
     if not legs:
         lacking.append("forecast: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
-        answer = told("forecast", lambda: _forecast(deployment, store, vehicle, used, left, legs))
+        answer = told(
+            "forecast",
+            lambda: _forecast(
+                deployment, store, vehicle, used, left, legs, Morning(**shared).last_fix
+            ),
+        )
         if answer is not None:
-            flown, plan, guessed = answer
-            if guessed:
+            flown, plan, expected = answer
+            changes = expected.changes
+            if expected.guessed:
                 lacking.append(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
                     "its last dive; give goto in deployment.toml"
                 )
+            if used is not None and lasts is not None:
+                say("endurance")
+                outlook = told(
+                    "endurance",
+                    lambda: energy_outlook(
+                        answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
+                    ),
+                )
+                lacking += () if outlook is None else outlook.lacking
         if flown is not None and deployment.goto:
             mission = flown.request.mission
             files = told("proposal", lambda: proposals(source, mission)) or {}
@@ -275,8 +296,11 @@ def morning(
         followed_dives=tuple(by_row[row] for row in followed.rows) if followed else (),
         used=used,
         energy_left_kwh=left,
+        lasts=lasts,
+        outlook=outlook,
         surfacings=flown,
         plan=plan,
+        changes=changes,
         proposed=files,
         lacking=tuple(lacking),
     )
@@ -301,23 +325,24 @@ def _forecast(
     used: EnergyUse | None,
     left: float | None,
     legs: tuple[LoggedLeg, ...],
-) -> tuple[Forecast, str, bool]:
-    """The next surfacings from the last fix on, what it is taken to do, whether that is guessed."""
+    fix: LastFix | None,
+) -> tuple[Forecast, str, ExpectedPlan]:
+    """The next surfacings from the last fix on, what it is taken to do in words, and the plan."""
     if used is not None:
         vehicle = with_consumption(vehicle, used.consumption)
     plan = expected_plan(deployment, store, vehicle, legs)
     known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
-    assert known.place is not None
-    assert known.time is not None
-    latitude, longitude = known.place
-    begin = moment_of(float(round(known.time))).replace(tzinfo=None).isoformat()
+    assert fix is not None
+    start = float(round(fix.time))
+    stale = known.check_begin(fix.latitude, fix.longitude, start)
+    begin = moment_of(start).replace(tzinfo=None).isoformat()
     request = Request(
         vehicle=vehicle,
         mission=plan.mission,
-        place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=begin),
+        place=Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
         hours=deployment.hours,
         members=deployment.members,
         energy_left_kwh=left if left and left > 0.0 else None,
     )
-    said = ". ".join([plan.words, *request.notes()])
-    return forecast(request, known.at(float(round(known.time)))), said, plan.guessed
+    said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
+    return forecast(request, known.at(start)), said, plan

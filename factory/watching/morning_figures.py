@@ -1,7 +1,8 @@
-"""Morning figures: track with currents and ellipses, and currents over time."""
+"""Morning figures: track with currents and ellipses, currents over time, a picture for e-mail."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,8 @@ HALF = 0.5
 DAY = 86400.0
 CLOSE = 4
 """Last dives of the detailed map"""
+LETTERS = 105
+"""In a line of the picture for e-mail"""
 
 
 def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
@@ -34,6 +37,27 @@ def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
         _draw_track(close, legs[-CLOSE:], found)
         close.set_title("last dives" if found is None else "last dives, next surfacings")
         figure.legend(*close.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
+
+
+def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
+                found: Forecast | None) -> Figure:  # fmt: skip
+    """The last dives and the next surfacings, with words below them; words alone without dives."""
+    told = [part for line in lines for part in textwrap.wrap(line, LETTERS)]
+    words = 0.16 * (len(told) + 1)
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, words + (4.4 if legs else 0.4))
+        figure.suptitle(
+            "\n".join(textwrap.wrap(title, LETTERS - 25)), x=0.02, ha="left", weight="bold"
+        )
+        size = figure.get_size_inches()[1]
+        if legs:
+            below = words / size
+            figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+            axes = figure.subplots()
+            _draw_track(axes, legs[-CLOSE:], found)
+            axes.legend(*axes.get_legend_handles_labels(), loc="best", frameon=True)
+        figure.text(0.02, (words - 0.05) / size, "\n".join(told), va="top", fontsize=8.0)
     return figure
 
 

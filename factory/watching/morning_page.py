@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,9 @@ import numpy as np
 
 from factory.watching.expected_plan import NAMES
 from factory.watching.morning import Morning
-from factory.watching.morning_figures import track_figure, water_figure
+from factory.watching.morning_figures import mail_figure, track_figure, water_figure
 from twin.cli.text_table import counted
-from twin.forecast import NINETY
+from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
 from twin.show import forecast_row
 from twin.show.dates import moment_of
@@ -22,7 +23,9 @@ from twin.show.health_page import channel_figure, evidence_figure
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
-BESIDE = (LATEST, SUMMARY, GEOJSON, *NAMES)
+BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
+BESIDE = (LATEST, SUMMARY, GEOJSON, BOXES, BOXES_TEXT, *NAMES)
+DAY = 86400.0
 MOST_KINDS = 5
 """Kinds of fault in the table"""
 LIKELY = 0.01
@@ -61,6 +64,10 @@ def write_morning(
     if told.lacking or told.log.unreadable:
         page.section("What is missing")
         page.points([*told.lacking, *(f"left out: {said}" for said in told.log.unreadable)])
+    if (said := told.dialogue) is not None:
+        page.section("Said at its last surfacing")
+        page.say(f"{said.vehicle}, {moment_of(said.time):%Y-%m-%d %H:%M} UTC by its clock.")
+        page.facts(said.facts())
     if new:
         page.section("New since the page before")
         page.points(new)
@@ -100,18 +107,28 @@ def write_morning(
             "flies exactly these places, depths, pitches and times. Nothing is sent: read them, "
             "and send them yourself."
         )
+        if told.changes:
+            page.table(
+                told.changes, "What its last dives did, and what the files ask:", first=False
+            )
         for name, text in told.proposed.items():
             page.say(name)
             page.code(text)
             page.attach(name, text)
     page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
-    page.attach(SUMMARY, summary(told, new))
-    geojson = (
-        {"type": "FeatureCollection", "features": []}
-        if told.surfacings is None
-        else told.surfacings.geojson()
-    )
-    page.attach(GEOJSON, json.dumps(geojson, indent=1) + "\n")
+    lines = summary(told, new)
+    page.attach(SUMMARY, lines)
+    verdict, *rest = lines.splitlines()
+    page.picture(MAIL, mail_figure(verdict, rest, told.legs, told.surfacings))
+    flown = told.surfacings
+    boxes = [] if flown is None else notice_boxes(flown)
+    page.attach(BOXES_TEXT, boxes_text(boxes, told.deployment or told.title))
+    for name, features in (
+        (GEOJSON, [] if flown is None else flown.geojson()["features"]),
+        (BOXES, [one.feature() for one in boxes]),
+    ):
+        collection = {"type": "FeatureCollection", "features": features}
+        page.attach(name, json.dumps(collection, indent=1) + "\n")
     return page.write()
 
 
@@ -128,11 +145,20 @@ def summary(told: Morning, new: Sequence[str]) -> str:
     """Ten lines at most, for an e-mail."""
     lines = [told.verdict]
     if told.dives:
-        lines.append(f"{counted(len(told.dives), 'dive')} of {told.deployment}")
+        north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
+        speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
+        lines.append(
+            f"{counted(len(told.dives), 'dive')} of {told.deployment}"
+            + (f"; current of the last {speed:.2f} m/s to {course:.0f}" if speed >= 0.0 else "")
+        )
     if (fix := told.last_fix) is not None:
         lines.append(
             f"Last fix {moment_of(fix.time):%Y-%m-%d %H:%M} UTC at {fix.latitude:.4f}, "
             f"{fix.longitude:.4f}"
+        )
+    if (said := told.dialogue) is not None and said.why:
+        lines[-1] += f"; came up because of: {said.why}" + (
+            f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
         )
     if (found := told.surfacings) is not None and found.surfacings:
         one = found.surfacings[0]
@@ -157,13 +183,25 @@ def summary(told: Morning, new: Sequence[str]) -> str:
 def _power(told: Morning) -> str:
     if told.used is None:
         return ""
-    spread = told.power_deviation
     said = f"{told.used.power:.2f} W so far"
-    said += "" if spread is None else f" (+- {spread:.2f} by the spread of its dives)"
-    if told.days_left is None or told.days_interval is None:
-        return said if told.days_left is None else f"{said}, {told.days_left:.1f} days left at it"
-    low, high = told.days_interval
-    return f"{said}, {told.days_left:.1f} days left at it (90 %: {low:.1f} to {high:.1f})"
+    if told.lasts is None:
+        return said
+    low, high = told.lasts.interval()
+    said += (
+        f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: {low:.1f} to "
+        f"{high:.1f})"
+    )
+    if (home := _home(told)) is not None:
+        said += f"; turn home by {moment_of(home):%Y-%m-%d %H:%M} UTC"
+    return said
+
+
+def _home(told: Morning) -> float | None:
+    """[s] unix of the last safe moment to turn home."""
+    fix, outlook = told.last_fix, told.outlook
+    if fix is None or outlook is None or outlook.home is None:
+        return None
+    return fix.time + outlook.home.safe_days * DAY
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
@@ -176,8 +214,10 @@ def _numbers(told: Morning) -> Mapping[str, str]:
         found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"
-    if told.days_left is not None:
-        found["days left"] = f"{told.days_left:.1f}"
+    if told.lasts is not None:
+        found["days left"] = f"{told.lasts.days:.1f}"
+    if (home := _home(told)) is not None:
+        found["turn home by, UTC"] = f"{moment_of(home):%m-%d %H:%M}"
     return found
 
 
@@ -195,6 +235,8 @@ def _forecast(page: Page, told: Morning) -> None:
     else:
         page.say(found.left_out or f"No surfacing within {found.request.hours:g} h.")
     page.facts(found.spread)
+    page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
+    page.code(boxes_text(notice_boxes(found), told.deployment))
 
 
 def _health(page: Page, health: DeploymentHealth) -> None:
@@ -270,7 +312,19 @@ def _energy(page: Page, told: Morning) -> None:
     if told.used is None:
         return
     page.section("Energy")
-    page.say(f"{_power(told)}, over {told.used.hours:.1f} h.")
+    page.say(f"Over {told.used.hours:.1f} h {_power(told)}.")
+    if told.outlook is not None and told.outlook.rows:
+        page.table(
+            [one.row() for one in told.outlook.rows],
+            "Days left with what the dives so far took, and with what the twin says that a change "
+            "of the plan adds to it.",
+        )
+    if told.outlook is not None and (home := told.outlook.home) is not None:
+        page.say(
+            f"Home is {home.away_km:.1f} km away. Going on as planned, 95 of 100 draws still get "
+            f"there if it turns within {home.safe_days:.1f} days of the last fix, half of them "
+            f"within {home.days:.1f}: by a straight way against the mean current so far."
+        )
     total = sum(one.energy for one in told.used.terms)
     page.table(
         [

@@ -40,6 +40,7 @@ def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
     if (was := before.get("verdict")) != now.verdict:
         said.append(f"Verdict before: {was}")
     said += _levels(before.get("levels", {}), now)
+    said += _moved(before, now.describe()) if new else []
     return said + surfaced(before.get("forecast"), now.legs)[:1]
 
 
@@ -69,6 +70,22 @@ def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
             said.append(
                 f"{channel.name} ({channel.says}) went from {was['level']:.3g} to {level:.3g}{unit}"
             )
+    return said
+
+
+def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Power, days left and current, before and now."""
+    said = []
+    if before.get("energy") and now["energy"]:
+        powers = [one["energy"]["power_w"] for one in (before, now)]
+        said.append(f"Power so far went from {powers[0]:.2f} to {powers[1]:.2f} W")
+        if before.get("days_left") is not None and now["days_left"] is not None:
+            days = before["days_left"], now["days_left"]
+            said[-1] += f", the days left from {days[0]:.1f} to {days[1]:.1f}"
+    if before.get("current") and now["current"]:
+        (north, east), then = now["current"], before["current"]
+        step = math.hypot(north - then[0], east - then[1])
+        said.append(f"The current of the last dive differs by {step:.2f} m/s from that before")
     return said
 
 

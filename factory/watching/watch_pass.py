@@ -23,6 +23,11 @@ from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
 from factory.watching.news import news, surfaced
 from factory.watching.noticed import EVENTS, noticed, write_events
+from factory.watching.surface_dialogue import (
+    SurfaceDialogue,
+    dialogue_files,
+    read_dialogue,
+)
 from twin.forecast import legs_of
 from twin.records.logged import LogStore
 from twin.records.presence import is_derived, is_store
@@ -88,12 +93,14 @@ def one_pass(
     was = {name: _content(folder / name) for name in PARTS} if replay else {}
     say("files")
     log = log_of_files(deployment, folder, until=until, again=replay)
-    made_of = _made_of(deployment, log, until)
+    files = dialogue_files(deployment.place(deployment.source), recursive=deployment.recursive)
+    dialogue = read_dialogue(files, until=until)
+    made_of = _made_of(deployment, log, until, dialogue)
     before = read_latest(folder)
     page = folder / PAGE / INDEX
     if not replay and before is not None and before.get("made_of") == made_of and page.is_file():
         return Passed(page=page, changed=False, verdict=str(before["verdict"]), log=log)
-    told = morning(deployment, log, say=say)
+    told = morning(deployment, log, dialogue, say=say)
     if told.health is None or told.vehicle is None:
         if is_derived(folder / BELIEFS):
             remove(folder / BELIEFS)
@@ -132,9 +139,12 @@ def _came(deployment: WatchedDeployment, told: Morning) -> list[str]:
 
 
 def _made_of(
-    deployment: WatchedDeployment, log: LogOfFiles, until: datetime.datetime | None
+    deployment: WatchedDeployment,
+    log: LogOfFiles,
+    until: datetime.datetime | None,
+    dialogue: SurfaceDialogue | None,
 ) -> str:
-    """What a page is a function of: files, settings, the vehicle's file, the version."""
+    """What a page is a function of: files, dialogue, settings, the vehicle's file, the version."""
     vehicle = deployment.place(deployment.vehicle)
     text = json.dumps(
         [
@@ -147,6 +157,7 @@ def _made_of(
             if deployment.vehicle and vehicle.is_file()
             else "",
             None if until is None else until.isoformat(),
+            None if dialogue is None else dataclasses.asdict(dialogue),
         ]
     )
     return hashlib.sha256(text.encode()).hexdigest()

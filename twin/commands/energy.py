@@ -43,7 +43,7 @@ class AccountEnergy(JsonOption):
         from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.identify import write_consumption
-        from twin.logs import energy_used, second_half
+        from twin.logs import endurance_of, energy_used, second_half
 
         if self.out is not None and self.out.suffix.lower() != ".xml":
             raise InputError(f"--out {str(self.out)!r} must end in .xml")
@@ -54,8 +54,15 @@ class AccountEnergy(JsonOption):
         left = self.energy_left_kwh
         days = None if left is None else found.days_left(left)
         _say(console, found)
+        lasts = None if left is None else endurance_of(found, left)
         if days is not None:
             console.say(f"{days:.1f} days left at this power")
+        if lasts is not None:
+            low, high = lasts.interval()
+            console.say(
+                f"{lasts.days:.1f} days left as the last dives go on (90 %: {low:.1f} to "
+                f"{high:.1f})"
+            )
         tried = second_half(self.store, found.vehicle, missions=rows)
         if tried is None:
             console.note("too few dives to try the first half of them on the second")
@@ -78,6 +85,7 @@ class AccountEnergy(JsonOption):
             vehicle=found.vehicle.name,
             out=self.out,
             days_left=days,
+            days_left_90=None if lasts is None else lasts.interval(),
             later_dives=None if tried is None else {"dives": len(tried.dives), **tried.errors()},
             **found.describe(),
         )

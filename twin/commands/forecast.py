@@ -82,34 +82,15 @@ class ForecastSurfacings(JsonOption):
     out: Path | None = None
     """folder for index.html with a map, forecast.json and forecast.geojson; written at once with
     the first member, and again as others follow"""
-    watch: Path | None = None
-    """folder in which stores of logs arrive: does it again for each, until Ctrl-C"""
 
     def run(self, console: Console) -> int:
         """Ask, fly, say."""
-        from twin.errors import InputError
-
         self._check()
         if self.out is not None:
             from twin.show import check_forecast_target
 
             check_forecast_target(self.out)
-        if self.watch is None:
-            self._once(console, self.logs)
-            return 0
-        from twin.forecast import arrivals
-
-        if self.json:
-            raise InputError("--watch never ends, so it has no --json: read forecast.json in --out")
-        from twin.forecast import check_watched
-
-        check_watched(self.watch)
-        console.note(f"watching {self.watch}; Ctrl-C ends it")
-        for store in arrivals(self.watch):
-            try:
-                self._once(console, store)
-            except InputError as error:
-                console.warn(str(error))  # the next logs may do
+        self._once(console, self.logs)
         return 0
 
     def _check(self) -> None:
@@ -120,9 +101,7 @@ class ForecastSurfacings(JsonOption):
                 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
                 + ("" if self.goto is None else ", not both")
             )
-        if self.logs is not None and self.watch is not None:
-            raise InputError("give --logs or --watch, not both: --watch brings its own logs")
-        if self.from_ is None and self.logs is None and self.watch is None:
+        if self.from_ is None and self.logs is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         for name, needed in (
             ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
@@ -131,8 +110,8 @@ class ForecastSurfacings(JsonOption):
             if getattr(self, name) is not None and getattr(self, needed) is None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
-        if self.way != "usual" and self.logs is None and self.watch is None:
-            raise InputError("--way is for --logs or --watch, which are not given: leave it out")
+        if self.way != "usual" and self.logs is None:
+            raise InputError("--way is for --logs, which is not given: leave it out")
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
 
@@ -160,11 +139,7 @@ class ForecastSurfacings(JsonOption):
         command_shows.all(found)
 
     def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
-        from twin import Origin
-        from twin.errors import InputError
-        from twin.forecast import FIELD_ERROR, Request, known_from_logs, known_without_logs
-        from twin.physics import parse_place, utc_text
-        from twin.records import unix_seconds
+        from twin.forecast import FIELD_ERROR, Request, begun, known_from_logs
 
         vehicle = self._vehicle(console, logs)
         mission = self._mission(vehicle)
@@ -181,26 +156,13 @@ class ForecastSurfacings(JsonOption):
             if (used := counted_energy(logs, vehicle, newest=True)) is not None:
                 vehicle = with_consumption(vehicle, used.consumption)
                 console.note(f"energy by the log's counter: {used.power:.2f} W so far")
-        if self.from_ is not None:
-            place = parse_place(self.from_)
-            if "time" not in place:
-                raise InputError(f"--from {self.from_}: the time is missing: LAT,LON,TIME in UTC")
-            time = utc_text(place["time"])
-            latitude, longitude = place["latitude"], place["longitude"]
-        else:
-            assert known is not None
-            assert known.place is not None
-            assert known.time is not None
-            latitude, longitude = known.place
-            time = _utc(known.time)
-        if known is None:
-            known = known_without_logs(latitude, unix_seconds(time))
-        if stale := known.check_begin(latitude, longitude, unix_seconds(time)):
+        place, known, stale = begun(self.from_, known)
+        if stale:
             console.warn(stale)
         request = Request(
             vehicle=vehicle,
             mission=mission,
-            place=Origin(latitude_deg=latitude, longitude_deg=longitude, time=time),
+            place=place,
             hours=self.hours,
             members=self.members,
             field=self._field(),
@@ -212,7 +174,7 @@ class ForecastSurfacings(JsonOption):
         )
         for note in request.notes():
             console.warn(note)
-        return request, known.at(unix_seconds(time))
+        return request, known
 
     def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
         from twin import load_vehicle
@@ -290,13 +252,7 @@ class _Shows:
         from twin.show import write_forecast
 
         assert self._command.out is not None
-        reload_s = None
-        if ended:
-            pass
-        elif not found.complete:
-            reload_s = 5.0
-        elif self._command.watch is not None:
-            reload_s = 60.0
+        reload_s = None if ended or found.complete else 5.0
         index = write_forecast(found, self._command.out, reload_s=reload_s)
         self.written = found
         return index
@@ -335,10 +291,3 @@ def _near(found: Found) -> dict[str, str]:
 
     one = found.surfacings[0]
     return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}
-
-
-def _utc(seconds: float) -> str:
-    import datetime
-
-    moment = datetime.datetime.fromtimestamp(round(seconds), datetime.UTC)
-    return moment.replace(tzinfo=None).isoformat()

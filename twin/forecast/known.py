@@ -9,6 +9,7 @@ deployment have told the models, and what each was worth.
 from __future__ import annotations
 
 import dataclasses
+import datetime
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,10 @@ from twin.logs.logged_leg import (
 )
 from twin.navigation.current import CurrentFilter
 from twin.navigation.current.models import CurrentPool
+from twin.physics.start import parse_place, utc_text
+from twin.records.coordinates import unix_seconds
 from twin.records.logged import LogStore
+from twin.water.current.axes import Origin
 
 DAY, KILO = 86400.0, 1e3
 OLD, FAR = 2.0, 30.0
@@ -147,6 +151,35 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         legs=len(legs),
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
+
+
+def begun(start: str | None, known: Known | None) -> tuple[Origin, Known, str]:
+    """Where and when a forecast begins, what is known then, and a warning where that is little.
+
+    Args:
+      start: LAT,LON,TIME in UTC; None: the last fix of the logs.
+      known: by the logs; None: there are none, and `start` is needed.
+
+    Raises:
+      InputError: the text cannot be read, or the logs tell nothing of that place and time.
+    """
+    if start is not None:
+        place = parse_place(start)
+        if "time" not in place:
+            raise InputError(f"--from {start}: the time is missing: LAT,LON,TIME in UTC")
+        time = utc_text(place["time"])
+        latitude, longitude = place["latitude"], place["longitude"]
+    else:
+        if known is None or known.place is None or known.time is None:
+            raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
+        latitude, longitude = known.place
+        moment = datetime.datetime.fromtimestamp(round(known.time), datetime.UTC)
+        time = moment.replace(tzinfo=None).isoformat()
+    if known is None:
+        known = known_without_logs(latitude, unix_seconds(time))
+    stale = known.check_begin(latitude, longitude, unix_seconds(time))
+    origin = Origin(latitude_deg=latitude, longitude_deg=longitude, time=time)
+    return origin, known.at(unix_seconds(time)), stale
 
 
 def _last_deployment(logs: LogStore) -> tuple[str, str]:

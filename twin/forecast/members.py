@@ -221,12 +221,22 @@ class MemberFlight:
     """[J] taken until then, (surfacing,)"""
     track: Array
     """North, east [m], thinned, (point, 2)"""
+    times: Array
+    """[s] since the start of its points, (point,)"""
     duration: float
     """[s] of the flight"""
     taken: float
     """[J] in all"""
     end: Array
     """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
+
+    def rates(self) -> tuple[float, float]:
+        """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""
+        end, energy = self.duration, self.taken
+        if len(self.time):
+            end, energy = float(self.time[-1]), float(self.energy[-1])
+        before = self.track[self.times <= end]
+        return energy / end, float(np.hypot(*np.diff(before, axis=0).T).sum()) / end
 
 
 def fly(
@@ -270,6 +280,16 @@ def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | S
     ]
 
 
+def fly_nominal(
+    request: Request, missions: Sequence[Mission]
+) -> list[MemberFlight | SimulationUnstable]:
+    """Missions by the request's vehicle in still water, from its start."""
+    still = [dataclasses.replace(request, mission=mission, field=None) for mission in missions]
+    longest = max(one.flown for one in still)
+    scenarios = [_scenario(one, one.mission) for one in still]
+    return _flown([dataclasses.replace(one, duration=longest) for one in scenarios], threads=0)
+
+
 def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
     """The surfacings of a run."""
     vehicle = scenario.vehicle
@@ -280,6 +300,7 @@ def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
         place=run.position[found, :2],
         energy=energy[found],
         track=run.position[::THINNED, :2],
+        times=run.time[::THINNED],
         duration=float(run.time[-1]),
         taken=float(energy[-1]),
         end=state_at(run, -1),

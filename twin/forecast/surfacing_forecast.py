@@ -42,6 +42,8 @@ class Forecast:
     """What was drawn, in words."""
     power_w: float
     """Mean electrical power."""
+    ways: tuple[tuple[Array, Array], ...]
+    """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
     left_out: str = ""
     """Why a surfacing within the hours is not told; empty: none is left out."""
     beside_mujoco: EndsApart | None = None
@@ -123,9 +125,9 @@ class Forecast:
 
     def geojson(self) -> dict[str, Any]:
         """A FeatureCollection (RFC 7946): surfacings, their ellipses, track, targets."""
-        features = [_feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
+        features = [feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
         features += [
-            _feature("Point", target, {"what": "target", "number": k})
+            feature("Point", target, {"what": "target", "number": k})
             for k, target in enumerate(self.targets().tolist(), start=1)
         ]
         for one in self.surfacings:
@@ -133,13 +135,14 @@ class Forecast:
             for part in (NINETY, HALF):
                 ring = one.ring(part, self.request.place).tolist()
                 said_of_it = {"what": f"ellipse of {100.0 * part:.0f} %", "holds": part, **said}
-                features.append(_feature("Polygon", [ring], said_of_it))
+                features.append(feature("Polygon", [ring], said_of_it))
             point = [one.longitude, one.latitude]
-            features.append(_feature("Point", point, {"what": "surfacing", **said}))
+            features.append(feature("Point", point, {"what": "surfacing", **said}))
         return {"type": "FeatureCollection", "features": features}
 
 
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    """A GeoJSON feature (RFC 7946)."""
     return {
         "type": "Feature",
         "geometry": {"type": kind, "coordinates": coordinates},
@@ -195,6 +198,7 @@ def forecast(
             track=first,
             spread=members.spread,
             power_w=float(np.mean([one.taken / one.duration for one in flights])),
+            ways=tuple((one.times, one.track) for one in flights),
         )
         refined(found)
     if found is None:

@@ -9,6 +9,8 @@ from twin.logs.corrected_track import Drift as Drift
 from twin.logs.corrected_track import corrected_track as corrected_track
 from twin.logs.corrected_track import linear_track as linear_track
 from twin.logs.depth_averaged_current import DiveCurrent as DiveCurrent
+from twin.logs.endurance import Endurance as Endurance
+from twin.logs.endurance import endurance_of as endurance_of
 from twin.logs.energy_use import EnergyUse as EnergyUse
 from twin.logs.energy_use import counted_energy as counted_energy
 from twin.logs.energy_use import energy_used as energy_used

@@ -7,29 +7,33 @@ import datetime
 import json
 import random
 import shutil
+import urllib.request
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from logs import SHARED, Flight, write_basestation, write_slocum
+from PIL import Image
 
 from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
-from factory.watching.morning import Morning
-from factory.watching.news import news
+from factory.watching.morning import Morning, morning
+from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
+from factory.watching.surface_dialogue import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
-from twin.forecast import LoggedLeg
+from twin.forecast import LoggedLeg, NoticeBox, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
 from twin.mission import read_targets
 from twin.navigation.current import Leg
 from twin.records.storage.checksums import store_hash
+from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)
 DIVES = 4
@@ -95,6 +99,8 @@ def test_a_new_deployment_of_an_empty_folder_has_a_page_that_says_what_is_missin
         (["--once", "--vehicle", "seaglider"], "--vehicle: it is for --new"),
         (["--json"], "watching never ends"),
         (["--once", "--every", "5"], "--every is for passes without end"),
+        (["--once", "--serve"], "--serve is for passes without end"),
+        (["--once", "--port", "0"], "--port is for --serve"),
         (["--once", "--as-of", "monday"], "must be a time in UTC"),
         (["--once"], "holds no deployment.toml"),
     ],
@@ -130,6 +136,7 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
         (text.replace('"seaglider"  # of', '"seaglyder"  # of'), "unknown kind"),
         (text.replace('variation_deg = ""', 'variation_deg = "W"'), "must be degrees"),
         (text.replace("source", "# source"), "key source is missing"),
+        (text.replace('home = ""', 'home = "harbour"'), "must be LAT,LON"),
         (text.replace('mission = ""', 'mission = "a.mi"'), "goto or mission, not both"),
     ):
         path.write_text(wrong)
@@ -301,7 +308,11 @@ def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
     assert first.latitude == pytest.approx(49.6, abs=1e-5)
     assert (first.goto, second.goto) == ("T2", "T2")
     assert "Proposal" in (made.folder / "page" / "index.html").read_text()
-    assert told.plan.startswith("to goto of deployment.toml")
+    assert told.plan.startswith("to the places of deployment.toml")
+    rows = {row["what"]: row for row in told.changes}
+    assert rows["next place"]["proposed"] == "49.6,-57.9"
+    assert rows["depth [m]"]["now"] == rows["depth [m]"]["proposed"]
+    assert "What its last dives did" in (made.folder / "page" / "index.html").read_text()
     one_pass(dataclasses.replace(made, goto=""))
     assert not (made.folder / "page" / "targets").exists()
 
@@ -442,3 +453,131 @@ def test_a_real_deployment_of_satellite_files_becomes_a_log(tmp_path: Path, sour
     other = deployment(tmp_path / "other", source, vehicle="slocum-200")
     log_of_files(other, other.folder)
     assert store_hash(other.folder / LOG) == wanted
+
+
+# --- what a pilot gets ----------------------------------------------------------------------------
+
+
+def test_beside_the_page_lie_a_picture_and_boxes_that_hold_the_forecast(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source, hours=20.0)
+    for path in base:
+        shutil.copy(path, source)
+    passed = one_pass(made)
+    assert passed.told is not None
+    found = passed.told.surfacings
+    assert found is not None
+    page = passed.page.parent
+    with Image.open(page / "mail.png") as picture:
+        assert picture.width > picture.height / 2 > 300
+    first, second = json.loads((page / "boxes.geojson").read_text())["features"]
+    assert first["properties"]["end"] == second["properties"]["begin"]
+    assert first["properties"]["holds"] == pytest.approx(1.0 - 4.0 / (found.flown + 1))
+    assert len((page / "boxes.txt").read_text().splitlines()) == 3
+    for one in found.surfacings:
+        box = second if one.late_s > 12 * 3600.0 else first
+        if one.early_s <= 12 * 3600.0 <= one.late_s:
+            continue
+        (west, south), (east, north) = (box["geometry"]["coordinates"][0][k] for k in (0, 2))
+        assert south < one.latitude < north
+        assert west < one.longitude < east
+    middle = notice_boxes(found, hours=10.0)
+    assert [round((one.end - one.begin).total_seconds() / 3600.0) for one in middle] == [10, 10]
+
+
+def test_a_box_across_the_date_line_is_written_in_degrees_and_minutes() -> None:
+    begin = datetime.datetime(2026, 1, 2, tzinfo=datetime.UTC)
+    box = NoticeBox(
+        begin=begin, end=begin + datetime.timedelta(hours=12), south=-12.5, north=0.0,
+        west=179.95, east=-179.9, holds=0.96,
+    )  # fmt: skip
+    assert box.text() == (
+        "2026-01-02 00:00 to 2026-01-02 12:00 UTC: 12-30.0S to 00-00.0N, 179-57.0E to 179-54.0W"
+    )
+    ring = box.feature()["geometry"]["coordinates"][0]
+    assert max(x for x, _ in ring) == pytest.approx(180.1)
+
+
+def test_files_below_an_empty_source_are_pointed_at(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    (source / "calypso-2026").mkdir()
+    shutil.copy(base[0], source / "calypso-2026")
+    made = deployment(tmp_path, source)
+    missing = log_of_files(made, made.folder).missing
+    assert "1 file in folders below it, such as calypso-2026" in missing
+    assert "recursive = true" in missing
+    assert log_of_files(dataclasses.replace(made, recursive=True), made.folder).changed
+
+
+def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    before = one_pass(made).told
+    assert before is not None
+    assert before.last_fix is not None
+    fix = before.last_fix
+    said = {"aborts": None, "sensors": {}, "why": "", "time": fix.time + 660.0}
+    place = (fix.latitude + 0.01, fix.longitude)
+    dialogue = SurfaceDialogue(
+        vehicle=before.deployment, fix=place, fix_time=fix.time + 600.0, **said
+    )  # fmt: skip
+    log = log_of_files(made, made.folder)
+    told = morning(made, log, dialogue)
+    assert told.surfacings is not None
+    start = told.surfacings.request.place
+    assert (start.latitude_deg, start.longitude_deg) == pytest.approx(place)
+    begins = told.surfacings.begins.replace(tzinfo=datetime.UTC).timestamp()
+    assert begins == pytest.approx(fix.time + 600.0, abs=1.0)
+    other = morning(made, log, dataclasses.replace(dialogue, vehicle="another"))
+    assert other.last_fix == fix
+    assert any("of another" in why for why in other.lacking)
+
+
+def test_a_vehicle_that_was_not_identified_is_said_with_an_alarm(
+    tmp_path: Path, source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    log = log_of_files(made, made.folder)
+    told = Morning(title="calypso", log=log, health=health(True), vehicle=load_vehicle("seaglider"))
+    assert told.verdict.endswith("judged by seaglider, not by a vehicle identified from its logs")
+    assert "identified" not in dataclasses.replace(told, health=health(False)).verdict
+
+
+def test_power_and_current_that_changed_are_news(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source)
+    now = Morning(title="calypso", log=log_of_files(made, made.folder)).describe()
+    before = {**now, "energy": {"power_w": 3.0}, "days_left": 20.0, "current": [0.1, 0.0]}
+    after = {**now, "energy": {"power_w": 4.0}, "days_left": 14.0, "current": [0.1, 0.3]}
+    said = _moved(before, after)
+    assert said[0] == "Power so far went from 3.00 to 4.00 W, the days left from 20.0 to 14.0"
+    assert "0.30 m/s" in said[1]
+    assert _moved(now, after) == []
+
+
+def test_the_page_is_served_and_renewed_at_one_address(
+    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    made = deployment(tmp_path, source)
+    pages: list[str] = []
+
+    def looked(_: float) -> None:
+        address = capsys.readouterr().err.partition("open ")[2].split()[:1] or addresses
+        addresses[:] = address
+        with urllib.request.urlopen(address[0]) as answer:
+            pages.append(answer.read().decode())
+        if len(pages) == 2:
+            raise KeyboardInterrupt
+        shutil.copy(base[0], source)
+
+    addresses: list[str] = []
+    monkeypatch.setattr("time.sleep", looked)
+    run(capsys, "watch", made.folder, "--serve", "--port", "0")
+    assert addresses[0].startswith("http://127.0.0.1:")
+    assert "no file has arrived" in pages[0]
+    assert "no file has arrived" not in pages[1]

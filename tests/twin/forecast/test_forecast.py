@@ -26,7 +26,6 @@ from twin.errors import (
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
-from twin.forecast.request import arrivals
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.identify.start_values import other_kind
 from twin.navigation.current import Leg
@@ -120,7 +119,8 @@ def _flight(place, time=60.0):
     from twin.forecast.members import MemberFlight as Flown
 
     return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
-                 track=np.zeros((2, 2)), duration=100.0, taken=20.0, end=np.zeros(6))  # fmt: skip
+                 track=np.zeros((2, 2)), times=np.zeros(2), duration=100.0, taken=20.0,
+                 end=np.zeros(6))  # fmt: skip
 
 
 def test_two_members_spread_as_far_as_they_are_apart() -> None:
@@ -473,37 +473,7 @@ def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) ->
     assert message in capsys.readouterr().err
 
 
-def test_a_folder_to_watch_is_there_before_it_is_watched(tmp_path, capsys) -> None:
-    words = ["--goto", "37,-122", "--watch", str(tmp_path / "nowhere")]
-    assert PROGRAM.main(["forecast", *words]) == 2
-    said = capsys.readouterr().err
-    assert "the folder is missing" in said
-    assert "watching" not in said
-
-
 def test_a_mission_by_the_sea_floor_is_refused() -> None:
     segment = dataclasses.replace(to_north().segments[0], min_altitude_m=10.0)
     with pytest.raises(MissionError, match="no sea floor"):
         asked(mission=dataclasses.replace(to_north(), segments=(segment,)))
-
-
-def test_every_new_store_is_told_once(store, tmp_path) -> None:
-    import shutil
-
-    waits = []
-
-    def wait(seconds):
-        waits.append(seconds)
-        if len(waits) == 1:
-            shutil.copytree(store, tmp_path / "first.zarr")
-        elif len(waits) == 3:
-            shutil.copytree(store, tmp_path / "second.zarr")
-            for path in [tmp_path / "second.zarr", *(tmp_path / "second.zarr").iterdir()]:
-                path.touch()
-
-    found = arrivals(tmp_path, wait=wait)
-    assert next(found).name == "first.zarr"
-    assert next(found).name == "second.zarr"
-    assert len(waits) == 3
-    with pytest.raises(InputError, match="the folder is missing"):
-        next(arrivals(tmp_path / "nowhere"))

@@ -75,9 +75,11 @@ code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
 pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
 @media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; }
-  .scroll th, .scroll td { white-space: nowrap; } dl.figures { grid-template-columns: 1fr 1fr; } }
+  .scroll th, .scroll td { white-space: nowrap; } dl.figures { grid-template-columns: 1fr 1fr; }
+  figure { overflow-x: auto; } figure img { max-width: none; width: max(100%, 36rem); } }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
-  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px; } }
+  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px;
+  filter: brightness(.85); } }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
 
@@ -160,6 +162,10 @@ class Page:
         self._body.append(
             f'<div class="pair">{"".join(self._figure(*entry) for entry in figures)}</div>'
         )
+
+    def picture(self, name: str, drawn: Figure) -> None:
+        """A PNG beside the page that the page itself does not show."""
+        self._figure(name, drawn, "")
 
     def code(self, text: str) -> None:
         """Text as it is."""

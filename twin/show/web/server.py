@@ -52,15 +52,16 @@ class PageServer:
         self._key = secrets.token_urlsafe(16)
 
     def show(self, text: str, live: LiveMission | None = None) -> None:
-        """Serve a page from now on.
+        """Serve a page from now on; called again, another one at the same address.
 
         Args:
           text: HTML of the page.
           live: what answers the page's questions for more samples.
         """
         self._server.RequestHandlerClass = _handler(text.encode(), live, self._server, self._key)
-        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
-        self._thread.start()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+            self._thread.start()
 
     @property
     def port(self) -> int:

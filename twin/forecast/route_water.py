@@ -1,0 +1,181 @@
+"""Route water: the current of a region, mean over the depths of the dives, and draws of its error.
+
+North and east are metres in the plane that touches the Earth at the start.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.forecast.draws import FIELD_TIME, INTERVAL, draw_models, draw_water
+from twin.forecast.known import Known
+from twin.forecast.request import Request, longest_dive
+from twin.geodesy import to_tangent_plane
+from twin.water.current import Grid
+from twin.water.current.base import Current
+from twin.water.current.sampler import sample_track
+
+Array = NDArray[np.float64]
+
+NODES = 41
+"""Along the longer side of the region"""
+STEP = 3.0 * 3600.0
+"""[s] between two times"""
+LEVELS = 9
+"""Depths of the mean"""
+EDDIES = 24
+"""Waves that make an error of the field"""
+SHORTEST, LONGEST = 3e4, 2e5
+"""[m] Their lengths: mesoscale eddies, that models misplace"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RouteWater:
+    """Currents on a grid, and its errors by member; the first member has none."""
+
+    north: Array
+    """[m], (north,)"""
+    east: Array
+    """[m], (east,)"""
+    current: Array
+    """[m/s] north, east, (member, time, north, east, 2), `STEP` apart in time"""
+
+    @property
+    def spacing(self) -> float:
+        """[m] of the nodes."""
+        return float(self.north[1] - self.north[0])
+
+    @property
+    def lasts(self) -> float:
+        """[s] from the start on that it covers."""
+        return STEP * (self.current.shape[1] - 1)
+
+    def at(self, north: float, east: float, time: Array) -> Array:
+        """[m/s] north, east at a place, of each member at its own time [s], (member, 2)."""
+        n, part_n = self._cell(north, self.north)
+        e, part_e = self._cell(east, self.east)
+        k = np.clip(time / STEP, 0.0, self.current.shape[1] - 1.000001)
+        at, later = k.astype(int), (k - k.astype(int))[:, None]
+        members = np.arange(len(self.current))
+
+        def around(when: NDArray[np.int_]) -> Array:
+            cell = self.current[members, when, n : n + 2, e : e + 2]
+            west = cell[:, 0, 0] * (1.0 - part_n) + cell[:, 1, 0] * part_n
+            return west * (1.0 - part_e) + part_e * (
+                cell[:, 0, 1] * (1.0 - part_n) + cell[:, 1, 1] * part_n
+            )
+
+        return (1.0 - later) * around(at) + later * around(at + 1)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points, (..., 2), lie inside."""
+        low, high = (np.array([self.north[k], self.east[k]]) for k in (0, -1))
+        return np.asarray(((points >= low) & (points <= high)).all(axis=-1))
+
+    def _cell(self, value: float, axis: Array) -> tuple[int, float]:
+        place = min(max((value - axis[0]) / self.spacing, 0.0), len(axis) - 1.000001)
+        return int(place), place - int(place)
+
+
+def route_water(
+    request: Request, known: Known, points: Array, hours: float, rng: np.random.Generator
+) -> RouteWater:
+    """The water around places.
+
+    Args:
+      request: with the field, the mission whose depths count, and how many members.
+      known: what the logs told; used where there is no field.
+      points: [m] north, east of start, targets and vias, (point, 2). hours: [h] to cover.
+
+    Raises:
+      InputError: nothing is known of the current, or not at one of the places.
+      CurrentError: the field does not cover the time.
+    """
+    if request.field is None and not known.legs:
+        raise InputError(
+            "the current is not known, so no way is better than the straight one: give --current "
+            "with a forecast's file, or --logs"
+        )
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = max(0.5 * float(np.hypot(*(high - low))), 1e4)
+    low, high = low - margin, high + margin
+    if request.field is not None:
+        covered = _covered(request.field, hours * 3600.0, request)
+        low, high = np.maximum(low, covered[0]), np.minimum(high, covered[1])
+    outside = (points < low).any(axis=1) | (points > high).any(axis=1)
+    if outside.any():
+        raise InputError(
+            f"the current is not known at place {int(np.argmax(outside))} of the way (0 is the "
+            "start): --current ends before it; nothing can be promised there"
+        )
+    spacing = float((high - low).max()) / (NODES - 1)
+    north, east = (np.arange(low[k], high[k] + 0.5 * spacing, spacing) for k in range(2))
+    times: Array = STEP * np.arange(math.ceil(hours * 3600.0 / STEP) + 1, dtype=np.float64)
+    shape = (request.members, len(times), len(north), len(east), 2)
+    if request.field is None:
+        duration = times[-1] + INTERVAL
+        water = draw_water(
+            known.filter_, duration, request.members, rng, longest_dive(request.mission)
+        )
+        course = draw_models(water, known.pool, rng)[0].current
+        every = course[:, :: round(STEP / INTERVAL)][:, : len(times), None, None]
+        return RouteWater(north=north, east=east, current=np.broadcast_to(every, shape).copy())
+    mean = _mean(request.field, request, times, north, east)
+    errors = [
+        request.field_error * _eddies(rng, times, north, east) for _ in range(request.members - 1)
+    ]
+    return RouteWater(
+        north=north, east=east, current=np.stack([mean, *(mean + one for one in errors)])
+    )
+
+
+def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, Array]:
+    """[m] south-west and north-east corner of what files of the field hold."""
+    low, high = np.full(2, -np.inf), np.full(2, np.inf)
+    place = request.place
+    for part in getattr(field, "parts", (field,)):
+        if not isinstance(part, Grid):
+            continue
+        box, _ = part.load(seconds, place)
+        if not np.isfinite(box.latitude).all():
+            continue  # one column of water stands for everywhere
+        for k, pick in ((0, np.maximum), (1, np.minimum)):
+            corner = to_tangent_plane(
+                float(box.latitude[-k]),
+                float(box.longitude[-k]) + place.longitude_deg,
+                place.latitude_deg,
+                place.longitude_deg,
+            )
+            edge = low if k == 0 else high
+            edge[:] = pick(edge, corner)
+    return low, high
+
+
+def _mean(field: Current, request: Request, times: Array, north: Array, east: Array) -> Array:
+    """[m/s] mean over the depths of the dives, (time, north, east, 2)."""
+    deepest = max(getattr(one, "max_depth_m", 0.0) for one in request.mission.segments)
+    depths = np.linspace(0.0, max(deepest, 1.0), LEVELS)
+    program = field.compile(float(times[-1]), request.place)
+    grid = np.meshgrid(times, north, east, depths, indexing="ij")
+    t, n, e, d = (axis.ravel() for axis in grid)
+    rest = np.zeros_like(t)
+    found = sample_track(program, t, n, e, d, rest, rest, rest)[:, :2]
+    return np.asarray(found.reshape(*grid[0].shape, 2).mean(axis=3))
+
+
+def _eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
+    """A random flow without divergence, 1 m/s each way, (time, north, east, 2)."""
+    turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
+    length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
+    wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
+    rate = rng.standard_normal(EDDIES) / FIELD_TIME
+    t, n, e = np.meshgrid(times, north, east, indexing="ij")
+    phase = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
+    swing = np.cos(n[..., None] * wave[0] + e[..., None] * wave[1] - t[..., None] * rate + phase)
+    size = rng.standard_normal(EDDIES) * math.sqrt(2.0 / EDDIES) * math.sqrt(2.0)
+    return np.stack([-(swing @ (size * np.sin(turn))), swing @ (size * np.cos(turn))], axis=-1)

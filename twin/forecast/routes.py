@@ -1,0 +1,308 @@
+"""Routes: the best ways to a place for a vehicle that may be slower than the water.
+
+Candidates are the fastest ways in the mean water and in single draws of it, moved to the least mean
+over all draws. The best three and the straight way are flown by the twin. A way is promised only
+where it is seldom slower than the straight one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, MissionError, SimulationUnstable
+from twin.forecast.known import Known
+from twin.forecast.members import MemberFlight, fly, fly_nominal, members_of
+from twin.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
+from twin.forecast.route_search import BARRED, fastest, polished, way_times
+from twin.forecast.route_water import RouteWater, route_water
+from twin.forecast.surfacing_forecast import feature
+from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
+from twin.mission import Mission
+
+Array = NDArray[np.float64]
+
+PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
+"""[degree] of the polar"""
+POLAR_HOURS = 12.0
+"""[h] that each of them is flown for"""
+DRAWS = 48
+"""Of the water, for the search"""
+ALONE = 3
+"""Single draws whose fastest ways are candidates, too"""
+BEST = 3
+"""Ways that are flown"""
+SLOWER, SELDOM = 1.02, 0.05
+"""Times the straight way that counts as slower, and the part of draws in which a way may be so"""
+APART = 2.0
+"""Nodes by which two ways must differ to be two"""
+MOST_VIAS = 6
+AT_HAND = 2.5
+"""Times the time of the straight way in still water that the water must be known for"""
+NEAR = 2000.0
+"""[m] from the last place that counts as there"""
+NINETY = (0.05, 0.95)
+LATE = 1.2
+"""Times the hours within which 95 of 100 draws arrive that the twin flies"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Route:
+    """One way."""
+
+    name: str
+    places: tuple[tuple[float, float], ...]
+    """Latitude, longitude [degree] of corners and last place, the start left out"""
+    hours: Array
+    """[h] in each draw of the water, (draw,)"""
+    gain: Array
+    """Part of the straight way's time that it saves, (draw,)"""
+    flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    """[h] of the members that the twin flew; NaN: did not arrive, (member,)"""
+
+    @property
+    def goto(self) -> str:
+        """As `twin forecast --goto` takes it."""
+        return ";".join(f"{latitude:.4f},{longitude:.4f}" for latitude, longitude in self.places)
+
+    @property
+    def slower(self) -> float:
+        """Part of the draws in which it takes 2 % longer than the straight way."""
+        return float(np.mean(self.gain < 1.0 - SLOWER))
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        arrived = self.flown[np.isfinite(self.flown)]
+        return {
+            "name": self.name,
+            "goto": self.goto,
+            "hours": float(self.hours.mean()),
+            "hours_90": np.quantile(self.hours, NINETY).tolist(),
+            "gain": float(self.gain.mean()),
+            "gain_90": np.quantile(self.gain, NINETY).tolist(),
+            "slower_in": self.slower,
+            "flown": len(self.flown),
+            "arrived": len(arrived),
+            "hours_flown": float(arrived.mean()) if arrived.size else None,
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RoutePlan:
+    """The straight way and the best others; `best` is the one to take."""
+
+    routes: tuple[Route, ...]
+    """The straight one first, then by mean time"""
+    best: Route
+    speed: float
+    """[m/s] through the water, stays at the surface included"""
+    pitch_deg: float
+    start: tuple[float, float]
+    """Latitude, longitude [degree]"""
+    order: tuple[int, ...]
+    """Vias as they were given, in the order of the ways"""
+
+    def geojson(self) -> dict[str, Any]:
+        """A FeatureCollection of lines."""
+        features = [
+            feature(
+                "LineString",
+                [[east, north] for north, east in (self.start, *one.places)],
+                {"best": one is self.best, **one.describe()},
+            )
+            for one in self.routes
+        ]
+        return {"type": "FeatureCollection", "features": features}
+
+
+def polar(request: Request, pitches: Sequence[float] = PITCHES) -> dict[float, float]:
+    """Speed over ground in still water [m/s] by pitch [degree], as the twin flies the mission.
+
+    Raises:
+      MissionError: the vehicle can fly none of the pitches.
+    """
+    missions = {}
+    for pitch in pitches:
+        mission = _pitched(request.mission, pitch)
+        try:
+            mission.check(request.vehicle)
+            missions[pitch] = mission
+        except MissionError:
+            continue
+    if not missions:
+        raise MissionError(f"{request.vehicle.name} can dive at none of {list(pitches)} degree")
+    short = dataclasses.replace(request, hours=POLAR_HOURS)
+    flown = fly_nominal(short, list(missions.values()))
+    return {
+        pitch: flight.rates()[1]
+        for pitch, flight in zip(missions, flown, strict=True)
+        if isinstance(flight, MemberFlight)
+    }
+
+
+def plan_routes(
+    request: Request,
+    known: Known,
+    *,
+    vias: Sequence[tuple[float, float]] = (),
+    avoided: Sequence[Sequence[tuple[float, float]]] = (),
+    pitch_deg: float | None = None,
+    fly_them: bool = True,
+    say: Callable[[str], object] = lambda _: None,
+) -> RoutePlan:
+    """The best ways to the place of a request's mission.
+
+    Args:
+      request: start, mission to one place, field and its error; hours are not used.
+      vias: latitude, longitude [degree] of places to pass, in any order.
+      avoided: polygons of latitude, longitude [degree].
+      pitch_deg: of the dives; None: the fastest one.
+      fly_them: whether the twin flies the best three.
+      say: called with a word on what is being done.
+
+    Raises:
+      InputError: the current is not known there, a place lies in a polygon, too many vias.
+      CurrentError: the field does not last.
+    """
+    if len(vias) > MOST_VIAS:
+        raise InputError(f"--via has {len(vias)} places; at most {MOST_VIAS} can be put in order")
+    place = request.place
+    origin = place.latitude_deg, place.longitude_deg
+    target = request.mission.segments[0].targets[-1]  # type: ignore[attr-defined]
+    goal = target["latitude"], target["longitude"]
+    points = np.array([(0.0, 0.0), *(to_tangent_plane(*one, *origin) for one in (*vias, goal))])
+    rings = [np.array([to_tangent_plane(*one, *origin) for one in ring]) for ring in avoided]
+    say("polar")
+    speeds = polar(request, PITCHES if pitch_deg is None else (pitch_deg,))
+    pitch, speed = max(speeds.items(), key=lambda one: one[1])
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    hours = AT_HAND * length / speed / 3600.0
+    say("water")
+    rng = np.random.default_rng(request.seed)
+    wide = dataclasses.replace(request, members=DRAWS)
+    water = route_water(wide, known, points, hours, rng)
+    order = _order(water, points, speed)
+    stops = points[[0, *(1 + k for k in order), len(points) - 1]]
+    straight = way_times(water, stops, speed)
+    say("search")
+    found = best_ways(water, stops, speed, rings)
+    if not found:
+        raise InputError("no way leads there: the polygons or the current bar all of them")
+    ways = [stops, *found]
+    timed = [(way_times(water, way, speed, rings), way) for way in ways]
+    timed = [one for one in timed if one[0].mean() < BARRED]
+    if not timed:
+        raise InputError("no way of few corners keeps clear of the polygons: make them coarser")
+    timed.sort(key=lambda one: float(one[0].mean()))
+    routes: list[Route] = []
+    for times, way in timed[: BEST + 1]:
+        latitude, longitude = from_tangent_plane(way[1:, 0], way[1:, 1], *origin)
+        east = wrap_longitude(longitude)
+        routes.append(
+            Route(
+                name="straight" if way is stops else f"way {len(routes) + 1}",
+                places=tuple(zip(latitude.tolist(), east.tolist(), strict=True)),
+                hours=times / 3600.0,
+                gain=1.0 - times / straight,
+            )
+        )
+    routes.sort(key=lambda one: one.name != "straight")
+    steeper = dataclasses.replace(request, mission=_pitched(request.mission, pitch))
+    if fly_them:
+        say("flights")
+        longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
+        routes = [_flown(one, steeper, known, longest) for one in routes]
+    safe = [one for one in routes if one.slower <= SELDOM] or routes
+    best = min(safe, key=lambda one: float(one.hours.mean()))
+    return RoutePlan(
+        routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, start=origin, order=order
+    )
+
+
+def _order(water: RouteWater, points: Array, speed: float) -> tuple[int, ...]:
+    """Vias in the order whose straight legs take least in the mean of all draws."""
+    inner = range(1, len(points) - 1)
+
+    def cost(order: Sequence[int]) -> float:
+        return float(way_times(water, points[[0, *order, len(points) - 1]], speed).mean())
+
+    return tuple(k - 1 for k in min(itertools.permutations(inner), key=cost))
+
+
+def best_ways(
+    water: RouteWater, stops: Array, speed: float, avoided: Sequence[Array]
+) -> list[Array]:
+    """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
+    draw, and polished in all; each (corner, 2), none twice."""
+    ways: list[Array] = []
+    for member in range(min(1 + ALONE, len(water.current))):
+        found = _through(water, member, stops, speed, avoided)
+        if found is not None and all(_differs(found, way, water.spacing) for way in ways):
+            ways.append(found)
+    return ways
+
+
+def _through(
+    water: RouteWater, member: int, stops: Array, speed: float, rings: Sequence[Array]
+) -> Array | None:
+    """The polished way from stop to stop that is fastest in one draw."""
+    whole, begin = stops[:1], 0.0
+    for here, there in itertools.pairwise(stops):
+        leg = fastest(water, member, here, there, speed, rings, begin)
+        if leg is None:
+            return None
+        if way_times(water, leg, speed, rings, begin).mean() < BARRED:
+            leg = polished(water, leg, speed, rings, begin)
+        begin += float(np.median(way_times(water, leg, speed, (), begin)))
+        whole = np.concatenate([whole, leg[1:]])
+    return whole
+
+
+def _differs(one: Array, other: Array, spacing: float) -> bool:
+    """Whether two ways are apart somewhere, by their points at equal parts of their lengths."""
+
+    def even(way: Array) -> Array:
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+        at = np.linspace(0.0, along[-1], 50)
+        return np.stack([np.interp(at, along, way[:, k]) for k in range(2)], axis=1)
+
+    return float(np.hypot(*(even(one) - even(other)).T).max()) > APART * spacing
+
+
+def _pitched(mission: Mission, pitch: float) -> Mission:
+    segments = tuple(
+        dataclasses.replace(one, pitch_deg=pitch, climb_pitch_deg=None)  # type: ignore[call-arg]
+        for one in mission.segments
+    )
+    return dataclasses.replace(mission, segments=segments)
+
+
+def _flown(route: Route, request: Request, known: Known, hours: float) -> Route:
+    """With the times of the members that the twin flies along it."""
+    targets = tuple({"latitude": north, "longitude": east} for north, east in route.places)
+    segment = dataclasses.replace(request.mission.segments[0], targets=targets)  # type: ignore[call-arg]
+    mission = dataclasses.replace(request.mission, segments=(segment,))
+    asked = dataclasses.replace(
+        request,
+        mission=mission,
+        hours=min(max(hours, 1.0), LONGEST_HOURS),
+        members=max(request.members, LEAST_MEMBERS),
+    )
+    north, east = to_tangent_plane(
+        *route.places[-1], request.place.latitude_deg, request.place.longitude_deg
+    )
+    found = []
+    for chunk in fly(members_of(asked, known).scenarios):
+        for flight in chunk:
+            if isinstance(flight, SimulationUnstable):
+                continue
+            away = np.hypot(flight.track[:, 0] - north, flight.track[:, 1] - east)
+            there = np.flatnonzero(away <= NEAR)
+            found.append(flight.times[there[0]] / 3600.0 if there.size else math.nan)
+    return dataclasses.replace(route, flown=np.array(found))
