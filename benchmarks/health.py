@@ -69,6 +69,8 @@ CHARTS: Mapping[str, tuple[str, ...]] = {
     "chart of roll and depth rate": ("roll_dive", "roll_climb", "rate_dive", "rate_climb"),
     "chart of the battery's place at the pitch": ("trim_dive", "trim_climb"),
 }
+COUNTED = ("flown", "to be noticed", "in time", "noticed", "named", "onset")
+"""Columns of `counts`"""
 LIMIT = 3.0
 """Standard deviations of the charts' limits"""
 BEFORE = 6
@@ -296,14 +298,15 @@ def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
     rung = [one for one in ones if one.onset is not None
             and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
     since = [(one.alarms[name].since, one.onset) for one in rung]
-    return {
-        "flown": len(ones),
-        "there": len(there),
-        "in time": sum(one.in_time(name, level) for one in ones),
-        "noticed": len(rung),
-        "named": sum(named(one, name) for one in rung),
-        "onset": sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
-    }
+    found = (
+        len(ones),
+        len(there),
+        sum(one.in_time(name, level) for one in ones),
+        len(rung),
+        sum(named(one, name) for one in rung),
+        sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
+    )
+    return dict(zip(COUNTED, found, strict=True))
 
 
 # --- tables, as pages have them -------------------------------------------------------------------
@@ -323,7 +326,7 @@ def of_kinds(ones: Sequence[Judged], level: float) -> str:
         mine = [one for one in ones if one.onset is not None and kind in (one.case["truth"], "all")]
         found = counts(mine, OURS, level)
         rows.append([kind, *found.values()])
-    return table(["fault", "flown", "to be noticed", "in time", "noticed", "named", "onset"], rows)
+    return table(["fault", *COUNTED], rows)
 
 
 def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: float) -> str:
@@ -339,25 +342,29 @@ def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: floa
     for says, name, limit in levels:
         found = counts([one for one in ones if one.onset is not None], name, limit)
         alarms, days = sound_days(ones, name, limit)
+        right = "-" if name in CHARTS else found["named"]
         rows.append([
-            says, found["there"], found["in time"], found["named"] if name not in CHARTS else "-",
-            alarms, f"{days:.0f}", f"{RATE * alarms / days:.2f}",
+            says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}", f"{RATE * alarms / days:.2f}",
         ])  # fmt: skip
     head = ["detector", "to be noticed", "in time", "named", "false alarms", "days", "in 30 d"]
     return table(head, rows)
 
 
-def of_false_alarms(ones: Sequence[Judged], level: float) -> str:
-    """False alarms of each vehicle."""
+def of_vehicles(ones: Sequence[Judged], level: float) -> str:
+    """What is noticed of each vehicle's faults, and its false alarms."""
     rows = []
     vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
     for vehicle in [*vehicles, "all"]:
         mine = [one for one in ones if vehicle in (one.case["vehicle"], "all")]
+        found = counts([one for one in mine if one.onset is not None], OURS, level)
         alarms, days = sound_days(mine, OURS, level)
         low, high = interval(alarms, days)
-        rows.append([vehicle, f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
-                     f"{low:.2f} to {high:.2f}"])  # fmt: skip
-    return table(["vehicle", "days", "false alarms", "in 30 d", "95 %"], rows)
+        rows.append([
+            vehicle, *found.values(), f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
+            f"{low:.2f} to {high:.2f}",
+        ])  # fmt: skip
+    head = ["vehicle", *COUNTED, "sound days", "false alarms", "in 30 d", "95 %"]
+    return table(head, rows)
 
 
 def of_sizes(ones: Sequence[Judged], level: float) -> str:
@@ -451,7 +458,7 @@ def main() -> None:
         return
     level = threshold_of(RATE)
     for say in (
-        of_kinds(ones, level), of_detectors(ones, teachers, level), of_false_alarms(ones, level),
+        of_kinds(ones, level), of_vehicles(ones, level), of_detectors(ones, teachers, level),
         of_sizes(ones, level), of_confusion(ones, OURS, level),
     ):  # fmt: skip
         print(f"{say}\n")

@@ -33,7 +33,7 @@ LATE = 2
 """Dives at the end that do not teach the noise: a fault would"""
 LEAST, MOST = 0.4, 40.0
 """Smallest and largest variance of a channel over that before the deployment"""
-FIRST = 3
+FIRST = 5
 """Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
 UNKNOWN = 100.0
 """Standard deviation of a level before its first dive, in its noise"""

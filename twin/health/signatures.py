@@ -38,9 +38,9 @@ PATIENCE = 60.0
 """[s] for each metre of depth: a vehicle without a wing is slow"""
 SETTLED = 300.0
 """[s] of a flight after which a fault begins that began at once"""
-STEEPER, STEEPEST, DEEPER = 6.0, 40.0, 40.0
+STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 40.0, 40.0, 5
 """[degree] by which a dive is steeper where a vehicle stalls from the surface on, as real ones
-begin theirs steeply, and the most; [m] by which it is deeper, where its pump takes most of it"""
+begin theirs steeply, and the most; [m] by which it is deeper, where turns take most of it; dives"""
 RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
 LIKE = 0.97
 """Cosine between two signatures, over their noise, from which no channel tells them apart"""
@@ -106,19 +106,21 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         for choice in sample.choices(vehicle)
     ]
     flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
-    sound, *table = _flown_channels(vehicle, dive, [(), *((fault,) for fault in flown)])
-    if np.isnan(sound[RATES]).any() and flight_model(vehicle) is not None:
-        if min(dive.pitch, dive.climb_pitch) >= STEEPEST:
-            raise InputError(
-                f"vehicle {vehicle.name!r} does not glide in the dive that its logs show, even at "
-                f"{dive.pitch:g} and {dive.climb_pitch:g} degree; give the vehicle that made them "
-                "with --vehicle"
-            )
-        steeper = dataclasses.replace(
-            dive, depth=dive.depth + DEEPER, pitch=min(dive.pitch + STEEPER, STEEPEST),
-            climb_pitch=min(dive.climb_pitch + STEEPER, STEEPEST),
+    cases = [(), *((fault,) for fault in flown)]
+    for more in range(TRIES):
+        one = dataclasses.replace(
+            dive, depth=dive.depth + more * DEEPER,
+            pitch=min(dive.pitch + more * STEEPER, STEEPEST),
+            climb_pitch=min(dive.climb_pitch + more * STEEPER, STEEPEST),
         )  # fmt: skip
-        return hypotheses_of(vehicle, steeper)
+        sound, *table = _flown_channels(vehicle, one, cases)
+        if np.isfinite(sound[RATES]).all() or flight_model(vehicle) is None:
+            break
+    else:
+        raise InputError(
+            f"vehicle {vehicle.name!r} does not glide steadily in the dive that its logs show, nor "
+            f"in one to {one.depth:g} m; give the vehicle that made them with --vehicle"
+        )
     found = []
     for fault, channels in zip(flown, table, strict=True):
         signature = (channels - sound) / (fault.size * (GROWN if fault.grows else 1.0))
