@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy._core._multiarray_umath import __cpu_dispatch__  # type: ignore[import-not-found]
 
 import twin
 from factory.sampling.fly import build_scenario
@@ -40,21 +41,30 @@ from twin.fossen.structure import Arithmetic
 from twin.physics.lanes import Lane, fly_in_lanes
 from twin.records.trajectory import Trajectory
 
-_AVX512 = "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR"
 PROCESSORS = {
     "SSE2": {
         "NUMBA_CPU_NAME": "x86-64",
-        "NPY_DISABLE_CPU_FEATURES": f"SSE41 SSE42 POPCNT AVX F16C FMA3 AVX2 {_AVX512}",
+        "OPENBLAS_CORETYPE": "Nehalem",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
     },
     "AVX2": {
         "NUMBA_CPU_NAME": "haswell",
-        "NPY_DISABLE_CPU_FEATURES": _AVX512,
+        "OPENBLAS_CORETYPE": "Haswell",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F",
     },
-    "AVX-512": {"NUMBA_CPU_NAME": "skylake-avx512"},
+    "AVX-512": {
+        "NUMBA_CPU_NAME": "skylake-avx512",
+        "OPENBLAS_CORETYPE": "SkylakeX",
+        "GLIBC_TUNABLES": "",
+    },
 }
-"""Environment of a process that takes this machine for such a one"""
+"""Environment of a process that takes this machine for such a one, but for NumPy's switch"""
+KEPT_BY_NUMPY = {
+    "SSE2": (),
+    "AVX2": ("AVX", "F16C", "FMA3", "AVX2", "X86_V3"),
+    "AVX-512": tuple(__cpu_dispatch__),
+}
+"""Of the instructions that NumPy looks for: its names of them have changed"""
 CURRENT = "uniform:0.03,0.02+tide:m2=0.1,k1=0.03,direction=30+ekman:tau=0.1,direction=90"
 DURATIONS = {"slocum-200": 1800.0}
 """[s], where it is not SHORT"""
@@ -182,7 +192,11 @@ def on_processor(
     name: str, hashed: Sequence[str] = FLEETS, counted: Sequence[str] = VEHICLES
 ) -> dict[str, Any]:
     """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`."""
-    switches = {"NUMBA_CPU_FEATURES": "", **PROCESSORS[name]} if name in PROCESSORS else {}
+    switches: dict[str, str] = {}
+    if name in PROCESSORS:
+        without = [item for item in __cpu_dispatch__ if item not in KEPT_BY_NUMPY[name]]
+        switches = {"NUMBA_CPU_FEATURES": "", "NPY_DISABLE_CPU_FEATURES": " ".join(without)}
+        switches |= PROCESSORS[name]
     done = subprocess.run(
         [sys.executable, "-c", _CHILD, json.dumps([*hashed]), json.dumps([*counted])],
         env={**os.environ, **switches},

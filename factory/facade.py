@@ -45,7 +45,7 @@ def generate(
       store: instead of `out`, a zarr store that is empty and open for writing. Missions are made in
         a temporary folder of this machine and copied. Nothing is committed: a store with sessions,
         as icechunk has, keeps them by one commit of its own.
-      preset: "paper", "field" or "paper-test".
+      preset: "paper", "field", "family" or "paper-test".
       hours: [h] of all missions together; None: 10, or what the preset's missions last.
       seed: root of every random draw.
       changes: distributions to replace, such as {"mission.pitch_deg": "uniform(15,35)"}.

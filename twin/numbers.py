@@ -1,4 +1,8 @@
-"""Numbers: a value that must be a number, whoever gave it."""
+"""Numbers: a value that must be a number, whoever gave it; and small systems of them.
+
+A library of linear algebra rounds otherwise on another processor. What decides a flight's bytes,
+such as the gains of guidance, goes through `product` and `solved_system` instead.
+"""
 
 from __future__ import annotations
 
@@ -43,3 +47,39 @@ def numbers(values: object, what: str, error: type[InputError] = InputError) -> 
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise error(f"{what} is {shown(values)}: give numbers") from None
+
+
+def product(matrix: Array, vector: Array) -> Array:
+    """Matrix times vector, shape (rows,), with the same bits on every processor.
+
+    Args:
+      matrix: shape (rows, columns) with less than eight columns, which NumPy adds up in order.
+    """
+    total: Array = (matrix * vector).sum(axis=1)
+    return total
+
+
+def solved_system(matrix: Array, right: Array) -> Array | None:
+    """What `matrix` makes `right` of, shape (n,), with the same bits on every processor.
+
+    Gaussian elimination with partial pivoting. None: the matrix is singular.
+
+    Args:
+      matrix: shape (n, n). right: shape (n,).
+    """
+    rows = [[*row, value] for row, value in zip(matrix.tolist(), right.tolist(), strict=True)]
+    count = len(rows)
+    for k in range(count):
+        pivot = max(range(k, count), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        if not rows[k][k]:
+            return None
+        for i in range(k + 1, count):
+            factor = rows[i][k] / rows[k][k]
+            for j in range(k, count + 1):
+                rows[i][j] -= factor * rows[k][j]
+    found = [0.0] * count
+    for k in reversed(range(count)):
+        known = sum(rows[k][j] * found[j] for j in range(k + 1, count))
+        found[k] = (rows[k][count] - known) / rows[k][k]
+    return np.array(found)

@@ -115,8 +115,12 @@ def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
         start = logs.starts
         end = start + report.period * (logs.samples - 1.0)
     deployments = []
+    powered = {log.index for log in load_logs(store) if log.powered}
     for name in dict.fromkeys(names):
-        rows = np.flatnonzero(names == name)
+        # a thruster's dive is no glide, and `twin identify` leaves it out too
+        rows = np.array([r for r in np.flatnonzero(names == name) if r not in powered], int)
+        if not rows.size:
+            continue
         deployments.append(
             Deployment(
                 name=str(name),

@@ -19,7 +19,7 @@ class Distributions(JsonOption):
         factory distributions --set mission.pitch_deg="uniform(15,35)"
     """
 
-    preset: Literal["paper", "field", "paper-test"] = "paper"
+    preset: Literal["paper", "field", "family", "paper-test"] = "paper"
     """whose distributions to show"""
     set: tuple[str, ...] = ()
     """replacements to apply first, as in `factory generate`"""
@@ -30,12 +30,12 @@ class Distributions(JsonOption):
 
     def run(self, console: Console) -> int:
         """Print the table."""
-        from factory.sampling import PRESETS, declared, override, parameter_table, read_changes
+        from factory.sampling import PRESETS, override, parameter_table, read_changes
         from twin import load_vehicle
 
         changes = read_changes(self.config, self.set)
         table = parameter_table(load_vehicle(self.vehicle))
-        distributions = override(declared(PRESETS[self.preset].spread, table), changes)
+        distributions = override(PRESETS[self.preset].distributions(table), changes)
         console.table(
             [
                 {

@@ -40,9 +40,10 @@ class Generate(EngineOption, JsonOption):
     preset: str = "paper"
     """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
     instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the
-    surface), paper-test (the paper's three test missions of a glider), or faulty (a glider's
-    deployments of 20 to 60 dives in the form of imported logs, half of them with a fault, labelled)
-    and faulty-satellite (the same as sent by satellite); docs/howto/health.md explains these"""
+    surface), family (the same of vehicles far from their file, over longer missions), paper-test
+    (the paper's three test missions of a glider), or faulty (a glider's deployments of 20 to 60
+    dives in the form of imported logs, half of them with a fault, labelled) and faulty-satellite
+    (the same as sent by satellite); docs/howto/health.md explains these"""
     seed: int = 0
     """root of every random draw"""
     out: StoreArgument = DEFAULT_OUT

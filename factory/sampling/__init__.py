@@ -6,7 +6,6 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from factory.sampling.drawn_plan import check_room as check_room
-    from factory.sampling.parameters import declared as declared
     from factory.sampling.parameters import override as override
     from factory.sampling.parameters import parameter_table as parameter_table
     from factory.sampling.presets import PRESETS as PRESETS

@@ -7,17 +7,17 @@ Paper test: the paper's test trajectory in three currents.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
 from pathlib import Path
 
 from factory.sampling.distribution import Distribution, Value
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.drawn_plan import TEST, Plan
 from factory.sampling.mission_kind import MISSION_KINDS
-from factory.sampling.parameters import Table
+from factory.sampling.parameters import Table, declared, override
 from twin.bounded import read_toml
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, Spiral, load_mission
@@ -26,7 +26,7 @@ from twin.vehicle.presets import asset_path, assets_folder
 from twin.vehicle.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Preset:
     """What a preset name stands for."""
 
@@ -38,17 +38,37 @@ class Preset:
     """that of vehicles with a propeller"""
     fixed_missions: bool = False
     """its missions are given, not drawn"""
+    changes: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """what it draws otherwise than its column, where the vehicle has such a parameter"""
+
+    def distributions(self, table: Table) -> dict[str, Distribution]:
+        """What every parameter of a table is drawn from."""
+        own = {name: text for name, text in self.changes.items() if name in table}
+        return override(declared(self.spread, table), own)
+
+
+FAMILY: Mapping[str, str] = {
+    # a year's growth adds half to the drag; a clean hull may have less than its file says
+    "vehicle.k_d0": "uniform(0.7, 1.6)",
+    "vehicle.k_d": "uniform(0.7, 1.6)",
+    "vehicle.k_alpha": "uniform(0.8, 1.25)",
+    # the vehicle shows itself over several dives
+    "mission.duration_h": "uniform(2, 6)",
+}
+"""Of preset `family`: vehicles in states that no file tells"""
 
 
 PRESETS: Mapping[str, Preset] = {
     "paper": Preset("paper", "ideal", "survey"),
     "field": Preset("field", "field", "survey-field"),
+    "family": Preset("field", "field", "survey-field", changes=FAMILY),
     "paper-test": Preset("paper", "ideal", "survey", fixed_missions=True),
 }
 """`paper`: a glider noise-free, in one constant current per mission; a propelled vehicle in still
 water with the instruments of the paper's tables. `field`: the paper's list of further work:
 sensor errors, GPS fixes, a current with vertical structure, and a vehicle that is not as its file
-says. `paper-test`: the paper's test trajectory in three currents."""
+says. `family`: the same of vehicles far from their file, fouled or clean, over longer missions.
+`paper-test`: the paper's test trajectory in three currents."""
 
 
 def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str | float]:
@@ -91,7 +111,7 @@ FOLDER = "reference"
 """Folder of the lists in `assets/`."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class ReferenceSet:
     """A recipe and what it makes: bytes of arrays are a function of the recipe alone."""
 
@@ -201,7 +221,7 @@ def _segments(mission: Mission, table: Table) -> list[Mapping[str, Value]]:
         row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
         assert segment.kind in MISSION_KINDS
         row["mission.kind"] = segment.kind
-        for field in fields(Profile):
+        for field in dataclasses.fields(Profile):
             name = {"duration_s": "segment_duration_s"}.get(field.name, field.name)
             value = getattr(segment, field.name)
             if value is None and field.name.startswith("climb_"):

@@ -27,7 +27,7 @@ from factory.sampling.drawn_plan import (
     stored_current,
 )
 from factory.sampling.mission_kind import propelled
-from factory.sampling.parameters import Table, declared, override, parameter_table
+from factory.sampling.parameters import Table, override, parameter_table
 from factory.sampling.presets import (
     PRESETS,
     check_paper_test,
@@ -142,7 +142,7 @@ class Recipe:
     @cached_property
     def distributions(self) -> dict[str, Distribution]:
         """What every parameter is drawn from."""
-        distributions = override(declared(PRESETS[self.preset].spread, self.table), self.changes)
+        distributions = override(PRESETS[self.preset].distributions(self.table), self.changes)
         if self.current is not None:
             for name in self._currents():
                 if name in self.changes:

@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 from learn.data.dataset import MissionSequence
 from learn.networks import c_step
 from learn.networks.c_step import indented
+from learn.networks.network_estimator import FASTEST
 from learn.networks.onnx_export import TOLERANCE, Parity
 from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
+from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
 from twin.navigation.flight_filter import FlightFilter
@@ -116,18 +118,21 @@ typedef struct {{
 /* All that the next step depends on; it may be copied and kept as bytes. */
 typedef struct {{
     double window[{read.windows}];
+    double last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
 {flight_state}    int count;
+    int held; /* channels whose last good value stands for the sample's */
 {states}
 }} glider_state;
 
 {c_step.PRELUDE}
 {c_steps.PRELUDE}
+{C_PRELUDE}
 {flight}{read.functions}
 {functions}
 /* Begin before the first sample, at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
 
-{_step(networks, read, len(features))}
+{_step(networks, read, len(features), period)}
 #endif
 """
 
@@ -158,8 +163,8 @@ def _input_scales(member: Predictor) -> dict[str, tuple[float, ...]]:
     return {"mean": member.normalisation.mean, "scale": member.normalisation.scale}
 
 
-def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
-    finite = " && ".join(f"isfinite(sample->{c})" for c in sources(read.channels))
+def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period: float) -> str:
+    guard = ChannelGuard(sources(read.channels), period)
     estimated = [c for c in ESTIMATED if c in read.channels]
     flight = []
     if estimated:
@@ -175,10 +180,11 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
     for velocity, ensemble in networks.items():
         members = range(len(ensemble.members))
         total = " + ".join(f"gt_{velocity}_{k}(state->{velocity}_{k}, feature)" for k in members)
-        means.append(f"velocity->{velocity} = ({total}) / {len(members)}.0f;")
+        mean = f"({total}) / {len(members)}.0f"
+        means.append(f"velocity->{velocity} = gt_bounded({mean}, {c_step.number(FASTEST)});")
     body = "\n".join(
         [
-            f"if (!({finite}))\n    return 0;",
+            guard.c_statements(),
             *flight,
             f"double feature[{count}];",
             statements,
@@ -188,7 +194,8 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int) -> str:
         ]
     )
     return f"""\
-/* One sample: 1, or 0 where a channel is not finite; state and velocity are then as they were. */
+/* One sample: 1, or 0 until every channel has had a good value; velocity is then as it was. What is
+ * not finite, impossible or out of reach gives way to the last good value: state->held channels. */
 static inline int glider_step(glider_state *state, const glider_sample *sample,
                               glider_velocity *velocity)
 {{

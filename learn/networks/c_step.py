@@ -54,6 +54,12 @@ static inline void gt_tanh(float *v, int count)
         v[i] = tanhf(v[i]);
 }
 
+/* v within -most and most; nothing where v is not a number. */
+static inline float gt_bounded(float v, float most)
+{
+    return v > most ? most : v < -most ? -most : v == v ? v : 0.0f;
+}
+
 /* A row goes in behind the oldest first; the oldest goes out. */
 static inline void gt_append(float *rows, int count, int width, const float *row)
 {

@@ -19,6 +19,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log
 from twin.identify.translation import Translation
 from twin.logs.flight_estimator import FlightEstimator
+from twin.navigation.channel_guard import ChannelGuard
 from twin.navigation.estimators.base import (
     BodyVelocity,
     State,
@@ -30,13 +31,19 @@ from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED, sources
 from twin.records.reader import MissionStore
+from twin.records.schema.limits import simulated_limits
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
+
+FASTEST = simulated_limits("true_surge")[1]
+"""[m/s] that a network may say at most, either way"""
 
 
 class NetworkVelocity(VelocityEstimator):
     """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
 
+    What a sensor cannot have said never comes into its memory (`ChannelGuard`): the last good value
+    stands for it, `held` names those channels, and the velocity stays within FASTEST.
     It states the error that validation missions showed; how far the members of an ensemble differ
     says nothing of what they have in common, vehicle and sensors. Heave is left to the depth rate.
     """
@@ -73,6 +80,7 @@ class NetworkVelocity(VelocityEstimator):
         )
         self._features = FeatureSteps(list(names), period)
         self.channels = sources(self._features.channels)
+        self._guard = ChannelGuard(self.channels, period)
         self._flight: FlightFilter | None = None
         if set(self._features.channels) & set(ESTIMATED):
             if vehicle is None:
@@ -108,8 +116,14 @@ class NetworkVelocity(VelocityEstimator):
         """See `VelocityEstimator`."""
         return self._deviation
 
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Channels whose last good value stands for that of the last sample."""
+        return self._guard.held
+
     def reset(self) -> None:
         """See `VelocityEstimator`."""
+        self._guard.reset()
         self._features.reset()
         if self._flight is not None:
             self._flight.reset()
@@ -119,11 +133,11 @@ class NetworkVelocity(VelocityEstimator):
         }
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`.
-
-        Raises:
-          InputError: a channel is missing or not finite.
-        """
+        """See `VelocityEstimator`; at rest until every channel has had a good value."""
+        kept = self._guard.step(sample)
+        if kept is None:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        sample = kept
         if self._flight is not None:
             sample = {**sample, **dict(zip(ESTIMATED, self._flight.step(sample), strict=True))}
         seen = self._features.step(sample).astype(np.float32)
@@ -138,14 +152,15 @@ class NetworkVelocity(VelocityEstimator):
                     )
                     scales = one.normalisation
                     said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
-                mean[name] = float(np.mean(said))
+                value = float(np.mean(said))
+                mean[name] = min(max(value, -FASTEST), FASTEST) if value == value else 0.0
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 
     def state(self) -> dict[str, NDArray[Any]]:
         """See `VelocityEstimator`."""
         found: dict[str, NDArray[Any]] = {
             f"features:{name}": value for name, value in self._features.state().items()
-        }
+        } | {f"guard:{name}": value for name, value in self._guard.state().items()}
         if self._flight is not None:
             found |= {f"flight:{name}": value for name, value in self._flight.state().items()}
         for name, states in self._states.items():
@@ -166,6 +181,7 @@ class NetworkVelocity(VelocityEstimator):
                         "this state is of other networks: open the run that it was saved of"
                     )
                 states[k] = torch.from_numpy(np.array(saved, np.float32))
+        self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))
         if self._flight is not None:
             self._flight.restore(_below("flight:", state))

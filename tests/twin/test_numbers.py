@@ -8,7 +8,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.mission.plan import Mission
-from twin.numbers import number, numbers
+from twin.numbers import number, numbers, product, solved_system
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.sensors.base import SENSORS
@@ -104,3 +104,15 @@ def test_a_vehicle_that_turns_over_says_so_once(tmp_path):
 def test_shipped_vehicles_hang_upright():
     assert load_vehicle("remus").metacentric_height == pytest.approx(0.0196)
     assert load_vehicle("glider").metacentric_height == pytest.approx(0.00502, abs=1e-5)
+
+
+def test_small_systems_are_solved_as_by_a_library() -> None:
+    rng = np.random.default_rng(6)
+    for size in (1, 2, 3, 4, 6):
+        matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
+        matrix[0, 0] = 0.0 if size > 1 else 2.0  # a pivot has to be looked for
+        found = solved_system(matrix, right)
+        assert found is not None
+        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9)
+        np.testing.assert_allclose(product(matrix, found), right, atol=1e-12)
+    assert solved_system(np.zeros((2, 2)), np.ones(2)) is None

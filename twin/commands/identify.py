@@ -177,6 +177,7 @@ class Identify(JsonOption):
                 overwrite=self.overwrite,
             )
             console.say(f"vehicle: {self.out}")
+            _warn_of_gains(console, self.out)
         if self.export is not None:
             kind = write_figures(found.calibration, self.export)
             console.say(f"figures of {kind}: {self.export}")
@@ -305,6 +306,16 @@ class _Stages:
             self._done = done
 
         return report
+
+
+def _warn_of_gains(console: Console, path: Path) -> None:
+    """Say where the written vehicle would take energy from still water."""
+    from twin import load_vehicle
+    from twin.checks import check_still_water
+
+    for vehicle, decay in check_still_water(load_vehicle(path)):
+        if not decay.ok:
+            console.warn(f"{decay.text(vehicle)}; a log of glides tells nothing of such a motion")
 
 
 def _say_handling(console: Console, handling: Handling) -> None:

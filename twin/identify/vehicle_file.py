@@ -49,6 +49,8 @@ def largest_step(vehicle: Vehicle) -> float:
     return next((step for step in STEPS if step <= allowed), STEPS[-1])
 
 
+CYLINDER = 1.1
+"""Drag coefficient of a cylinder across the flow below the drag crisis (Hoerner 1965, page 3-9)"""
 COEFFICIENTS = (
     "drag", "lift", "side_force", "side_force_lift", "roll_moment", "roll_moment_lift",
     "pitch_moment", "yaw_moment", "yaw_moment_lift", "yaw_moment_offset", "roll_from_yaw",
@@ -102,10 +104,12 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     for name in SWELLING:
         if getattr(vehicle, name) != getattr(original, name):
             xml = _numeric(xml, name, [getattr(vehicle, name)], vehicle)
-    for name in COEFFICIENTS:
-        mine = getattr(vehicle.flow_frame, name)
-        if mine != getattr(original.flow_frame, name):
-            xml = _numeric(xml, name, mine, vehicle)
+    changed = [c for c in COEFFICIENTS if _law(vehicle, c) != _law(original, c)]
+    for name in changed:
+        xml = _numeric(xml, name, _law(vehicle, name), vehicle)
+    if changed and not vehicle.flow_frame.cross_flow_drag:
+        across = max(vehicle.flow_frame.drag[1], cylinder_drag(vehicle))
+        xml = _numeric(xml, "cross_flow_drag", [across], vehicle)
     for name in GUIDANCE:
         if getattr(vehicle, name) != getattr(original, name):
             xml = _numeric(xml, name, getattr(vehicle, name), vehicle)
@@ -153,6 +157,21 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     xml = re.sub(r"[ \t]*</custom>", lambda match: added + match.group(0), xml)
     _check(xml, vehicle)
     return xml
+
+
+def _law(vehicle: Vehicle, name: str) -> tuple[float, ...]:
+    """A coefficient of the hull law."""
+    return tuple(getattr(vehicle.flow_frame, name))
+
+
+def cylinder_drag(vehicle: Vehicle) -> float:
+    """[kg/m] of a hull of this length and diameter across the flow.
+
+    A log of glides tells K_D at small angles. That much alone, broadside on, may be less than what
+    the fitted moments take from still water, which then drives the hull.
+    """
+    area = vehicle.hull_length * vehicle.hull_diameter
+    return 0.5 * vehicle.reference_density * CYLINDER * area
 
 
 def with_consumption(vehicle: Vehicle, consumption: Consumption) -> Vehicle:

@@ -18,7 +18,7 @@ import numpy as np
 
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
-from twin.numbers import Array
+from twin.numbers import Array, product, solved_system
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
@@ -133,9 +133,8 @@ def newton(left: Callable[[Array], Array], x: Array) -> Array | None:
         if size < SETTLED:
             return x
         slopes = [(left(x + d) - left(x - d)) / (2.0 * _STEP) for d in _STEP * np.eye(x.size)]
-        try:
-            step = np.linalg.solve(np.column_stack(slopes), -rest)
-        except np.linalg.LinAlgError:
+        step = solved_system(np.column_stack(slopes), -rest)
+        if step is None:
             return None
         share = min(1.0, _LARGEST_STEP / float(np.abs(step).max()))
         rest = left(x + share * step)
@@ -181,7 +180,7 @@ def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Arra
     velocity, omega = nu[:3], nu[3:]
     density, gravity = vehicle.reference_density, vehicle.gravity
     mass, first, impulse, spin = _momentum(vehicle, position, nu)
-    water = vehicle.added_mass @ nu if vehicle.added_mass_coupling else np.zeros(6)
+    water = product(vehicle.added_mass, nu) if vehicle.added_mass_coupling else np.zeros(6)
 
     wrench = vehicle.law.wrench(nu, density)
     volume = vehicle.neutral_volume
@@ -208,7 +207,7 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
     """Mass [kg] and its first moment [kg m]; momentum and angular momentum about the CB."""
     velocity, omega = nu[:3], nu[3:]
     mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
-    inertia = vehicle.static_inertia @ omega
+    inertia = product(vehicle.static_inertia, omega)
     inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
     at = dict(zip(vehicle.part_names, position, strict=True))
     for moving in vehicle.masses:
@@ -218,7 +217,7 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
         place = moving.position(at.get(moving.slide or "", 0.0), turned)
         mass += moving.mass
         first = first + moving.mass * place
-        inertia = inertia + moving.inertia @ omega + _point(moving.mass, place, omega)
+        inertia = inertia + product(moving.inertia, omega) + _point(moving.mass, place, omega)
     return mass, first, mass * velocity + cross(omega, first), inertia + cross(first, velocity)
 
 

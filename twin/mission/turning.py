@@ -15,7 +15,7 @@ import numpy as np
 from twin.errors import MissionError
 from twin.mission.glide_balance import imbalance, newton
 from twin.mission.way import Way, level_way, way
-from twin.numbers import Array
+from twin.numbers import Array, solved_system
 from twin.vehicle.parts import Fin
 from twin.vehicle.vehicle import Vehicle
 
@@ -70,13 +70,12 @@ def _turn_per_position(
         ahead, behind = (_imbalance(vehicle, steady, s * x, index, 0.0) for s in (1.0, -1.0))
         slopes[:, k] = (ahead - behind) / (2.0 * STEP)
     ahead, behind = (_imbalance(vehicle, steady, np.zeros(3), index, s * step) for s in (1.0, -1.0))
-    try:
-        found = np.linalg.solve(slopes, -(ahead - behind) / (2.0 * step))
-    except np.linalg.LinAlgError:
+    found = solved_system(slopes, -(ahead - behind) / (2.0 * step))
+    if found is None:
         raise MissionError(
             f"vehicle {vehicle.name!r}: its {part.name} determines no steady turn: side force, "
             "roll and yaw moment of the hull law do not depend on sideslip, roll and turn rate"
-        ) from None
+        )
     return float(found[2])
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from twin.compiled import jit
+from twin.compiled.elementary import exp
 from twin.errors import InputError
 from twin.numbers import Array, number, numbers
 
@@ -48,6 +49,15 @@ def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
     sin2 = np.sin(np.deg2rad(latitude)) ** 2
     surface = 9.780327 * (1.0 + (5.2792e-3 + 2.32e-5 * sin2) * sin2)
     return np.asarray(surface * (1.0 + GRAVITY_DEPTH_RATE * np.asarray(depth, float)))
+
+
+@jit
+def _decay(depth, mixed_layer_depth, decay_depth):  # type: ignore[no-untyped-def]
+    """Part of the surface's excess that is left at each depth, with the same bits everywhere."""
+    left = np.empty(depth.size)
+    for i in range(depth.size):
+        left[i] = exp(-max(depth[i] - mixed_layer_depth, 0.0) / decay_depth)
+    return left
 
 
 @jit
@@ -247,7 +257,7 @@ class DensityProfile:
                     f"{DEEPEST:g} m"
                 )
         z = np.linspace(0.0, max_depth, max(2, int(np.ceil(max_depth / DEFAULT_SPACING)) + 1))
-        decay = np.exp(-np.maximum(z - mixed_layer_depth, 0.0) / decay_depth)
+        decay = _decay(z, float(mixed_layer_depth), float(decay_depth))
         temperature = deep_temperature + (surface_temperature - deep_temperature) * decay
         salinity = deep_salinity + (surface_salinity - deep_salinity) * decay
         return cls.from_temperature_salinity(

@@ -13,7 +13,13 @@ from factory.sampling.draw import SURFACE, Parameters, draw_parameters
 from factory.sampling.drawn_plan import TEST
 from factory.sampling.mission_water import build_current, build_density
 from factory.sampling.parameters import declared, override, parameter_table
-from factory.sampling.presets import CURRENTS, paper_test_parameters, paper_test_plan
+from factory.sampling.presets import (
+    CURRENTS,
+    FAMILY,
+    PRESETS,
+    paper_test_parameters,
+    paper_test_plan,
+)
 from factory.sampling.recipe import make_recipe
 from twin.errors import InputError
 from twin.vehicle.vehicle import load_vehicle
@@ -120,6 +126,22 @@ def test_a_mission_does_not_depend_on_the_others_and_an_override_only_on_itself(
     differing = {name for name in one.values if one.values[name] != changed.values[name]}
     assert differing == {"vehicle.k_m"}
     assert one.segments == changed.segments
+
+
+def test_family_draws_hulls_far_from_their_file_and_else_what_field_draws() -> None:
+    family, field = PRESETS["family"].distributions(TABLE), declared("field", TABLE)
+    differing = {name for name in field if family[name].text() != field[name].text()}
+    assert differing == set(FAMILY)
+    drawn = [
+        draw_parameters(
+            TABLE, family, seed=0, mission=k, attempt=0, duration_s=3600.0, vehicle=VEHICLE
+        ).values["vehicle.k_d0"]
+        for k in range(MISSIONS)
+    ]
+    assert 0.7 <= min(drawn) < 0.75
+    assert 1.55 < max(drawn) <= 1.6
+    propelled = parameter_table(load_vehicle("remus"))  # its law has no such coefficients
+    assert PRESETS["family"].distributions(propelled).keys() == propelled.keys()
 
 
 def test_training_never_commands_the_settings_of_the_paper_test() -> None:

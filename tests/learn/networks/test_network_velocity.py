@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from learn.data.dataset import MissionSequence, load_missions
 from learn.data.normalisation import Normalisation
 from learn.networks.base import build_network
 from learn.networks.config import NetworkConfig
-from learn.networks.network_estimator import NetworkVelocity
+from learn.networks.network_estimator import FASTEST, NetworkVelocity
 from learn.networks.predictor import Ensemble, Predictor
 from learn.run import open_run
 from learn.seams import NETWORKS
@@ -73,6 +74,55 @@ def test_a_network_step_by_step_is_that_of_whole_missions(kind):
     other = NetworkVelocity(networks, PERIOD)
     other.restore(estimator.state())
     assert np.array_equal(walk(other, signals, first=100), found[100:])
+
+
+ABSURD = {"measured_depth": (65535.0, math.nan, 4000.0), "measured_density": (0.0, 1e300),
+          "measured_pitch": (math.inf, -1e6), "measured_yaw_rate": (math.nan, 30.0)}  # fmt: skip
+"""Of a sensor once: sentinels, overflows, a bit that flipped"""
+
+
+def test_one_absurd_sample_leaves_no_trace_after_a_second():
+    signals, _, _ = glides(changed(drag=1.08), pitches=(-25.0,))
+    vehicle = twin.load_vehicle("glider")
+    signals |= estimate(signals, vehicle, PERIOD, mission=0)
+    mission = MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
+    features = ("sin_pitch", "depth_rate", "yaw_rate", "flight_surge", "flight_attack")
+    matrix = mission.features(features)
+    networks = {n: ensemble("ema", n, matrix, features=features) for n in ("surge", "sway")}
+    clean, struck = (NetworkVelocity(networks, PERIOD, vehicle) for _ in range(2))
+    missing = struck.step({"measured_pitch": -20.0})  # no exception, and no memory
+    assert (missing.surge, missing.sway) == (0.0, 0.0)
+    struck.reset()
+    blows = [(c, v) for c, values in ABSURD.items() for v in values if c in struck.channels]
+    assert len(blows) > 5
+    for k in range(20 * len(blows)):
+        sample = {name: signals[name][k] for name in clean.channels}
+        wanted, bad = clean.step(sample), dict(sample)
+        if k % 20 == 10:
+            channel, value = blows[k // 20]
+            bad[channel] = value
+        found = struck.step(bad)
+        assert struck.held == ((channel,) if k % 20 == 10 else ())
+        assert math.isfinite(found.surge + found.sway)
+        if k % 20 >= 12:
+            assert found.surge == pytest.approx(wanted.surge, abs=0.01)
+            assert found.sway == pytest.approx(wanted.sway, abs=0.01)
+
+
+def test_a_channel_that_falls_silent_is_a_state_and_comes_back():
+    signals = synthetic_mission(60, 5)
+    mission = MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
+    networks = {n: ensemble("ema", n, mission.features(FEATURES)) for n in ("surge", "sway")}
+    estimator = NetworkVelocity(networks, PERIOD)
+    walk(estimator, signals, last=30)
+    sample = {name: signals[name][30] for name in estimator.channels}
+    silent = {k: v for k, v in sample.items() if k != "measured_pitch"}
+    for _ in range(500):
+        said = estimator.step(silent)
+        assert estimator.held == ("measured_pitch",)
+        assert abs(said.surge) <= FASTEST
+    estimator.step(sample)
+    assert estimator.held == ()
 
 
 def test_networks_that_read_the_flight_filter_navigate_with_it():

@@ -325,6 +325,26 @@ def test_command_writes_vehicle_and_one_json_object(tmp_path, store, capsys):
     assert "use --overwrite" in capsys.readouterr().err
 
 
+def test_a_written_vehicle_that_still_water_would_drive_is_told_of(tmp_path, store, capsys):
+    shipped, driven = tmp_path / "shipped.xml", tmp_path / "driven.xml"
+    xml, bend = load_vehicle("glider").xml, '<numeric name="yaw_moment_offset" data="100"/>'
+    shipped.write_text(xml)
+    driven.write_text(xml.replace("</custom>", f"{bend}</custom>"))
+    said = []
+    for vehicle in (shipped, driven):
+        out = tmp_path / f"mine-{vehicle.name}"
+        words = ["identify", str(store), "--vehicle", str(vehicle), "--out", str(out)]
+        words += ["--no-handling", "--model", "steady", "--parameters", "drag"]
+        assert PROGRAM.main(words) == 0
+        said.append(capsys.readouterr().err)
+    # its fitted K_D is of small angles; a hull across the flow has the drag of a cylinder
+    mine = load_vehicle(tmp_path / "mine-shipped.xml")
+    cylinder = 0.5 * 1.1 * mine.reference_density * mine.hull_length * mine.hull_diameter
+    assert mine.flow_frame.cross_flow_drag == pytest.approx(max(cylinder, mine.flow_frame.drag[1]))
+    assert "still water" not in said[0]
+    assert "of its energy from still water when it moves" in said[1]
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [

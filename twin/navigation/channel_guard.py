@@ -1,0 +1,147 @@
+"""Channel guard: what a sensor cannot have said never comes into a memory on board.
+
+A sample is held to the limits of its channel and to what the channel can reach from its last good
+value. What is missing, not finite, impossible or out of reach gives way to that last value, until
+the channel is good again: the longer it has been silent, the farther it may have gone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.records.schema import variable
+from twin.records.schema.limits import recorded_limits
+
+FAR = 1e300
+"""of a reach without an end; C has no portable constant of infinity before C99's"""
+
+
+class Reach(NamedTuple):
+    """How far a channel can go from its last good value."""
+
+    rate: float = FAR
+    """Fastest change per second, in the channel's unit"""
+    jump: float = FAR
+    """What noise, quantisation and a late answer add"""
+
+
+REACHES = {
+    # the fastest vehicles dive with 3 m/s; a wave lifts one that floats
+    "m": Reach(rate=5.0, jump=10.0),
+    # a front or a halocline that is crossed
+    "kg m-3": Reach(rate=3.0, jump=6.0),
+    "degree_Celsius": Reach(rate=3.0, jump=6.0),
+    # a hull that is hit or turned by hand
+    "rad s-1": Reach(rate=3.0, jump=3.0),
+    "m s-2": Reach(rate=40.0, jump=40.0),
+    # the largest pumps of real gliders
+    "cm3": Reach(rate=200.0, jump=600.0),
+}
+"""By unit, for what is measured; commands step, and angles go round"""
+
+
+def reach_of(channel: str) -> Reach:
+    """How far a channel can go between samples."""
+    if channel.startswith("commanded_"):
+        return Reach()
+    return REACHES.get(variable(channel).units, Reach())
+
+
+class ChannelGuard:
+    """The last good value of each channel, and how long ago it was."""
+
+    def __init__(self, channels: Sequence[str], period: float):
+        """Begin before the first sample; `period` [s] between samples."""
+        self.channels = tuple(channels)
+        self.period = period
+        self.bounds = np.array([(*recorded_limits(c), *reach_of(c)) for c in self.channels])
+        self._rows = self.bounds.tolist()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin before the first sample."""
+        self._last = [math.nan] * len(self.channels)
+        self._age = [0] * len(self.channels)  # samples since the good one; 0: there was none
+        self.held: tuple[str, ...] = ()
+        """Channels whose last good value stands for the sample's"""
+
+    def step(self, sample: Mapping[str, float]) -> dict[str, float] | None:
+        """The values to go on with; None: a channel has had no good value yet.
+
+        Args:
+          sample: of `channels`, in the schema's units; one that is missing counts as NaN.
+        """
+        held = []
+        for k, (name, row) in enumerate(zip(self.channels, self._rows, strict=True)):
+            low, high, rate, jump = row
+            value, age = float(sample.get(name, math.nan)), self._age[k]
+            good = low <= value <= high  # never true of NaN
+            if good and age:
+                good = abs(value - self._last[k]) <= jump + rate * age * self.period
+            if good:
+                self._last[k], self._age[k] = value, 1
+            else:
+                held.append(name)
+                self._age[k] += bool(age)
+        self.held = tuple(held)
+        return dict(zip(self.channels, self._last, strict=True)) if all(self._age) else None
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the next step depends on, as arrays by name."""
+        return {"last": np.array(self._last), "age": np.array(self._age, np.float64)}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from where `state` was called.
+
+        Raises:
+          InputError: it is of other channels.
+        """
+        last, age = (np.asarray(state.get(name, ())) for name in ("last", "age"))
+        if last.shape != age.shape or last.shape != (len(self.channels),):
+            raise InputError("this state is of other channels: make the guard as it was")
+        self._last, self._age = last.tolist(), [int(a) for a in age]
+
+    def c_statements(self) -> str:
+        """The same in C99: from `sample` on, `sample` is what goes on; returns 0 before that.
+
+        It needs `double last[n], age[n]; int held;` in `state`, and C_PRELUDE.
+        """
+        lines = ["glider_sample kept = *sample;", "int seen = 1;", "state->held = 0;"]
+        for k, name in enumerate(self.channels):
+            numbers = ", ".join(f"{v!r}" for v in self._rows[k])
+            lines.append(
+                f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "
+                f"&state->held, {numbers});"
+            )
+        lines += ["if (!seen)", "    return 0;", "sample = &kept;"]
+        return "\n".join(lines)
+
+
+C_PRELUDE = """\
+/* The value to go on with: this one, or the last good one where this is missing, impossible or out
+ * of reach. 0: there has been no good one yet. */
+static inline int gt_kept(double *value, double *last, double *age, int *held, double low,
+                          double high, double rate, double jump)
+{
+    int good = *value >= low && *value <= high;
+    if (good && *age > 0.0)
+        good = fabs(*value - *last) <= jump + rate * *age * GLIDER_PERIOD;
+    if (good) {
+        *last = *value;
+        *age = 1.0;
+        return 1;
+    }
+    *held += 1;
+    *value = *last;
+    if (!(*age > 0.0))
+        return 0;
+    *age += 1.0;
+    return 1;
+}
+"""
