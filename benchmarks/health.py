@@ -344,7 +344,8 @@ def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: floa
         alarms, days = sound_days(ones, name, limit)
         right = "-" if name in CHARTS else found["named"]
         rows.append([
-            says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}", f"{RATE * alarms / days:.2f}",
+            says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}",
+            f"{RATE * alarms / days:.2f}",
         ])  # fmt: skip
     head = ["detector", "to be noticed", "in time", "named", "false alarms", "days", "in 30 d"]
     return table(head, rows)
@@ -400,12 +401,25 @@ def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
 
 def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
     """The levels that give so many days for one false alarm."""
-    rows = [
-        [f"{days:g}", f"{(level := level_of(ones, OURS, days)):.2f}",
-         *(f"{x:.0f}" for x in sound_days(ones, OURS, level))]
-        for days in rates
-    ]  # fmt: skip
+    rows = []
+    for days in rates:
+        level = level_of(ones, OURS, days)
+        alarms, at_risk = sound_days(ones, OURS, level)
+        rows.append([f"{days:g}", f"{level:.2f}", alarms, f"{at_risk:.0f}"])
     return table(["one in days", "level", "alarms", "days"], rows)
+
+
+def of_rates(ones: Sequence[Judged]) -> str:
+    """Both detectors by the false alarms that they have on these deployments themselves."""
+    faulty, rows = [one for one in ones if one.onset is not None], []
+    for name in (OURS, LEARNED):
+        for rate in (0.25, 0.5, 1.0, 1.5):
+            level = level_of(ones, name, RATE / rate)
+            found, (alarms, days) = counts(faulty, name, level), sound_days(ones, name, level)
+            onset = found["onset"] if name == OURS else "-"
+            rows.append([name, f"{RATE * alarms / days:.2f}", found["in time"], found["noticed"],
+                         found["named"], onset])  # fmt: skip
+    return table(["detector", "in 30 d", *COUNTED[2:]], rows)
 
 
 def load(paths: Sequence[Path]) -> list[Case]:
@@ -463,6 +477,7 @@ def main() -> None:
     ):  # fmt: skip
         print(f"{say}\n")
     if detector is not None:
+        print(f"{of_rates(ones)}\n")
         print(of_confusion(ones, LEARNED, level_of(teachers, LEARNED, RATE)))
 
 
