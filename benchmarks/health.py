@@ -69,6 +69,8 @@ CHARTS: Mapping[str, tuple[str, ...]] = {
     "chart of roll and depth rate": ("roll_dive", "roll_climb", "rate_dive", "rate_climb"),
     "chart of the battery's place at the pitch": ("trim_dive", "trim_climb"),
 }
+COUNTED = ("flown", "to be noticed", "in time", "noticed", "named", "onset")
+"""Columns of `counts`"""
 LIMIT = 3.0
 """Standard deviations of the charts' limits"""
 BEFORE = 6
@@ -299,14 +301,15 @@ def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
     rung = [one for one in ones if one.onset is not None
             and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
     since = [(one.alarms[name].since, one.onset) for one in rung]
-    return {
-        "flown": len(ones),
-        "there": len(there),
-        "in time": sum(one.in_time(name, level) for one in ones),
-        "noticed": len(rung),
-        "named": sum(named(one, name) for one in rung),
-        "onset": sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
-    }
+    found = (
+        len(ones),
+        len(there),
+        sum(one.in_time(name, level) for one in ones),
+        len(rung),
+        sum(named(one, name) for one in rung),
+        sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
+    )
+    return dict(zip(COUNTED, found, strict=True))
 
 
 # --- tables, as pages have them -------------------------------------------------------------------
@@ -326,7 +329,7 @@ def of_kinds(ones: Sequence[Judged], level: float) -> str:
         mine = [one for one in ones if one.onset is not None and kind in (one.case["truth"], "all")]
         found = counts(mine, OURS, level)
         rows.append([kind, *found.values()])
-    return table(["fault", "flown", "to be noticed", "in time", "noticed", "named", "onset"], rows)
+    return table(["fault", *COUNTED], rows)
 
 
 def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: float) -> str:
@@ -342,25 +345,30 @@ def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: floa
     for says, name, limit in levels:
         found = counts([one for one in ones if one.onset is not None], name, limit)
         alarms, days = sound_days(ones, name, limit)
+        right = "-" if name in CHARTS else found["named"]
         rows.append([
-            says, found["there"], found["in time"], found["named"] if name not in CHARTS else "-",
-            alarms, f"{days:.0f}", f"{RATE * alarms / days:.2f}",
+            says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}",
+            f"{RATE * alarms / days:.2f}",
         ])  # fmt: skip
     head = ["detector", "to be noticed", "in time", "named", "false alarms", "days", "in 30 d"]
     return table(head, rows)
 
 
-def of_false_alarms(ones: Sequence[Judged], level: float) -> str:
-    """False alarms of each vehicle."""
+def of_vehicles(ones: Sequence[Judged], level: float) -> str:
+    """What is noticed of each vehicle's faults, and its false alarms."""
     rows = []
     vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
     for vehicle in [*vehicles, "all"]:
         mine = [one for one in ones if vehicle in (one.case["vehicle"], "all")]
+        found = counts([one for one in mine if one.onset is not None], OURS, level)
         alarms, days = sound_days(mine, OURS, level)
         low, high = interval(alarms, days)
-        rows.append([vehicle, f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
-                     f"{low:.2f} to {high:.2f}"])  # fmt: skip
-    return table(["vehicle", "days", "false alarms", "in 30 d", "95 %"], rows)
+        rows.append([
+            vehicle, *found.values(), f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
+            f"{low:.2f} to {high:.2f}",
+        ])  # fmt: skip
+    head = ["vehicle", *COUNTED, "sound days", "false alarms", "in 30 d", "95 %"]
+    return table(head, rows)
 
 
 def of_sizes(ones: Sequence[Judged], level: float) -> str:
@@ -396,12 +404,25 @@ def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
 
 def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
     """The levels that give so many days for one false alarm."""
-    rows = [
-        [f"{days:g}", f"{(level := level_of(ones, OURS, days)):.2f}",
-         *(f"{x:.0f}" for x in sound_days(ones, OURS, level))]
-        for days in rates
-    ]  # fmt: skip
+    rows = []
+    for days in rates:
+        level = level_of(ones, OURS, days)
+        alarms, at_risk = sound_days(ones, OURS, level)
+        rows.append([f"{days:g}", f"{level:.2f}", alarms, f"{at_risk:.0f}"])
     return table(["one in days", "level", "alarms", "days"], rows)
+
+
+def of_rates(ones: Sequence[Judged]) -> str:
+    """Both detectors by the false alarms that they have on these deployments themselves."""
+    faulty, rows = [one for one in ones if one.onset is not None], []
+    for name in (OURS, LEARNED):
+        for rate in (0.25, 0.5, 1.0, 1.5):
+            level = level_of(ones, name, RATE / rate)
+            found, (alarms, days) = counts(faulty, name, level), sound_days(ones, name, level)
+            onset = found["onset"] if name == OURS else "-"
+            rows.append([name, f"{RATE * alarms / days:.2f}", found["in time"], found["noticed"],
+                         found["named"], onset])  # fmt: skip
+    return table(["detector", "in 30 d", *COUNTED[2:]], rows)
 
 
 def load(paths: Sequence[Path]) -> list[Case]:
@@ -454,11 +475,12 @@ def main() -> None:
         return
     level = threshold_of(RATE)
     for say in (
-        of_kinds(ones, level), of_detectors(ones, teachers, level), of_false_alarms(ones, level),
+        of_kinds(ones, level), of_vehicles(ones, level), of_detectors(ones, teachers, level),
         of_sizes(ones, level), of_confusion(ones, OURS, level),
     ):  # fmt: skip
         print(f"{say}\n")
     if detector is not None:
+        print(f"{of_rates(ones)}\n")
         print(of_confusion(ones, LEARNED, level_of(teachers, LEARNED, RATE)))
 
 

@@ -19,7 +19,7 @@ from twin.health import CHANNELS, DeploymentHealth
 from twin.show import forecast_row
 from twin.show.dates import moment_of
 from twin.show.figures.page_layout import Page
-from twin.show.health_page import channel_figure, evidence_figure
+from twin.show.health_page import channel_caption, channel_figure, evidence_figure
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
@@ -30,6 +30,8 @@ MOST_KINDS = 5
 """Kinds of fault in the table"""
 LIKELY = 0.01
 """Probability from which a kind is told"""
+SHOWN = 4
+"""Channels of health that are drawn, those farthest from their level"""
 
 
 def write_morning(
@@ -278,10 +280,18 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                 evidence_figure(health),
                 "Log of the odds of a fault after each dive, and the level of an alarm.",
             )
-        page.figure(
-            "health",
-            channel_figure(health),
-            "Each channel: its value in each dive, and its level with two standard deviations.",
+        last = [_last(health.levels.innovation[:, k]) for k in told]
+        off = sorted(zip(told, last, strict=True), key=lambda one: -abs(one[1] or 0.0))
+        page.say("What is farthest from its level, each dive and the level:")
+        page.pair(
+            [
+                (
+                    f"health-{CHANNELS[k].name}",
+                    channel_figure(health, k),
+                    channel_caption(CHANNELS[k]),
+                )
+                for k, _ in off[:SHOWN]
+            ]
         )
         page.table(
             [

@@ -93,7 +93,7 @@ class FaultDetector:
             for _ in range(STEPS):
                 optimiser.zero_grad()
                 loss = torch.nn.functional.cross_entropy(network(x), y)
-                loss.backward()  # type: ignore[no-untyped-call]
+                loss.backward()
                 optimiser.step()
         return cls(names, network.eval())
 

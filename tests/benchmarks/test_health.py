@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.figures import load
 from benchmarks.health import (
     OURS,
     Alarms,
@@ -13,7 +14,7 @@ from benchmarks.health import (
     interval,
     level_of,
     of_confusion,
-    of_false_alarms,
+    of_vehicles,
     sound_days,
     table,
 )
@@ -71,4 +72,19 @@ def test_tables_are_markdown():
         for kind in ("attached", "fouling", "fouling")
     ]
     assert of_confusion(ones, OURS, 3.0).endswith("| fouling | fouling 2, attached 1 |")
-    assert "| all | 4 | 0 | 0.00 | 0.00 to" in of_false_alarms([judged(np.zeros(9))], 3.0)
+    assert "| all | 0 | 0 | 0 | 0 | 0 | 0 | 4 | 0 | 0.00 | 0.00 to" in of_vehicles(
+        [judged(np.zeros(9))], 3.0
+    )
+
+
+def test_the_rate_of_false_alarms_on_fresh_seeds_is_where_the_page_says():
+    """One in 30 days was asked for; the page names the vehicles that ring more often."""
+    every = load()["tables"]["health.vehicles"]["rows"]
+    rows = {row[0]: row[-5:] for row in every if row[0] != "vehicle"}
+    for days, alarms, rate, low, high in rows.values():
+        every = 30.0 * alarms / days, *interval(int(alarms), days)
+        for shown, found in zip((rate, low, high), every, strict=True):
+            # days are whole there, and rates have two digits
+            assert abs(shown - found) <= 0.0051 + found * 0.51 / days
+    holds = {vehicle for vehicle, row in rows.items() if row[-2] <= 1.0 <= row[-1]}
+    assert holds == {"slocum-200", "seaexplorer"}

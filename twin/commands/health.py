@@ -36,7 +36,7 @@ class JudgeHealth(JsonOption):
     """the vehicle that made them: what `twin identify` wrote, or a shipped name; default: the
     shipped one of the log's kind"""
     false_alarm_days: float = 30.0
-    """days of sound vehicles in which one false alarm is borne, from 1 to 300"""
+    """days of sound vehicles in which one false alarm is borne, from 3 to 300"""
     deployment: tuple[str, ...] = ()
     """names of the deployments to judge; default: all"""
     answers: bool | None = None

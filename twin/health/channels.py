@@ -38,6 +38,8 @@ LEAST_BINS = 4
 """of a phase: with fewer it says nothing"""
 PUMPING = 0.15
 """[cm3/s] from which a pump pumps"""
+LEAST_STROKE = 3.0
+"""Samples of a stroke from which on it tells its rate"""
 FINEST = 20.0
 """[s] between samples beyond which a pump's moves are not seen"""
 ECHO_REACH = 0.8
@@ -277,8 +279,10 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
     moved = np.diff(_filled(volume), prepend=_filled(volume)[:1])
     out = moved > PUMPING * dive.period
     found: dict[str, float] = {}
-    # a sample at an end of a stroke has a part of it alone, and a valve lets some through
-    if out.sum() >= 5:
+    # a sample at an end of a stroke has a part of it alone, a valve lets some through, and short
+    # strokes have ends alone
+    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
+    if out.sum() >= 5 and float(np.median(np.diff(edges)[::2])) >= LEAST_STROKE:
         whole = out & (moved > 0.5 * float(moved[out].max()))
         found["pump_rate"] = math.log(float(np.median(moved[whole])) / dive.period)
     power = dive.get("pump_power")

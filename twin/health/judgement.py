@@ -36,7 +36,7 @@ LEAST, MOST = 0.4, 40.0
 STEP = 2.0
 """Noises by which a level may step where a pilot changed the dive by one unit more than he does
 without wanting to: what the model lacks at another depth, pitch and volume"""
-FIRST = 3
+FIRST = 5
 """Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
 UNKNOWN = 100.0
 """Standard deviation of a level before its first dive, in its noise"""

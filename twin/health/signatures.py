@@ -50,9 +50,9 @@ ASTRAY = 10.0
 them, are not told: what turns it is at its end"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
 """Channels of what holds the heading"""
-STEEPER, STEEPEST, DEEPER = 6.0, 40.0, 40.0
+STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 40.0, 40.0, 5
 """[degree] by which a dive is steeper where a vehicle stalls from the surface on, as real ones
-begin theirs steeply, and the most; [m] by which it is deeper, where its pump takes most of it"""
+begin theirs steeply, and the most; [m] by which it is deeper, where turns take most of it; dives"""
 RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
 LIKE = 0.97
 """Cosine between two signatures, over their noise, from which no channel tells them apart"""
@@ -118,26 +118,26 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         for choice in sample.choices(vehicle)
     ]
     flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
-    flatter = dataclasses.replace(
-        dive, pitch=dive.pitch - FLATTER, climb_pitch=dive.climb_pitch - FLATTER
-    )
-    sound, beside, *table = _flown_channels(
-        vehicle, [(dive, ()), (flatter, ()), *((dive, (fault,)) for fault in flown)]
-    )
-    if np.isnan(sound[RATES]).any() and flight_model(vehicle) is not None:
-        if min(dive.pitch, dive.climb_pitch) >= STEEPEST:
-            raise InputError(
-                f"vehicle {vehicle.name!r} does not glide in the dive that its logs show, even at "
-                f"{dive.pitch:g} and {dive.climb_pitch:g} degree; give the vehicle that made them "
-                "with --vehicle"
-            )
-        steeper = dataclasses.replace(
-            dive, depth=dive.depth + DEEPER, pitch=min(dive.pitch + STEEPER, STEEPEST),
-            climb_pitch=min(dive.climb_pitch + STEEPER, STEEPEST),
+    for more in range(TRIES):
+        one = dataclasses.replace(
+            dive, depth=dive.depth + more * DEEPER,
+            pitch=min(dive.pitch + more * STEEPER, STEEPEST),
+            climb_pitch=min(dive.climb_pitch + more * STEEPER, STEEPEST),
         )  # fmt: skip
-        return hypotheses_of(vehicle, steeper)
+        flatter = dataclasses.replace(
+            one, pitch=one.pitch - FLATTER, climb_pitch=one.climb_pitch - FLATTER
+        )
+        cases = [(one, ()), (flatter, ()), *((one, (fault,)) for fault in flown)]
+        sound, beside, *table = _flown_channels(vehicle, cases)
+        if np.isfinite(sound[RATES]).all() or flight_model(vehicle) is None:
+            break
+    else:
+        raise InputError(
+            f"vehicle {vehicle.name!r} does not glide steadily in the dive that its logs show, nor "
+            f"in one to {one.depth:g} m; give the vehicle that made them with --vehicle"
+        )
     loose = np.nan_to_num(np.abs(beside - sound))
-    off = max(math.exp(one[PLACE["heading_error"]]) for one in (sound, beside))
+    off = max(math.exp(each[PLACE["heading_error"]]) for each in (sound, beside))
     found = []
     for fault, channels in zip(flown, table, strict=True):
         shown = channels - sound

@@ -92,7 +92,11 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
         page.say("Each number in each dive, and its level with two standard deviations.")
         page.pair(
             [
-                (f"{one.name}-{CHANNELS[k].name}", channel_figure(one, k), _caption(CHANNELS[k]))
+                (
+                    f"{one.name}-{CHANNELS[k].name}",
+                    channel_figure(one, k),
+                    channel_caption(CHANNELS[k]),
+                )
                 for k in told
             ]
         )
@@ -118,7 +122,8 @@ def _facts(kind: KindVerdict) -> dict[str, object]:
     }
 
 
-def _caption(channel: Channel) -> str:
+def channel_caption(channel: Channel) -> str:
+    """What a channel is, under its figure."""
     unit = "" if channel.unit == "1" else f" [{channel.unit.replace(' s-1', '/s')}]"
     return f"{channel.name}{unit}: {channel.says}."
 

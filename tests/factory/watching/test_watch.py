@@ -397,7 +397,7 @@ def health(alarm: bool, level: float = 0.0) -> DeploymentHealth:
         noticed_dive=8 if alarm else None, probability=0.9, kinds=(kind,),
         evidence=np.zeros(10), threshold=3.0, levels=follow(values), values=values,
         time=np.asarray(1.7e9 + 3600.0 * np.arange(10), np.float64),
-        lacking=tuple(c.name for c in CHANNELS[1:]),
+        lacking=tuple(c.name for c in CHANNELS[1:]), rang=(), remarks=(),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import twin
 from twin.errors import InputError
 from twin.faults import FAULTS
 from twin.health.channels import CHANNELS, NAMES, DiveSignals, channels_of
-from twin.health.judgement import follow, judge
+from twin.health.judgement import FIRST, follow, judge
 from twin.health.signatures import confusable, hypotheses_of, in_dives, usual_dive
 from twin.health.thresholds import threshold_of
 
@@ -61,7 +61,7 @@ def test_a_channel_that_the_log_lacks_is_left_out(hypotheses):
     values[:, NAMES.index("roll_climb")] = math.nan
     levels = follow(values)
     assert np.isnan(levels.innovation[:, NAMES.index("roll_climb")]).all()
-    assert np.isfinite(judge(levels, days(), hypotheses).evidence[3:]).all()
+    assert np.isfinite(judge(levels, days(), hypotheses).evidence[FIRST:]).all()
 
 
 def test_every_kind_of_the_vehicle_is_weighed(hypotheses):
@@ -84,7 +84,7 @@ def test_a_port_wing_and_a_starboard_one_are_mirrors(hypotheses):
 
 
 def test_rates_that_were_not_measured_are_refused():
-    assert threshold_of(300.0) > threshold_of(30.0) > threshold_of(1.0)
+    assert threshold_of(300.0) > threshold_of(30.0) > threshold_of(3.0)
     with pytest.raises(InputError, match="must be within"):
         threshold_of(1e4)
 
