@@ -1,0 +1,165 @@
+"""Scoring: surge and sway of test missions beside the truth. It needs no torch.
+
+A method's predictions are a netCDF file or a table of CSV:
+
+    netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
+             of those that it adapted on, as many samples as the store; NaN behind a mission's end
+    CSV      mission, time_s, surge, sway [, dives]
+
+Scored are `dr_velocity_percent`, the error of the track through the water at the end over the path,
+with the true attitude so that surge and sway alone count, and `surge_mse`; from where the dives
+that a method may adapt on have ended. The interval is a bootstrap over missions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from benchmarks.dead_reckoning.tiers import DIVES
+from twin.errors import InputError
+from twin.navigation.dead_reckoning import (
+    Array,
+    AttitudeSeries,
+    depth_rate,
+    horizontal_velocity,
+    integrate,
+    true_water_path,
+    true_water_track,
+)
+from twin.navigation.dives import find_dives
+from twin.records.reader import MissionStore
+
+CHANNELS = (
+    "true_surge", "true_sway", "true_north", "true_east", "true_roll", "true_pitch", "true_heading",
+    "true_velocity_north", "true_velocity_east", "true_current_north", "true_current_east",
+    "measured_depth", "measured_gps_north", "measured_gps_east",
+)  # fmt: skip
+DRAWS = 2000
+VELOCITIES = ("surge", "sway")
+
+
+@dataclasses.dataclass(frozen=True)
+class TestMission:
+    """What one test mission truly did, and where its scored part begins."""
+
+    index: int
+    period: float
+    signals: Mapping[str, Array]
+    ends: tuple[int, ...]
+    """Samples at which its dives ended, by a fix"""
+
+    def begin(self, dives: int) -> int | None:
+        """First sample after so many dives; None: it has no more than these."""
+        if not dives:
+            return 0
+        return self.ends[dives - 1] if len(self.ends) > dives else None
+
+
+def missions(store: Path) -> Iterator[TestMission]:
+    """The test missions, one at a time."""
+    with MissionStore(store) as reader:
+        names = [name for name in CHANNELS if name in reader]
+        for index, samples in enumerate(reader.samples.tolist()):
+            signals = {n: np.asarray(reader.row(n, index), np.float64)[:samples] for n in names}
+            dives = find_dives(signals, reader.period)
+            yield TestMission(index, reader.period, signals, tuple(one.end for one in dives))
+
+
+def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, dict[str, float]]:
+    """Figures by the dives that a method adapted on.
+
+    Args:
+      dives: that a mission begins with before it is scored.
+      said: predictions by those dives, as `read_predictions` gives them.
+
+    Raises:
+      InputError: they are of other missions or samples, or not finite.
+    """
+    percent: dict[int, list[float]] = {d: [] for d in DIVES}
+    squared: dict[int, list[tuple[float, int]]] = {d: [] for d in DIVES}
+    for mission in missions(store):
+        begin = mission.begin(dives)
+        if begin is None:
+            continue
+        for adapted in DIVES:
+            surge, sway = _of(mission, said.get(adapted, said[0]))
+            off = surge[begin:] - mission.signals["true_surge"][begin:]
+            squared[adapted].append((float(off @ off), off.size))
+            percent[adapted].append(_percent(mission, surge, sway, begin))
+    rng, found = np.random.default_rng(0), {}
+    for adapted in DIVES:
+        each = np.array(percent[adapted])
+        means = each[rng.integers(0, each.size, (DRAWS, each.size))].mean(1)
+        low, high = np.percentile(means, (2.5, 97.5))
+        total, count = np.sum(squared[adapted], axis=0)
+        found[str(adapted)] = {
+            "dr_velocity_percent": float(each.mean()), "low": float(low), "high": float(high),
+            "surge_mse": float(total / count), "missions": float(each.size),
+        }  # fmt: skip
+    return found
+
+
+def _of(mission: TestMission, said: xr.Dataset) -> tuple[Array, Array]:
+    """Surge and sway of a mission, as many as it has samples."""
+    samples, found = len(mission.signals["true_surge"]), []
+    for name in VELOCITIES:
+        if mission.index not in said.mission.values or said.sizes["time"] < samples:
+            raise InputError(f"the predictions lack mission {mission.index} of {samples} samples")
+        values = np.asarray(said[name].sel(mission=mission.index).values, np.float64)[:samples]
+        if not np.isfinite(values).all():
+            bad = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise InputError(
+                f"the predicted {name} of mission {mission.index} is not finite at sample {bad}"
+            )
+        found.append(values)
+    return found[0], found[1]
+
+
+def _percent(mission: TestMission, surge: Array, sway: Array, begin: int) -> float:
+    """Error at the end of the scored part over its path, %."""
+    signals, period = mission.signals, mission.period
+    attitude = AttitudeSeries.of(signals, "true")
+    rate = depth_rate(signals["measured_depth"], period)
+    track = integrate(horizontal_velocity(surge, sway, rate, attitude), period)
+    moved = track[-1] - track[begin]
+    truth, path = true_water_track(signals, period), true_water_path(signals, period)
+    return float(100.0 * np.hypot(*(moved - (truth[-1] - truth[begin]))) / (path[-1] - path[begin]))
+
+
+def read_predictions(path: Path) -> dict[int, xr.Dataset]:
+    """Predictions of a file by the dives that the method adapted on; 0 is always there.
+
+    Raises:
+      InputError: a format, a variable or a column is missing.
+    """
+    if path.suffix == ".csv":
+        import pandas as pd
+
+        table = pd.read_csv(path)
+        gone = {"mission", "time_s", *VELOCITIES} - set(table.columns)
+        if gone:
+            raise InputError(f"{path} lacks the column {sorted(gone)[0]}")
+        table["time"] = table.groupby(
+            ["mission", *(["dives"] if "dives" in table else [])]
+        ).cumcount()
+        index = [name for name in ("dives", "mission", "time") if name in table]
+        data = table.set_index(index)[list(VELOCITIES)].to_xarray()
+    elif path.suffix == ".nc":
+        data = xr.load_dataset(path)
+    else:
+        raise InputError(f"{path}: give predictions as .nc or .csv")
+    if gone := set(VELOCITIES) - set(map(str, data.data_vars)):
+        raise InputError(f"{path} lacks the variable {sorted(gone)[0]}")
+    if "mission" not in data.coords:
+        data = data.assign_coords(mission=np.arange(data.sizes["mission"]))
+    if "dives" not in data.dims:
+        return {0: data}
+    found = {int(d): data.sel(dives=d) for d in data.dives.values}
+    if 0 not in found:
+        raise InputError(f"{path} has no predictions without adaptation (dives 0)")
+    return found
