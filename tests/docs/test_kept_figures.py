@@ -15,6 +15,7 @@ pytestmark = needs_docs
 RESULTS = ROOT / "docs" / "results"
 ELSEWHERE = {
     "real_logs.md": "tests/docs/test_real_figures.py",
+    "health_real.md": "tests/benchmarks/test_health_real.py",
     "validation.md": "tests/docs/test_site.py",
 }
 """Pages of results that another test compares with what was measured or is computed"""

@@ -41,8 +41,9 @@ NONE = "none"
 """The kind of a healthy deployment"""
 LEAST_DIVES = 6
 """Dives below which nothing is judged"""
-ENDS = 0.0
-"""Log of the odds below which an alarm ends: none is then as likely"""
+ENDS, BELOW = 0.0, 1.0
+"""Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
+a level that is lower itself, so that an alarm does not flap"""
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
 """Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and
 [cm3] of dive and climb; nine of ten dives of preset `faulty`, where nobody does, stay within"""
@@ -104,7 +105,7 @@ class DeploymentHealth:
     noticed_dive: int | None
     """The dive after which the alarm that stands was given"""
     rang: tuple[tuple[int, int], ...]
-    """First and last dive after which each alarm stood; one whose odds fell below even has ended"""
+    """First and last dive after which each alarm stood; one whose odds fell back has ended"""
     probability: float
     """of that kind, or of a fault at all where there is no alarm"""
     kinds: tuple[KindVerdict, ...]
@@ -155,10 +156,11 @@ class DeploymentHealth:
         first = self.kinds[0]
         others = [k for k in first.also if k != first.kind]
         told = f" or {', '.join(others)}" if others else ""
+        unit = "" if first.unit == "1" else f" {first.unit}"
         return (
             f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
             f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
-            f"{first.size_deviation:.2g} {first.unit}"
+            f"{first.size_deviation:.2g}{unit}"
         )
 
 
@@ -354,14 +356,15 @@ def judged(
 
 
 def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
-    """First and last dive, as places, of each alarm: above the threshold until below `ENDS`."""
+    """First and last dive, as places, of each alarm: above the threshold until they fall back."""
+    ends = min(ENDS, threshold - BELOW)
     found: list[tuple[int, int]] = []
     ringing = False
     for d, odds in enumerate(evidence.tolist()):
         if not ringing and odds > threshold:
             found.append((d, d))
             ringing = True
-        elif ringing and odds > ENDS:
+        elif ringing and odds > ends:
             found[-1] = (found[-1][0], d)
         else:
             ringing = False
