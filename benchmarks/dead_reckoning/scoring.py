@@ -80,20 +80,20 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
     Raises:
       InputError: they are of other missions or samples, or not finite.
     """
-    percent: dict[int, list[float]] = {d: [] for d in DIVES}
-    squared: dict[int, list[tuple[float, int]]] = {d: [] for d in DIVES}
+    percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said}
+    squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
     for mission in missions(store):
         begin = mission.begin(dives)
         if begin is None:
             continue
-        for adapted in DIVES:
-            surge, sway = _of(mission, said.get(adapted, said[0]))
+        for adapted in percent:
+            surge, sway = _of(mission, said[adapted])
             off = surge[begin:] - mission.signals["true_surge"][begin:]
             squared[adapted].append((float(off @ off), off.size))
             percent[adapted].append(_percent(mission, surge, sway, begin))
-    rng, found = np.random.default_rng(0), {}
-    for adapted in DIVES:
-        each = np.array(percent[adapted])
+    found = {}
+    for adapted in percent:
+        each, rng = np.array(percent[adapted]), np.random.default_rng(0)
         means = each[rng.integers(0, each.size, (DRAWS, each.size))].mean(1)
         low, high = np.percentile(means, (2.5, 97.5))
         total, count = np.sum(squared[adapted], axis=0)
@@ -101,7 +101,8 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
             "dr_velocity_percent": float(each.mean()), "low": float(low), "high": float(high),
             "surge_mse": float(total / count), "missions": float(each.size),
         }  # fmt: skip
-    return found
+    # what did not adapt says the same after any dives
+    return {str(adapted): found.get(str(adapted), found["0"]) for adapted in DIVES}
 
 
 def _of(mission: TestMission, said: xr.Dataset) -> tuple[Array, Array]:

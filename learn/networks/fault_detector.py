@@ -19,12 +19,11 @@ import torch
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.health.assessment import NONE
 from twin.health.judgement import follow
 
 Array = NDArray[np.float64]
 
-NONE = "none"
-"""The kind of a sound deployment"""
 LAST = (1, 3, 8)
 """Dives at the end whose mean is compared with that of all before"""
 FIRST = 4

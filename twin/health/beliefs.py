@@ -3,8 +3,8 @@
     found = follow_parameters(load_logs("real.zarr"), load_calibration("mine.xml"))
     found.value("drag"), found.deviation("drag")          # after each dive, (dives,)
 
-A recursion of `twin identify`: each dive's residuals and Jacobian (`twin.identify.dive_residuals`)
-update a Gaussian belief that begins at the vehicle file's values and spreads, and whose parameters
+A recursion of `twin identify`: each dive's part of its residuals and Jacobian (`DepthRates`)
+updates a Gaussian belief that begins at the vehicle file's values and spreads, and whose parameters
 are random walks from dive to dive. Without walks the last belief is the fit to all dives together.
 The residuals are linear about one calibration; it is moved to the fit without walks and the dives
 are looked at once more. Looking back, each dive's belief is smoothed by those after it (Rauch, Tung

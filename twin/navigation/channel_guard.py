@@ -22,7 +22,7 @@ FAR = 1e300
 """of a reach without an end; C has no portable constant of infinity before C99's"""
 
 
-class Reach(NamedTuple):
+class ChannelReach(NamedTuple):
     """How far a channel can go from its last good value."""
 
     rate: float = FAR
@@ -33,24 +33,24 @@ class Reach(NamedTuple):
 
 REACHES = {
     # the fastest vehicles dive with 3 m/s; a wave lifts one that floats
-    "m": Reach(rate=5.0, jump=10.0),
+    "m": ChannelReach(rate=5.0, jump=10.0),
     # a front or a halocline that is crossed
-    "kg m-3": Reach(rate=3.0, jump=6.0),
-    "degree_Celsius": Reach(rate=3.0, jump=6.0),
+    "kg m-3": ChannelReach(rate=3.0, jump=6.0),
+    "degree_Celsius": ChannelReach(rate=3.0, jump=6.0),
     # a hull that is hit or turned by hand
-    "rad s-1": Reach(rate=3.0, jump=3.0),
-    "m s-2": Reach(rate=40.0, jump=40.0),
+    "rad s-1": ChannelReach(rate=3.0, jump=3.0),
+    "m s-2": ChannelReach(rate=40.0, jump=40.0),
     # the largest pumps of real gliders
-    "cm3": Reach(rate=200.0, jump=600.0),
+    "cm3": ChannelReach(rate=200.0, jump=600.0),
 }
 """By unit, for what is measured; commands step, and angles go round"""
 
 
-def reach_of(channel: str) -> Reach:
+def reach_of(channel: str) -> ChannelReach:
     """How far a channel can go between samples."""
     if channel.startswith("commanded_"):
-        return Reach()
-    return REACHES.get(variable(channel).units, Reach())
+        return ChannelReach()
+    return REACHES.get(variable(channel).units, ChannelReach())
 
 
 class ChannelGuard:
