@@ -17,7 +17,7 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.fossen.lane_block import LANES
-from twin.fossen.lanes import call_rate
+from twin.compiled.unchecked import call_rate
 from twin.mission.shipped_missions import load_mission_for
 from twin.physics.fleet import Fleet
 from twin.physics.initial_state import set_start

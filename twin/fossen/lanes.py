@@ -21,12 +21,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
 from twin.compiled import elementary, jit
 from twin.compiled.portable import portable
+from twin.compiled.unchecked import borrowed, call_rate
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.lane_block import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
@@ -67,54 +64,45 @@ TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
 
 
-@intrinsic
-def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
-    """Call the structure's function at an address with the block at another one."""
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        double = ir.DoubleType()
-        pointer = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [double.as_pointer(), double])
-        target = builder.inttoptr(args[0], kind.as_pointer())
-        address = builder.bitcast(builder.inttoptr(args[1], pointer), double.as_pointer())
-        builder.call(target, [address, args[2]])
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.float64), codegen
-
-
 @jit(nogil=True)
 def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
     """Move every part to the end of the step."""
+    # a row is a vector of its own: so the compiler sees that an index is not below 0
+    rows = b.reshape(-1, lanes)[PARTS_AT : PARTS_AT + len(PART) * parts]
     for k in range(parts):
-        at = (PARTS_AT + k) * lanes
-        step = parts * lanes
+        now, command = rows[k], rows[P_COMMAND * parts + k]
+        low, high = rows[P_LOW * parts + k], rows[P_HIGH * parts + k]
+        lag, rate = rows[P_LAG * parts + k], rows[P_RATE * parts + k]
+        one_way = rows[P_ONE_WAY * parts + k]
         for l in range(lanes):
-            i = at + l
-            b[i + P_NOW * step] = part_after(
-                b[i + P_NOW * step],
-                b[i + P_COMMAND * step],
-                b[i + P_LOW * step],
-                b[i + P_HIGH * step],
-                b[i + P_LAG * step],
-                b[i + P_RATE * step],
-                b[i + P_ONE_WAY * step],
-                h,
+            now[l] = part_after(
+                now[l], command[l], low[l], high[l], lag[l], rate[l], one_way[l], h
             )
+
+
+@jit
+def _immerse(b, lanes, l):  # type: ignore[no-untyped-def]
+    """Immersion of one hull at the surface."""
+    at = (STATE + 3) * lanes + l
+    turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
+    depth, length = b[(STATE + 2) * lanes + l], b[LENGTH * lanes + l]
+    found = immersed(depth, turn[6], length, b[DIAMETER * lanes + l])
+    b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
 
 
 @jit(nogil=True)
 def _wet(b, lanes):  # type: ignore[no-untyped-def]
     """Immersion of every hull."""
+    rows = b.reshape(-1, lanes)
+    depth, length, diameter = rows[STATE + 2], rows[LENGTH], rows[DIAMETER]
+    immersion, lever = rows[IMMERSION], rows[LEVER]
     for l in range(lanes):
-        depth, length = b[(STATE + 2) * lanes + l], b[LENGTH * lanes + l]
-        if depth - 0.5 * length >= 0.5 * b[DIAMETER * lanes + l]:
-            b[IMMERSION * lanes + l], b[LEVER * lanes + l] = 1.0, 0.0
-            continue
-        at = (STATE + 3) * lanes + l
-        turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
-        found = immersed(depth, turn[6], length, b[DIAMETER * lanes + l])
-        b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
+        deep = depth[l] - 0.5 * length[l] >= 0.5 * diameter[l]
+        immersion[l], lever[l] = 1.0 if deep else 0.0, 0.0
+    # in a loop of its own: strips are summed for no hull that is deep
+    for l in range(lanes):
+        if immersion[l] == 0.0:
+            _immerse(b, lanes, l)
 
 
 @jit(nogil=True)
@@ -389,6 +377,10 @@ def fly(  # type: ignore[no-untyped-def]
         densities, water temperatures, sea floors and followed positions.
       log: (lanes, samples, width) from sample `first_sample` on.
     """
+    b, counts, log, wanted = borrowed(b), borrowed(counts), borrowed(log), borrowed(wanted)
+    plans, gains, guided = borrowed(plans), borrowed(gains), borrowed(guided)
+    programs, densities, warmths = borrowed(programs), borrowed(densities), borrowed(warmths)
+    floors, follows = borrowed(floors), borrowed(follows)
     due = 0.0
     for step in range(first, last):
         t = step * h
@@ -455,6 +447,8 @@ def go_on(  # type: ignore[no-untyped-def]
       counts: (blocks, lanes, len(COUNTS)).
       programs, program_at, ...: of all lanes, as in `fly`.
     """
+    blocks, programs, densities = borrowed(blocks), borrowed(programs), borrowed(densities)
+    warmths = borrowed(warmths)
     no_floors, no_floor_at = np.zeros(0), np.zeros(lanes + 1, np.int64)
     for k in range(len(blocks)):
         b, own, at = blocks[k], counts[k], address + 8 * k * blocks.shape[1]
