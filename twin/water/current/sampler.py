@@ -77,6 +77,12 @@ def _gather(t, n, e, d):
 
 
 @jit
+def _by_depth(d):
+    """Likewise of what changes with depth alone."""
+    return d[0], d[1], d[2], 0.0, 0.0, 0.0, 0.0, 0.0, d[3], 0.0, 0.0, d[4], 0.0, 0.0, d[5]
+
+
+@jit
 def _sum(a, b):
     """Velocity, local rate and gradient of two records together."""
     return (
@@ -99,7 +105,13 @@ def _chain(
     of_kernel: str, of_directional: Callable[[registry.Kind], str], invalid: tuple[float, ...]
 ) -> Written:
     """A branch for each kind; `{}` in the expressions stands for its function."""
-    names = {"_along": _along, "_gather": _gather, "_none": (0.0,) * 6, "_invalid": invalid}
+    names = {
+        "_along": _along,
+        "_gather": _gather,
+        "_by_depth": _by_depth,
+        "_none": (0.0,) * 6,
+        "_invalid": invalid,
+    }
     lines = []
     for kind in registry.kinds().values():
         function = f"_kind_{kind.code}"
@@ -133,7 +145,9 @@ def _write_gradient() -> Written:
     point = ", ".join(_POINT)
 
     def derivatives(kind: registry.Kind) -> str:
-        # the velocity comes with the derivative along time, so that one is always taken
+        if tuple(kind.cls.depends_on) == ("depth",):
+            return f"_by_depth({{}}({point}, {_AXES['depth']}))"
+        # the velocity comes with every derivative: here with that along time
         taken = {"time", *kind.cls.depends_on}
         four = (f"{{}}({point}, {d})" if axis in taken else "_none" for axis, d in _AXES.items())
         return f"_gather({', '.join(four)})"
