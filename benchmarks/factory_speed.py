@@ -38,7 +38,7 @@ from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
 from twin.mission.controller import Schedule
 from twin.physics.mujoco_model import compile_model
-from twin.physics.native.install import install, uninstall
+from twin.physics.native.install import install, stop_timers, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import load_vehicle
@@ -66,9 +66,10 @@ class Stopwatch:
 
 
 def bare_step() -> tuple[float, float]:
-    """MuJoCo's step alone."""
+    """MuJoCo's step alone, without the clock of its timers."""
     model = compile_model(lean=True)
     uninstall()
+    stop_timers()
     try:
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=1000)

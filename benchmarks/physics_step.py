@@ -2,8 +2,8 @@
 
     python -m benchmarks.physics_step [--json]
 
-The limit is the bare MuJoCo step of the same model on the same threads in the same run. The
-project asks for a ratio of at most 1.25 and at least 30 000 times real time on 2 threads.
+The limit is the bare MuJoCo step of the same model on the same threads in the same run, without the
+clock of MuJoCo's timers, which the twin takes out.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ def main(words: list[str]) -> int:
         code = PROGRAM.main(["bench", "--json", *words])
     print(said.getvalue(), end="")
     found = json.loads(said.getvalue())
-    bare = found["threads"] * found["timestep_s"] / found["us_per_step_bare_mujoco"] * 1e6
+    bare = found["threads"] * found["timestep_s"] / found["us_per_step_untimed"] * 1e6
     measured(
         "physics_step",
         ratio=found["overhead_ratio"],
+        ratio_untimed=found["overhead_ratio_untimed"],
         batch=found["times_real_time"],
         batch_share=found["times_real_time"] / bare,
     )

@@ -16,14 +16,14 @@ import mujoco
 import numpy as np
 
 from twin.compiled import jit
-from twin.fossen.lane_block import LANES
 from twin.compiled.unchecked import call_rate
+from twin.fossen.lane_block import LANES
 from twin.mission.shipped_missions import load_mission_for
 from twin.physics.fleet import Fleet
 from twin.physics.initial_state import set_start
 from twin.physics.lanes import Lane, LaneBlock, fly_in_lanes
 from twin.physics.mujoco_model import compile_model
-from twin.physics.native.install import install, uninstall
+from twin.physics.native.install import install, stop_timers, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
@@ -45,9 +45,13 @@ class BenchResult:
     us_per_step: float
     """One thread, water and parts on, without guidance and log [us]"""
     us_per_step_bare_mujoco: float
-    """The same model and motion without our callbacks [us]"""
+    """The same model and motion without our callbacks, as MuJoCo's Python package steps it [us]"""
+    us_per_step_untimed: float
+    """The same with the clock of MuJoCo's timers taken out too, as `install` does [us]"""
     overhead_ratio: float
     """Median over the pairs of the first over the second"""
+    overhead_ratio_untimed: float
+    """Median over the pairs of the first over the third"""
     overhead_quartiles: tuple[float, float]
     """A quarter of the pairs lies below the first, a quarter above the second"""
     us_per_step_with_guidance: float
@@ -70,23 +74,28 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     wet, dry, guided = _UnderWay(vehicle, start), _UnderWay(vehicle, start), Simulation(mission)
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0
-    with_water, bare, with_guidance = [], [], []
+    with_water, bare, untimed, with_guidance = [], [], [], []
     for index in range(rounds):
         if index % 2:
             bare.append(_bare_stretch(dry))
+            untimed.append(_bare_stretch(dry, timers=False))
             with_water.append(_stretch(wet))
         else:
             with_water.append(_stretch(wet))
+            untimed.append(_bare_stretch(dry, timers=False))
             bare.append(_bare_stretch(dry))
         guided.reset()
         with_guidance.append(_stretch(guided))
     ratios = sorted(a / c for a, c in zip(with_water, bare, strict=True))
+    over_untimed = statistics.median(a / c for a, c in zip(with_water, untimed, strict=True))
     quarter = len(ratios) // 4
     count, batches = 16 * threads, min(rounds, BATCHES)
     return BenchResult(
         us_per_step=statistics.median(with_water),
         us_per_step_bare_mujoco=statistics.median(bare),
+        us_per_step_untimed=statistics.median(untimed),
         overhead_ratio=statistics.median(ratios),
+        overhead_ratio_untimed=over_untimed,
         overhead_quartiles=(ratios[quarter], ratios[-1 - quarter]),
         us_per_step_with_guidance=statistics.median(with_guidance),
         times_real_time=max(_times_real_time(mission, count, threads) for _ in range(batches)),
@@ -97,9 +106,11 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     )
 
 
-def _bare_stretch(simulation: _UnderWay) -> float:
-    """A stretch of the same model without our callbacks."""
+def _bare_stretch(simulation: _UnderWay, *, timers: bool = True) -> float:
+    """A stretch of the same model without our callbacks, with MuJoCo's timers or without."""
     uninstall()
+    if not timers:
+        stop_timers()
     try:
         return _stretch(simulation)
     finally:

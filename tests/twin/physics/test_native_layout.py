@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import mujoco
 import numpy as np
 import pytest
@@ -40,6 +42,27 @@ def test_another_model_in_the_process_is_untouched():
     finally:
         install()
     np.testing.assert_array_equal(_roll_out(xml), bare)
+
+
+def test_the_clock_of_timers_is_read_by_no_step_but_where_it_was_given():
+    model, data = glider()
+    mujoco.mj_step(model, data)
+    assert not any(timer.duration for timer in data.timer)
+    uninstall()
+    try:
+        mujoco.mj_step(model, data)
+        assert data.timer[0].duration > 0.0  # as MuJoCo's package has it
+    finally:
+        install()
+    mujoco.set_mjcb_time(time.perf_counter)
+    try:
+        install()
+        before = data.timer[0].duration
+        mujoco.mj_step(model, data)
+        assert data.timer[0].duration > before
+    finally:
+        mujoco.set_mjcb_time(None)
+        install()
 
 
 def _roll_out(xml):

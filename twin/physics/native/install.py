@@ -26,6 +26,8 @@ _PROTOTYPES = {
 _lock = threading.RLock()
 _installed: dict[str, Any] = {}
 _addresses: dict[str, int] = {}
+_stopped: list[int] = []
+"""The address of the clock that `stop_timers` took out"""
 
 
 @functools.cache
@@ -59,6 +61,10 @@ def install() -> None:
 
     After a kind of current, part or hull law was registered they are compiled again with it.
 
+    The clock of MuJoCo's own timers, `data.timer`, which Python's bindings put in, is taken out: it
+    is read some twenty times a step, which for one free body costs as much as the physics. A clock
+    that was given with `mujoco.set_mjcb_time` stays, and the timers with it.
+
     Raises:
       LayoutError: MuJoCo's structs are not where the callbacks would look.
       TwinError: another library's callback is in the way.
@@ -79,11 +85,33 @@ def install() -> None:
                 _installed[name], _addresses[name] = ours, function.address
             if present is not ours:
                 getattr(mujoco, f"set_mjcb_{name}")(ours)
+        stop_timers()
 
 
 def uninstall() -> None:
-    """Take the callbacks out again; vehicles in this process then move in vacuum."""
+    """Take the callbacks out again, and let timers run; vehicles in this process then move in
+    vacuum."""
     with _lock:
         for name, ours in _installed.items():
             if getattr(mujoco, f"get_mjcb_{name}")() is ours:
                 getattr(mujoco, f"set_mjcb_{name}")(None)
+        start_timers()
+
+
+def stop_timers() -> None:
+    """Take the clock out that Python's bindings gave MuJoCo's timers, and no other one."""
+    clock = _clock()
+    if clock.value is not None and mujoco.get_mjcb_time() is None:
+        _stopped[:], clock.value = [clock.value], None
+
+
+def start_timers() -> None:
+    """Give it back."""
+    clock = _clock()
+    if _stopped and clock.value is None:
+        clock.value = _stopped.pop()
+
+
+def _clock() -> ctypes.c_void_p:
+    """MuJoCo's pointer to the clock of its timers; no clock, no timers."""
+    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(at.library_path())), "mjcb_time")
