@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from twin.compiled import elementary, jit
 from twin.compiled.portable import portable
 from twin.compiled.unchecked import borrowed, call_rate
@@ -75,9 +76,7 @@ def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
         lag, rate = rows[P_LAG * parts + k], rows[P_RATE * parts + k]
         one_way = rows[P_ONE_WAY * parts + k]
         for l in range(lanes):
-            now[l] = part_after(
-                now[l], command[l], low[l], high[l], lag[l], rate[l], one_way[l], h
-            )
+            now[l] = part_after(now[l], command[l], low[l], high[l], lag[l], rate[l], one_way[l], h)
 
 
 @jit
