@@ -79,14 +79,19 @@ def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
             now[l] = part_after(now[l], command[l], low[l], high[l], lag[l], rate[l], one_way[l], h)
 
 
+MANY_AWASH = 0.25
+"""Part of the lanes at the surface from which on the strips of all are summed at once"""
+
+
 @jit
-def _immerse(b, lanes, l):  # type: ignore[no-untyped-def]
-    """Immersion of one hull at the surface."""
-    at = (STATE + 3) * lanes + l
-    turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
-    depth, length = b[(STATE + 2) * lanes + l], b[LENGTH * lanes + l]
-    found = immersed(depth, turn[6], length, b[DIAMETER * lanes + l])
-    b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
+def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
+    """Immersion of the hulls of some lanes, strip by strip."""
+    for l in range(first, last):
+        at = (STATE + 3) * lanes + l
+        turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
+        depth, length = b[(STATE + 2) * lanes + l], b[LENGTH * lanes + l]
+        found = immersed(depth, turn[6], length, b[DIAMETER * lanes + l])
+        b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
 
 
 @jit(nogil=True)
@@ -95,13 +100,17 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
     rows = b.reshape(-1, lanes)
     depth, length, diameter = rows[STATE + 2], rows[LENGTH], rows[DIAMETER]
     immersion, lever = rows[IMMERSION], rows[LEVER]
+    awash = 0.0
     for l in range(lanes):
         deep = depth[l] - 0.5 * length[l] >= 0.5 * diameter[l]
         immersion[l], lever[l] = 1.0 if deep else 0.0, 0.0
-    # in a loop of its own: strips are summed for no hull that is deep
-    for l in range(lanes):
-        if immersion[l] == 0.0:
-            _immerse(b, lanes, l)
+        awash += 0.0 if deep else 1.0
+    if awash > MANY_AWASH * lanes:
+        _immerse(b, lanes, 0, lanes)
+    elif awash > 0.0:
+        for l in range(lanes):
+            if immersion[l] == 0.0:
+                _immerse(b, lanes, l, l + 1)
 
 
 @jit(nogil=True)

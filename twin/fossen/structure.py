@@ -115,7 +115,11 @@ class Arithmetic:
     @classmethod
     def of(cls, function: Any) -> Arithmetic:
         """Of a CFunc that was compiled in this process; one from the cache has no text any more."""
-        text = function.inspect_llvm()
+        return cls.of_text(function.inspect_llvm())
+
+    @classmethod
+    def of_text(cls, text: str) -> Arithmetic:
+        """Of the first function of LLVM's text."""
         # the first function is ours, those behind it call it from C and let memory go
         text = text[text.index("\ndefine ") :].partition("\n}")[0]
         packed = len(_PACKED.findall(text))

@@ -7,17 +7,20 @@ import hashlib
 import itertools
 import math
 
+import numba
 import numpy as np
 import pytest
 import xarray as xr
+from numba import types
 from scipy.spatial.transform import Rotation
 
 import twin
 from twin.checks import agreement
 from twin.errors import FloorError, InaccurateStep, InputError, SimulationUnstable, StepTooLong
-from twin.fossen import FossenModel, FossenState
+from twin.fossen import FossenModel, FossenState, lanes
 from twin.fossen.equations import mass_distribution
 from twin.fossen.lane_block import LANES
+from twin.fossen.structure import Arithmetic
 from twin.mission.controller import FollowedPositions, Schedule
 from twin.physics.lanes import Aground, Lane, flown_abreast, fly_in_lanes
 from twin.physics.stiffness import file_timestep
@@ -288,6 +291,27 @@ def fleet(count):
         )
         for k, depth in enumerate(depths)
     ]
+
+
+def test_parts_move_by_vector_code():
+    given = (types.float64[::1], types.int64, types.int64, types.float64)
+    compiled = numba.njit(error_model="numpy")(lanes._move_parts.py_func)
+    compiled.compile(given)
+    arithmetic = Arithmetic.of_text(compiled.inspect_llvm(given))
+    # of the lanes that fill no vector, the text has the same a second time
+    assert arithmetic.packed >= arithmetic.scalar
+
+
+def test_a_hull_at_the_surface_changes_no_deep_one():
+    deep = scenario(duration=20.0)
+    awash = scenario(duration=20.0, start={"depth": 0.2, "pitch": 0.3})
+    alone = fly_in_lanes([deep])[0]
+    for others in (1, 7):  # by one, and all at once
+        beside = fly_in_lanes([*[awash] * others, *[deep] * (8 - others)])
+        assert {digest(run) for run in beside[others:]} == {digest(alone)}
+        assert beside[0]["true_immersion"].min() < 1.0 == alone["true_immersion"].min()
+        floating = digest(beside[0])
+    assert digest(fly_in_lanes([awash])[0]) == floating
 
 
 def test_neither_width_nor_threads_nor_neighbours_change_a_bit():
