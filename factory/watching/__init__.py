@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from factory.watching.deployment_folder import AUTO as AUTO
     from factory.watching.deployment_folder import WatchedDeployment as WatchedDeployment
     from factory.watching.morning_page import summary as summary
+    from factory.watching.sources.base import SOURCES as SOURCES
+    from factory.watching.sources.base import Source as Source
+    from factory.watching.sources.base import SurfaceDialogue as SurfaceDialogue
     from factory.watching.watch_pass import Passed as Passed
     from factory.watching.watch_pass import alone as alone
     from factory.watching.watch_pass import one_pass as one_pass

@@ -17,7 +17,7 @@ from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from factory.watching.expected_plan import ExpectedPlan, expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
-from factory.watching.surface_dialogue import SurfaceDialogue
+from factory.watching.sources.base import SurfaceDialogue
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position

@@ -154,15 +154,8 @@ def build(
         for name in WANTED:
             if not len(log.channel(name)) and name not in lacks:
                 lacking.setdefault(name, []).append(log.deployment)
-    tell_unread(tally)
-    instead = likely_replacements(tuple(lacking), unread(tally))
     by_depth = any(log.pieces is None for log in logs)
-    for name, deployments in lacking.items():
-        split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
-        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
-        tally.add(
-            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
-        )
+    tell_lacking(lacking, tally, by_depth=by_depth)
     if not rows and not by_depth:
         raise InputError(
             f"no row of {rules.min_duration:g} s or longer in {summarise(files)}; rows end at holes"
@@ -182,6 +175,25 @@ def build(
         models={log.model for log in used if log.model is not None},
         simulated=any(log.simulated for log in used),
     )  # fmt: skip
+
+
+def tell_lacking(
+    lacking: Mapping[str, Sequence[str]], tally: Tally, *, by_depth: bool = True
+) -> None:
+    """Say which names of the files are not read, and what is lacking.
+
+    Args:
+      lacking: deployments by what they lack: a channel, or GPS fixes.
+      by_depth: whether rows without fixes are split by depth.
+    """
+    tell_unread(tally)
+    instead = likely_replacements(tuple(lacking), unread(tally))
+    for name, deployments in lacking.items():
+        split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
+        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
+        tally.add(
+            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
+        )
 
 
 def rows_of(

@@ -23,7 +23,7 @@ from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
-from factory.watching.surface_dialogue import SurfaceDialogue
+from factory.watching.sources.base import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
