@@ -89,14 +89,21 @@ def folder_of(deployment: WatchedDeployment) -> Path:
 def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     """What is in the deployment's source now; of a server, after its newest days were fetched.
 
+    A server that does not answer leaves what it sent before, and is among the refused.
+
     Raises:
-      InputError: the source is a file, or a server does not answer.
+      InputError: the source is a file.
     """
     way = source_of(deployment.source, "" if deployment.kind == AUTO else deployment.kind)
     source = folder_of(deployment)
     kind = deployment.kind
+    sums: dict[str, str] = {}
+    refused: dict[str, str] = {}
     if way.fetch:
-        imported(way.fetch)(deployment.source, source)
+        try:
+            imported(way.fetch)(deployment.source, source)
+        except InputError as error:
+            refused["source"] = str(error)
         kind = way.logs[0] if kind == AUTO else kind
     if source.exists() and not source.is_dir():
         raise InputError(f"source {source} is a file; name the folder in which files arrive")
@@ -104,7 +111,6 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     if kind == AUTO:
         kind = _kind_of([source / name for name in names]) or ""
     logs = [name for name in names if kind and IMPORTERS[kind].accepts(source / name)]
-    sums, refused = {}, {}
     for name in logs:
         try:
             check_regular(source / name)

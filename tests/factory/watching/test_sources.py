@@ -46,7 +46,7 @@ Connected at 2026-02-18T08:00:00Z (sg272)
             ["sea035.12.gli.sub.36.gz", "sea035.12.pld1.sub.36.gz", "sea035.12.gli.sub.37"],
             {"sea035.12 sub.36": 2, "sea035.12 sub.37": 1},
         ),
-        ("lrauv", ["shore_20130314.mat", "shore_20130315.nc4"], {"shore_20130314": 1, "shore_20130315": 1}),
+        ("lrauv", ["a_20130314.mat", "a_20130315.nc4"], {"a_20130314": 1, "a_20130315": 1}),
         ("netcdf", ["a.nc", "b.nc"], {"": 2}),
         ("slocum", ["unit1_flight.csv", "unit1_gps.csv"], {"": 2}),
     ],
@@ -103,7 +103,7 @@ def test_half_a_source_is_refused(fields: dict[str, str], message: str) -> None:
         Source(**(whole | fields))  # type: ignore[arg-type]
 
 
-# --- calls of a Seaglider ---------------------------------------------------------------------------
+# --- calls of a Seaglider -----------------------------------------------------------------------
 
 
 def test_every_call_of_a_seaglider_is_read(tmp_path: Path) -> None:
