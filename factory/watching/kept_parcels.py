@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import json
 import shutil
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,7 @@ class KeptParcels:
           folder: the deployment's. place: where files are copied to for the readers.
           again: read all, whatever is kept.
         """
+        self._given = found, options, folder, place
         self.found, self.place, self.again = found, place, again
         self.folder = folder / KEPT
         self.options = self._with_lists(options)
@@ -101,6 +103,13 @@ class KeptParcels:
         Raises:
           InputError: nothing can be read. WriteError: the disk refuses.
         """
+        try:
+            return self._all()
+        except zipfile.BadZipFile:  # a disk that lost bytes of what was kept
+            shutil.rmtree(self.folder)
+            return KeptParcels(*self._given, again=True)._all()
+
+    def _all(self) -> ParcelRows:
         groups = self.found.source.parcels(self.found.sums)
         if WHOLE in groups and len(groups) > 1 and self._is_log(groups[WHOLE]):
             groups = {WHOLE: tuple(sorted(self.found.sums))}

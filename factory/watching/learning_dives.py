@@ -70,7 +70,11 @@ class LearningDive:
     def text(self) -> str:
         """As `dive.txt` has it."""
         flown = ", ".join(f"{value:g} {unit}" for unit, value in self.flight.items())
-        parts = [self.words, f"the twin flies it in still water: {flown}", self.by_hand]
+        parts = [
+            self.words,
+            f"the twin flies it in still water that is deeper: {flown}",
+            self.by_hand,
+        ]
         return "\n".join(part for part in parts if part) + "\n"
 
 
@@ -197,6 +201,14 @@ def _dive(
     )
 
 
+def _without_altitude(mission: Mission) -> Mission:
+    segments = tuple(
+        dataclasses.replace(one, min_altitude_m=None) if isinstance(one, Waypoint) else one
+        for one in mission.segments
+    )
+    return dataclasses.replace(mission, segments=segments)
+
+
 def _read_back(kind: str, mission: Mission, files: dict[str, str]) -> tuple[Mission, str]:
     """The mission as the project's own reader finds it in the files, and what they cannot say."""
     with tempfile.TemporaryDirectory() as folder:
@@ -205,7 +217,9 @@ def _read_back(kind: str, mission: Mission, files: dict[str, str]) -> tuple[Miss
             (place / name).write_text(text, encoding="utf-8")
         if kind == "slocum":
             (place / "learn.mi").write_text(READS_BACK, encoding="utf-8")
-            return read_slocum(place / "learn.mi", above_floor=True).mission, ""
+            read = read_slocum(place / "learn.mi", above_floor=True).mission
+            # flown where the water is deeper than the dive
+            return _without_altitude(read), ""
         if not files:
             return mission, f"files of {kind} vehicles are not written: set it as it is said above"
         (name,) = files
