@@ -43,7 +43,7 @@ def passed(folder: Path, *words: str) -> tuple[float, float, float, dict[str, ob
 
 def measure(dives: int, place: Path) -> dict[str, object]:
     """Of a deployment of so many dives."""
-    from logs import Flight, write_basestation
+    from logs import Flight, write_basestation  # type: ignore[import-not-found]
 
     from factory.watching import WatchedDeployment
 

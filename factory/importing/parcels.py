@@ -183,7 +183,7 @@ def read_rows(path: Path) -> list[DiveRow]:
     with np.load(path, allow_pickle=False) as file:
         heads = json.loads(file["head"].tobytes())["rows"]
         for k, head in enumerate(heads):
-            segment = {
+            segment: dict[str, Any] = {
                 name: tuple(value) if isinstance(value, list) else value
                 for name, value in head["segment"].items()
             }

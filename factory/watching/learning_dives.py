@@ -128,7 +128,9 @@ def propose_learning(deployment: WatchedDeployment) -> LearningDives:
         raise InputError(f"{LOG} has no dive between two fixes: nothing tells its course")
     calibration = load_calibration(vehicle)
     information, noise, _ = information_of(load_logs(store, rows[-LAST:]), calibration, LEARNED)
-    north, east = legs[-1].leg.through_water
+    way = legs[-1].leg.through_water
+    assert way is not None  # legs without one are left out
+    north, east = way
     course = math.degrees(math.atan2(east, north)) % 360.0
     usual = typical_dive(store, name, vehicle)
     telling = most_telling(calibration, usual, information, noise=noise, course_deg=course)
@@ -183,7 +185,7 @@ def _dive(
         place=Origin(latitude_deg=start[0], longitude_deg=start[1], time="2000-01-01T00:00:00"),
         hours=LONGER * one.seconds / HOUR,
     )  # fmt: skip
-    (flown,) = fly_nominal(request, [read])
+    flown = fly_nominal(request, [read])[0]
     if isinstance(flown, SimulationUnstable):
         raise InputError(f"proposed dive ({words}): {flown}")
     surfaced = len(flown.time) > 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,18 @@ def test_half_a_source_is_refused(fields: dict[str, str], message: str) -> None:
     whole = {"name": "mine", "says": "x", "logs": ("csv",)}
     with pytest.raises(InputError, match=message):
         Source(**(whole | fields))  # type: ignore[arg-type]
+
+
+def test_the_page_s_own_source_is_known_by_its_kind_of_log() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "howto" / "watch.md").read_text()
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    try:
+        exec(block, {})
+        assert source_of("from-glider", "buoys").name == "buoys"
+        assert set(source_of("from-glider", "buoys").parcels(["b1.csv", "b2.csv"])) == {"b1", "b2"}
+    finally:
+        SOURCES.unregister("buoys")
+    assert source_of("from-glider", "buoys").name == "tables"
 
 
 # --- calls of a Seaglider -----------------------------------------------------------------------
