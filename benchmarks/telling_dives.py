@@ -15,6 +15,7 @@ import argparse
 import dataclasses
 import json
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -23,12 +24,13 @@ from twin.health.manoeuvres import (
     LEARNED,
     NOISE,
     Manoeuvre,
+    MostTelling,
     flown_logs,
     most_telling,
     slopes_of,
     turned,
 )
-from twin.health.signatures import usual_dive
+from twin.health.signatures import TypicalDive, usual_dive
 from twin.identify import load_calibration
 from twin.identify.calibration import Calibration
 from twin.identify.depth_rates import DepthRates
@@ -41,7 +43,7 @@ VEHICLES = {"slocum-1000": 400.0, "seaglider": 400.0, "slocum-200": 120.0}
 USUAL = 5
 PERIOD = 4.0
 """[s] between samples"""
-ENDS = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
+ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
 """Of a fit's search: offsets are in spreads"""
 CURRENT = 0.1
 """[m/s] deviation of a first dive's current"""
@@ -89,15 +91,29 @@ def measure(name: str, depth: float, draws: int) -> dict[str, object]:
     information = np.eye(len(chosen)) + USUAL * alone.depth_rates
     found = most_telling(calibration, usual, information)
     ordinary, proposed = found.shrinks
+    return {
+        "vehicle": name,
+        "deviations after three usual": round(ordinary, 2),
+        "after three proposed": round(proposed, 2),
+        "proposed": [one.words(usual) for one in found.chosen],
+        "errors of fits": _errors(calibration, usual, found, draws) if draws else {},
+    }
+
+
+def _errors(
+    calibration: Calibration, usual: TypicalDive, found: MostTelling, draws: int
+) -> dict[str, float]:
+    """Of fits to simulated dives, over those of five usual ones."""
+    chosen = choose(list(LEARNED))
     several = {
         "five usual": [], "and three usual": [Manoeuvre(dive=usual, turn_deg=0.0)] * 3,
         "and three proposed": list(found.chosen),
     }  # fmt: skip
-    dives = dict.fromkeys(one.dive for each in several.values() for one in each)
+    dives = dict.fromkeys([usual, *(one.dive for each in several.values() for one in each)])
     logs = dict(zip(dives, flown_logs(calibration, list(dives)), strict=True))
     errors = {}
     for what, more in several.items():
-        every = [turned(log, 0.0)] * USUAL
+        every = [turned(logs[usual], 0.0)] * USUAL  # type: ignore[arg-type]
         every += [turned(logs[one.dive], one.turn_deg) for one in more]  # type: ignore[arg-type]
         rng = np.random.default_rng(7)
         missed = [
@@ -107,21 +123,15 @@ def measure(name: str, depth: float, draws: int) -> dict[str, object]:
         errors[what] = np.sqrt(np.mean(np.square(missed), axis=0))
     of_five = errors.pop("five usual")
     return {
-        "vehicle": name,
-        "deviations after three usual": round(ordinary, 2),
-        "after three proposed": round(proposed, 2),
-        "errors of fits": {
-            what: round(float(np.exp(np.mean(np.log(each / of_five)))), 2)
-            for what, each in errors.items()
-        },
-        "proposed": [one.words(usual) for one in found.chosen],
+        what: round(float(np.exp(np.mean(np.log(each / of_five)))), 2)
+        for what, each in errors.items()
     }
 
 
 def main() -> None:
     """Print a line for each vehicle."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--draws", type=int, default=6)
+    parser.add_argument("--draws", type=int, default=6, help="of the fits; 0: none")
     parser.add_argument("--vehicles", nargs="+", default=list(VEHICLES), choices=list(VEHICLES))
     asked = parser.parse_args()
     for name in asked.vehicles:
