@@ -69,7 +69,9 @@ def error_of(
 ) -> np.ndarray:
     """Errors of a fit over the spreads, (parameters,)."""
     chosen = choose(list(LEARNED))
-    draw = DepthRates(logs, calibration, chosen).calibration(true)
+    first = DepthRates(logs, calibration, chosen)
+    true = np.maximum(true, first.lowest)  # no hull grows under pressure
+    draw = first.calibration(true)
     current = CURRENT * rng.standard_normal(2)
     flown = []
     for log in logs:
