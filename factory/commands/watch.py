@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from factory.watching import Passed, WatchedDeployment
 
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
-OF_PASSES = ("once", "replay", "as_of", "every", "serve", "port")
+OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
 EVERY, LEAST_EVERY = 60.0, 1.0
 """[s] between two looks, and the least"""
 
@@ -57,6 +57,9 @@ class WatchDeployment(JsonOption):
     as_of: Annotated[str | None, tyro.conf.arg(metavar="TIME")] = None
     """one pass as of a moment, UTC, such as 2023-09-20T06:00, by the dives that had ended; its
     files lie in DEPLOYMENT/as-of/TIME"""
+    to_learn: bool = False
+    """no pass: write the three next dives that would tell most of the vehicle, as files for it with
+    the twin's flight of exactly these, into DEPLOYMENT/learn"""
     every: float | None = None
     """seconds between two looks; default: 60"""
     serve: bool = False
@@ -74,6 +77,9 @@ class WatchDeployment(JsonOption):
             return 0
         until = self._until()
         deployment = WatchedDeployment.read(self.deployment)
+        if self.to_learn:
+            self._learn(console, deployment)
+            return 0
         if self.once or self.replay or until is not None:
             self._pass(console, deployment, until)
             return 0
@@ -96,17 +102,21 @@ class WatchDeployment(JsonOption):
         for name in others:
             if getattr(self, name) not in (None, False):
                 raise InputError(f"--{name.strip('_').replace('_', '-')}: {why}")
-        if self.every is not None and (self.once or self.replay or self.as_of is not None):
+        ends = [name for name in ("once", "replay", "as_of", "to_learn") if getattr(self, name)]
+        if self.to_learn and len(ends) > 1:
+            raise InputError("--to-learn makes no pass: leave --once, --replay and --as-of out")
+        if self.every is not None and ends:
             raise InputError("--every is for passes without end: leave it out, or --once")
         if self.port is not None and not self.serve:
             raise InputError("--port is for --serve, which is not given: leave it out")
-        if self.serve and (self.once or self.replay or self.as_of is not None):
+        if self.serve and ends:
             raise InputError("--serve is for passes without end: leave it out, or --once")
         if self.every is not None and not self.every >= LEAST_EVERY:
             raise InputError(f"--every {self.every:g} must be {LEAST_EVERY:g} s or more")
-        ends = self.new or self.once or self.replay or self.as_of is not None
-        if self.json and not ends:
-            raise InputError("--json needs --once, --replay or --as-of: watching never ends")
+        if self.json and not (self.new or ends):
+            raise InputError(
+                "--json needs --once, --replay, --as-of or --to-learn: watching never ends"
+            )
 
     def _until(self) -> datetime.datetime | None:
         import datetime
@@ -196,6 +206,14 @@ class WatchDeployment(JsonOption):
             same=passed.same,
         )
         return passed
+
+    def _learn(self, console: Console, deployment: WatchedDeployment) -> None:
+        from factory.watching import propose_learning
+
+        found = propose_learning(deployment)
+        console.say(found.text())
+        console.say(str(found.folder))
+        console.answer(folder=found.folder, **found.describe())
 
     def _forever(self, console: Console, show: Callable[[Path], object]) -> None:
         import time

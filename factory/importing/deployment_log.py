@@ -172,9 +172,9 @@ def each_file(
             found.append((path, read(path)))
         except InputError as error:
             refused.append((path, error))
+    _tell(refused, len(paths), tally)
     if refused and not found:
         raise refused[0][1]
-    _tell(refused, len(paths), tally)
     return found
 
 

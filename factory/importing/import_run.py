@@ -77,23 +77,12 @@ def import_logs(
         takers = ", ".join(one.name for one in IMPORTERS.values() if one.takes_mapping)
         raise InputError(f"{kind} logs have names of their own: leave --mapping out ({takers})")
     tally = Tally()
-    try:
-        paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        options = ReadOptions(
-            variation_deg=variation_deg,
-            cache=cache,
-            mapping=mapping,
-            payload=parse_payload(payload),
-        )
-        logs = _read(importer, paths, options, tally)
-        if not keep_going:
-            _expect_most(len({name for log in logs for name in log.files}), tally)
-    except WrongFormat as error:
-        raise _explained(error, importer) from error
-    except MostUnreadable:
-        raise
-    except InputError as error:
-        raise _with_left_out(error, tally) from error
+    options = ReadOptions(
+        variation_deg=variation_deg, cache=cache, mapping=mapping, payload=parse_payload(payload)
+    )  # fmt: skip
+    paths, logs = read_logs(
+        kind, files, options, tally, keep_going=keep_going, recursive=recursive
+    )  # fmt: skip
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]
@@ -125,6 +114,35 @@ def import_logs(
     if said is not None:
         dataset.attrs[DEPLOYMENT_METADATA] = said
     return dataset, report
+
+
+def read_logs(
+    kind: str,
+    files: Sequence[Path | str],
+    options: ReadOptions,
+    tally: Tally,
+    *,
+    keep_going: bool = True,
+    recursive: bool = False,
+) -> tuple[list[Path], list[DeploymentLog]]:
+    """Read logs, uncut: the files that were read, and a log for each deployment in them.
+
+    Raises:
+      InputError: as `import_logs`.
+    """
+    importer = IMPORTERS[kind]
+    try:
+        paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
+        logs = _read(importer, paths, options, tally)
+        if not keep_going:
+            _expect_most(len({name for log in logs for name in log.files}), tally)
+    except WrongFormat as error:
+        raise _explained(error, importer) from error
+    except MostUnreadable:
+        raise
+    except InputError as error:
+        raise _with_left_out(error, tally) from error
+    return paths, logs
 
 
 METADATA = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")

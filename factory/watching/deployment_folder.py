@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from factory.importing import IMPORTERS
+from factory.watching.sources.base import source_of
 from twin.bounded import read_toml
 from twin.errors import InputError, WriteError, quoted, shown, unknown_name
 from twin.records.storage.whole import check_folder_target, whole_file
@@ -33,7 +34,8 @@ class WatchedDeployment:
 
     folder: Path
     source: str
-    """Folder into which files of the vehicle arrive, from the deployment's folder on or absolute"""
+    """Folder into which files of the vehicle arrive, from the deployment's folder on or absolute;
+    or the address of a server's data set"""
     vehicle: str = ""
     """What `twin identify` wrote, or a shipped name; empty: that of the log's kind"""
     kind: str = AUTO
@@ -93,6 +95,7 @@ class WatchedDeployment:
             raise InputError(
                 f"{where}: {unknown_name('kind', self.kind, [AUTO, *IMPORTERS.names()])}"
             )
+        source_of(self.source, "" if self.kind == AUTO else self.kind)
         if self.goto and self.mission:
             raise InputError(f"{where}: give goto or mission, not both")
 
@@ -181,7 +184,7 @@ _WORDS: dict[type, str] = {
     float: "a number",
 }
 _HELP = {
-    "source": "folder in which files of the vehicle arrive",
+    "source": "folder in which files of the vehicle arrive, or a server's data set",
     "vehicle": 'what `twin identify` wrote, or a shipped name; "": that of the kind of log',
     "kind": "of the logs, as `factory import` names it; auto: what they look like",
     "recursive": "whether folders below the source are watched, too",

@@ -1,8 +1,7 @@
 """Log of files: the dives of all files that arrived, as `log.zarr`, a function of the files alone.
 
-All files are read again when one of them is new or has changed: a dive may lie in several files,
-and a log's clock, signs and offsets are told by all of it. The store knows by which files it was
-made; with the same ones it stays as it is.
+Only files that are new or have changed are read, with their neighbours in time. The store knows by
+which files it was made; with the same ones it stays as it is.
 """
 
 from __future__ import annotations
@@ -18,12 +17,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from factory.importing import import_logs
-from factory.importing.deployment_log import UNREADABLE
-from factory.watching.arrived_files import arrived
+from factory.importing import IMPORTERS, UNREADABLE, DiveRules, ReadOptions
+from factory.importing.dives.dive_store import WANTED, dataset_of_rows, tell_lacking
+from factory.importing.tally import summarise
 from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.kept_parcels import KeptParcels, ParcelRows
+from factory.watching.sources.arrived_files import ArrivedFiles, arrived
 from twin.errors import InputError, StoreError
-from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
+from twin.records.attributes import (
+    DEPLOYMENT_METADATA,
+    DIVE_DURATION,
+    HISTORY,
+    IMPORT_REPORT,
+    START_TIME,
+)
 from twin.records.presence import is_store, read_attributes
 from twin.records.schema import MISSION
 from twin.records.storage.disk import lock, remove, temporary_name
@@ -51,6 +58,8 @@ class LogOfFiles:
     changed: bool
     """Whether the store was written"""
     files: int
+    kind: str
+    """of the logs; empty: no file tells it"""
     unreadable: tuple[str, ...]
     """Why files were left out, in words"""
     missing: str = ""
@@ -79,24 +88,25 @@ def log_of_files(
     found = arrived(deployment)
     stamp = "" if until is None else f" until {until.isoformat()}"
     if not found.missing and not again and _digest(store) == found.digest + stamp:
-        return _outcome(store, found.digest, changed=False, refused=found.refused)
+        return _outcome(store, found, changed=False)
     if found.missing:
-        return _without(store, found.digest, found.missing, found.refused)
+        return _without(store, found, found.missing)
     with _staging(store) as place:
-        staged = found.stage(place)
         try:
-            dataset = _imported(deployment, staged.kind, place)
+            options = _options(deployment, found.kind)
+            parcels = KeptParcels(found, options, deployment.folder, place, again=again)
+            dataset = _dataset(found.kind, parcels.rows())
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(str(place), str(found.source)).replace(*IN_SETTINGS)
-            return _without(store, staged.digest, said, staged.refused)
+            said = str(error).replace(str(place), str(found.folder)).replace(*IN_SETTINGS)
+            return _without(store, found, said)
     copy = json.dumps(f"{place}/")[1:-1]  # as the report's text has it
     dataset.attrs[IMPORT_REPORT] = dataset.attrs[IMPORT_REPORT].replace(copy, "")
-    dataset.attrs[HISTORY] = f"factory import {staged.kind} of all files that arrived"
-    dataset.attrs[DIGEST] = staged.digest + stamp
+    dataset.attrs[HISTORY] = f"factory import {found.kind} of all files that arrived"
+    dataset.attrs[DIGEST] = found.digest + stamp
     write_store(dataset, store, overwrite=True)
-    return _outcome(store, staged.digest, changed=True, refused=staged.refused)
+    return _outcome(store, found, changed=True)
 
 
 @contextlib.contextmanager
@@ -114,16 +124,53 @@ def _staging(store: Path) -> Iterator[Path]:
         os.close(descriptor)
 
 
-def _imported(deployment: WatchedDeployment, kind: str, place: Path) -> xr.Dataset:
-    dataset, _ = import_logs(
-        kind,
-        [place],
+def _dataset(kind: str, found: ParcelRows) -> xr.Dataset:
+    """The dives of all parcels.
+
+    Raises:
+      InputError: there are none.
+    """
+    if not found.rows:
+        raise InputError(
+            f"no dive deeper than {DiveRules().min_depth:g} m and longer than "
+            f"{DiveRules().min_duration:g} s in {summarise(found.files)}"
+        )
+    lacking = {
+        name: [
+            one for one in found.deployments
+            if not any(name in row.signals for row in found.rows if row.deployment == one)
+        ]
+        for name in WANTED if name not in IMPORTERS[kind].lacks
+    }  # fmt: skip
+    ends = {row.deployment for row in found.rows if row.segment.end_fix is not None}
+    without = {"GPS fixes": [one for one in found.deployments if one not in ends]}
+    lacking = {name: names for name, names in (without | lacking).items() if names}
+    tell_lacking(lacking, found.tally, by_depth=found.by_depth)
+    dataset, _ = dataset_of_rows(
+        found.rows, kind=kind, period=found.period, files=found.files,
+        entries=found.tally.entries(), names=found.tally.named(), models=found.models,
+        simulated=found.simulated,
+    )  # fmt: skip
+    if found.said is not None:
+        dataset.attrs[DEPLOYMENT_METADATA] = found.said
+    return dataset
+
+
+def _options(deployment: WatchedDeployment, kind: str) -> ReadOptions:
+    """How the files are read.
+
+    Raises:
+      InputError: a setting that is for logs of other kinds.
+    """
+    importer = IMPORTERS[kind]
+    for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
+        if getattr(deployment, name) and not takes:
+            raise InputError(f"{kind} logs take no {name}: leave it empty in deployment.toml")
+    return ReadOptions(
         cache=deployment.place(deployment.cache) if deployment.cache else None,
         mapping=_mapping(deployment),
         variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
-        recursive=True,
     )
-    return dataset
 
 
 def _mapping(deployment: WatchedDeployment) -> Path | str | None:
@@ -158,26 +205,28 @@ def _digest(store: Path) -> str:
         return ""
 
 
-def _outcome(store: Path, digest: str, *, changed: bool, refused: dict[str, str]) -> LogOfFiles:
+def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
     attributes = read_attributes(store)
     entries = json.loads(attributes[IMPORT_REPORT])["entries"]
-    said = [f"{name}: {why}" for name, why in refused.items()]
+    said = [f"{name}: {why}" for name, why in found.refused.items()]
     said += [entry["detail"] for entry in entries if entry["subject"] == UNREADABLE]
     return LogOfFiles(
         store=store,
-        digest=digest,
+        digest=found.digest,
         changed=changed,
+        kind=found.kind,
         files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
         unreadable=tuple(said),
     )
 
 
-def _without(store: Path, digest: str, why: str, refused: dict[str, str]) -> LogOfFiles:
+def _without(store: Path, found: ArrivedFiles, why: str) -> LogOfFiles:
     return LogOfFiles(
         store=store if is_store(store) else None,
-        digest=digest,
+        digest=found.digest,
         changed=False,
+        kind=found.kind,
         files=0,
-        unreadable=tuple(f"{name}: {reason}" for name, reason in refused.items()),
+        unreadable=tuple(f"{name}: {reason}" for name, reason in found.refused.items()),
         missing=why,
     )

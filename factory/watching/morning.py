@@ -17,7 +17,7 @@ from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from factory.watching.expected_plan import ExpectedPlan, expected_plan, proposals
 from factory.watching.log_of_files import LogOfFiles
-from factory.watching.surface_dialogue import SurfaceDialogue
+from factory.watching.sources.base import SurfaceDialogue
 from twin.errors import TwinError
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
 from twin.geodesy import position
@@ -221,7 +221,7 @@ def morning(
         dialogue = None
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
-    vehicle = told("vehicle", lambda: _vehicle(deployment, store))
+    vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
     shared: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
         "dialogue": dialogue,
@@ -311,7 +311,8 @@ def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
     return follow_parameters(load_logs(store, rows), load_calibration(vehicle))
 
 
-def _vehicle(deployment: WatchedDeployment, store: Path) -> Vehicle:
+def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
+    """The vehicle of a deployment: its settings', or that of the kind of its log."""
     if not deployment.vehicle:
         return start_vehicle(store)
     path = deployment.place(deployment.vehicle)

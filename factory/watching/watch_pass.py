@@ -23,11 +23,8 @@ from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
 from factory.watching.news import news, surfaced
 from factory.watching.noticed import EVENTS, noticed, write_events
-from factory.watching.surface_dialogue import (
-    SurfaceDialogue,
-    dialogue_files,
-    read_dialogue,
-)
+from factory.watching.sources.arrived_files import folder_of
+from factory.watching.sources.base import SurfaceDialogue, newest_dialogue
 from twin.forecast import legs_of
 from twin.records.logged import LogStore
 from twin.records.presence import is_derived, is_store
@@ -93,8 +90,9 @@ def one_pass(
     was = {name: _content(folder / name) for name in PARTS} if replay else {}
     say("files")
     log = log_of_files(deployment, folder, until=until, again=replay)
-    files = dialogue_files(deployment.place(deployment.source), recursive=deployment.recursive)
-    dialogue = read_dialogue(files, until=until)
+    dialogue = newest_dialogue(
+        log.kind, folder_of(deployment), recursive=deployment.recursive, until=until
+    )  # fmt: skip
     made_of = _made_of(deployment, log, until, dialogue)
     before = read_latest(folder)
     page = folder / PAGE / INDEX

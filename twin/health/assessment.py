@@ -238,6 +238,12 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
     return rows, dives, ways
 
 
+def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> TypicalDive:
+    """The dive that is usual in a deployment's log; see `typical`."""
+    with LogStore(store) as logs:
+        return typical(dives_of(logs, deployment)[1], vehicle)
+
+
 def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
     """What `judged` takes of a deployment's log, by its names there."""
     rows, dives, ways = dives_of(logs, deployment)

@@ -178,7 +178,7 @@ def _flown_channels(
     vehicle: Vehicle, cases: Sequence[tuple[TypicalDive, tuple[Fault, ...]]]
 ) -> list[Array]:
     """Channels of dives with sets of faults, noise-free; NaN where one cannot be flown."""
-    scenarios = [_scenario(vehicle, dive, case) for dive, case in cases]
+    scenarios = [dive_scenario(vehicle, dive, case) for dive, case in cases]
     calibration = flight_model(vehicle)
     found = [np.full(len(NAMES), math.nan) for _ in cases]
     try:
@@ -195,7 +195,7 @@ def _flown_channels(
     return found
 
 
-def _scenario(vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault]) -> Scenario:
+def dive_scenario(vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault] = ()) -> Scenario:
     """A dive with faults, and where it is shallow several, so that it says as much."""
     yos = max(math.ceil(DEEP / dive.depth), 1)
     mission = Mission(

@@ -157,7 +157,7 @@ def load_logs(
     for k, row in enumerate(chosen):
         signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
         follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
-        log = _log(row, signals, period, dives[row].displacement, follows)
+        log = log_of(row, signals, period, dives[row].displacement, follows)
         if log is not None:
             logs.append(dataclasses.replace(log, powered=dives[row].powered))
             before = row
@@ -198,14 +198,21 @@ def _filled(values: Array) -> Array | None:
     return np.interp(index, index[finite], values[finite])
 
 
-def _log(
+def log_of(
     row: int,
     signals: dict[str, Array],
     period: float,
     displacement: tuple[float, float] | None,
     follows: bool,
 ) -> Log | None:
-    """None for a mission without a dive or without one of the needed channels."""
+    """What identification reads of one mission; None without a dive or one of the needed channels.
+
+    Args:
+      row: of the store. signals: by their names in the schema, in its units, (time,).
+      period: [s] between samples.
+      displacement: north, east [m] over ground between its fixes.
+      follows: whether it began shortly after the one before.
+    """
     depth = _filled(signals["measured_depth"])
     finite = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
     window = max(round(WINDOW / period), LEAST_WINDOW) | 1

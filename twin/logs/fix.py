@@ -51,8 +51,13 @@ def fixes_of(store: MissionStore, mission: int) -> Fixes:
     found = np.stack([store.row(name, mission)[:count].astype(float) for name in names], axis=1)
     if not store.logged and not np.isfinite(found[0]).all():
         found[0] = 0.0
-    sample = np.flatnonzero(np.isfinite(found).all(axis=1))
-    return Fixes(sample=sample, position=found[sample])
+    return fixes_at(found)
+
+
+def fixes_at(known: Array) -> Fixes:
+    """The fixes in positions [m], (time, 2), that are NaN where there is none."""
+    sample = np.flatnonzero(np.isfinite(known).all(axis=1))
+    return Fixes(sample=sample, position=known[sample])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,9 @@ What a leg's way through the water is, by what its log holds:
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,20 @@ from numpy.typing import NDArray
 
 from twin.cli.text_table import counted
 from twin.logs.corrected_track import track_velocity
-from twin.logs.fix import fixes_of
+from twin.logs.fix import fixes_at
 from twin.navigation.current import Leg
 from twin.records.attributes import DIVE_DURATION
 from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]
 
+FIXED = ("measured_gps_north", "measured_gps_east")
+READ = tuple(
+    f"{name}_{axis}"
+    for name in ("measured_onboard", "commanded_waypoint", "measured_current")
+    for axis in ("north", "east")
+)
+"""Signals of the dives"""
 MODEL, PITCH, REPORTED = "flight model", "depth rate and pitch", "reported current"
 """How a way through the water was found"""
 
@@ -72,7 +80,17 @@ def legs_of(
         for method, name in ((PITCH, "dac"), (REPORTED, "vehicle_dac"))
     }
     found: list[LoggedLeg] = []
-    for mission in logs.missions_of(deployment):
+    missions = logs.missions_of(deployment)
+    places = {mission: k for k, mission in enumerate(missions)}
+    blocks = {name: logs.rows(name, missions) for name in (*FIXED, *READ) if name in logs}
+
+    def signal(name: str, mission: int) -> Array:
+        count = int(logs.samples[mission])
+        if name not in blocks:
+            return np.full(count, np.nan)
+        return np.asarray(blocks[name][places[mission], :count], float)
+
+    for mission in missions:
         duration, ground = float(durations[mission]), moved[mission]
         begin, _ = logs.fixes(mission)
         start = float(logs.starts[mission])
@@ -101,9 +119,9 @@ def legs_of(
                 ),
                 method=method,
                 begin=begin,
-                onboard=_onboard(logs, mission),
-                targets=_targets(logs, mission),
-                believed=_believed(logs, mission),
+                onboard=_onboard(functools.partial(signal, mission=mission), logs.period),
+                targets=_targets(functools.partial(signal, mission=mission)),
+                believed=_believed(functools.partial(signal, mission=mission)),
             )
         )
     return found
@@ -139,15 +157,14 @@ def _begin(count: int, verb: str = "begin") -> str:
     return f"{verb}s" if count == 1 else verb
 
 
-def _onboard(logs: LogStore, mission: int) -> tuple[float, float] | None:
+def _onboard(signal: Callable[[str], Array], period: float) -> tuple[float, float] | None:
     """By the vehicle's own track, without its jumps to fixes; None without one."""
-    track = np.stack(
-        [logs.signal(f"measured_onboard_{n}", mission) for n in ("north", "east")], axis=1
-    )
-    velocity = track_velocity(track, logs.period, fixes_of(logs, mission))
+    track = np.stack([signal(f"measured_onboard_{n}") for n in ("north", "east")], axis=1)
+    known = np.stack([signal(name) for name in FIXED], axis=1)
+    velocity = track_velocity(track, period, fixes_at(known))
     if velocity is None:
         return None
-    north, east = logs.period * velocity[:-1].sum(axis=0)
+    north, east = period * velocity[:-1].sum(axis=0)
     return float(north), float(east)
 
 
@@ -155,19 +172,22 @@ APART = 30.0
 """[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
 
 
-def _targets(logs: LogStore, mission: int) -> tuple[tuple[float, float], ...]:
+def _targets(signal: Callable[[str], Array]) -> tuple[tuple[float, float], ...]:
     """The waypoints that were commanded during a dive, in their order."""
-    north, east = (logs.signal(f"commanded_waypoint_{axis}", mission) for axis in ("north", "east"))
+    places = np.stack([signal(f"commanded_waypoint_{axis}") for axis in ("north", "east")], axis=1)
+    places = places[np.isfinite(places).all(axis=1)]
+    new = np.ones(len(places), bool)
+    new[1:] = (np.diff(places, axis=0) != 0.0).any(axis=1)
     found: list[tuple[float, float]] = []
-    for place in zip(north.tolist(), east.tolist(), strict=True):
-        if np.isfinite(place).all() and (not found or math.dist(place, found[-1]) > APART):
-            found.append(place)
+    for north, east in places[new].tolist():
+        if not found or math.dist((north, east), found[-1]) > APART:
+            found.append((north, east))
     return tuple(found)
 
 
-def _believed(logs: LogStore, mission: int) -> tuple[float, float] | None:
+def _believed(signal: Callable[[str], Array]) -> tuple[float, float] | None:
     """The current that a vehicle knew first in a dive; None without."""
-    signals = (logs.signal(f"measured_current_{axis}", mission) for axis in ("north", "east"))
+    signals = (signal(f"measured_current_{axis}") for axis in ("north", "east"))
     both = np.stack(list(signals), axis=1)
     known = both[np.isfinite(both).all(axis=1)]
     return (float(known[0, 0]), float(known[0, 1])) if known.size else None

@@ -194,9 +194,14 @@ class LogStore(MissionStore):
 
     def fixes(self, mission: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Latitude and longitude [degree] at the start and at the end of a dive; NaN without."""
-        names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
-        a, b, c, d = (float(self.number(name)[mission]) for name in names)
+        a, b, c, d = (float(value) for value in self._ends[mission])
         return (a, b), (c, d)
+
+    @functools.cached_property
+    def _ends(self) -> Array:
+        """Latitude and longitude [degree] of the fixes before and after each dive, (dive, 4)."""
+        names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
+        return np.stack([self.number(name) for name in names], axis=1)
 
     def positions(self, mission: int) -> tuple[Array, Array, str]:
         """Latitude and longitude [degree] of a dive's samples, and how they were found.

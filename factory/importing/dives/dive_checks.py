@@ -67,7 +67,7 @@ _UNSET = 30.0 * 86400.0
 """[s] A clock that is not set is years away; a log of one deployment is silent for days"""
 
 
-def complete(log: DeploymentLog, segment: LogSegment, dive: int, tally: Tally) -> bool:
+def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
     """Whether the log holds a dive from its first fix to its last; says so where it does not."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
     if not len(inside):
@@ -80,7 +80,7 @@ def complete(log: DeploymentLog, segment: LogSegment, dive: int, tally: Tally) -
     ):
         tally.add(
             "note", "incomplete dives", 1,
-            f"{log.deployment} dive {dive}: log ends at {inside.values[-1]:.0f} m",
+            f"{log.deployment} dive of {_moment(segment)}: log ends at {inside.values[-1]:.0f} m",
         )  # fmt: skip
         whole = False
     if (
@@ -90,10 +90,14 @@ def complete(log: DeploymentLog, segment: LogSegment, dive: int, tally: Tally) -
     ):
         tally.add(
             "note", "incomplete dives", 1,
-            f"{log.deployment} dive {dive}: log begins at {inside.values[0]:.0f} m",
+            f"{log.deployment} dive of {_moment(segment)}: log begins at {inside.values[0]:.0f} m",
         )  # fmt: skip
         whole = False
     return whole
+
+
+def _moment(segment: LogSegment) -> str:
+    return f"{datetime.datetime.fromtimestamp(round(segment.start), datetime.UTC):%Y-%m-%d %H:%M}"
 
 
 def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:

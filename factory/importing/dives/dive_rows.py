@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Array, DeploymentLog
+from factory.importing.deployment_log import Array
 from factory.importing.dives.positions import CURRENT_METHOD, Positions
 from factory.importing.dives.segments import PHASES, LogSegment
 from twin.records.attributes import (
@@ -61,11 +61,15 @@ _PHASE_FLAGS = sorted(PHASES)
 class DiveRow:
     """One row of the store."""
 
-    log: DeploymentLog
+    deployment: str
+    """Name of it"""
+    platform: str
+    """Make of the vehicle"""
     segment: LogSegment
     signals: dict[str, Array]
     numbers: dict[str, float]
-    """Per-row numbers besides those of the segment: dive, vehicle_dac_north ..."""
+    """Per-row numbers besides those of the segment: vehicle_dac_north ...; dive, where the log has
+    the vehicle's own"""
     positions: Positions
 
 
@@ -158,6 +162,17 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
     return xr.Dataset(variables, coordinates, {**common, **attributes})
 
 
+def dive_numbers(rows: Sequence[DiveRow]) -> NDArray[np.int32]:
+    """Number of each dive, (mission,): the vehicle's own, or its place in its deployment."""
+    counts: dict[str, int] = {}
+    found = []
+    for row in rows:
+        place = counts.get(row.deployment, 0)
+        counts[row.deployment] = place + 1
+        found.append(int(row.numbers.get(DIVE, place)))
+    return np.array(found, np.int32)
+
+
 def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
     """Flag of `SPLITS` of each row: blocks of consecutive dives of each deployment.
 
@@ -167,9 +182,9 @@ def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
     are divided instead.
     """
     flags = np.full(len(rows), SPLITS.index("test"), np.int8)
-    names = [row.log.deployment for row in rows]
+    names = [row.deployment for row in rows]
     if len(set(names)) == len(names):
-        names = [row.log.platform for row in rows]
+        names = [row.platform for row in rows]
     groups: dict[tuple[str, bool], list[int]] = {}
     for k, row in enumerate(rows):
         known = any(
@@ -259,12 +274,12 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
             variables[name] = (MISSION, values, described)
     variables[DIVE] = (
         MISSION,
-        np.array([int(entry["dive"]) for entry in numbers], np.int32),
+        dive_numbers(rows),
         dict(OF_ROWS[DIVE]),
     )
     variables[DEPLOYMENT] = (
         MISSION,
-        np.array([row.log.deployment for row in rows], dtype=object),  # a fixed width warns
+        np.array([row.deployment for row in rows], dtype=object),  # a fixed width warns
         dict(OF_ROWS[DEPLOYMENT]),
     )
     variables[SPLIT] = (

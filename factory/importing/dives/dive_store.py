@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ from factory.importing.plausibility import DiveRules, check_signs
 from factory.importing.seawater import depth_of, pressure_of
 from factory.importing.surface_offset import zeroed
 from factory.importing.tally import (
+    Entry,
     ImportReport,
     Tally,
     likely_replacements,
@@ -143,88 +144,153 @@ def build(
     tell_read(logs, tally)
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
-    deepened: list[DeploymentLog] = []
+    deepest = 0
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
-        log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
-        deepened.append(log)
-        depth = log.channel("measured_depth")
-        check_signs(log, tally)
+        found, samples = rows_of(log, period=period, rules=rules, tally=tally, held=held)
+        rows += found
+        deepest = max(deepest, samples)
         if not len(log.fixes):
             lacking.setdefault("GPS fixes", []).append(log.deployment)
         for name in WANTED:
             if not len(log.channel(name)) and name not in lacks:
                 lacking.setdefault(name, []).append(log.deployment)
-        if not len(log.channel("measured_pitch")):
-            tally.add(
-                "note", "measured_pitch", 1,
-                f"{log.deployment} has none: identification and dead reckoning need it",
-            )  # fmt: skip
-        if log.pieces is None:
-            segments = cut(log, depth, rules, tally)
-            why = f"no dive: deepest {depth.values.max():.3g} m"
-        else:
-            segments, why = pieces(log, rules, tally), "no row is long enough"
-        if not segments:
-            tally.add("left out", log.deployment, 1, why)
-        _tell_outside(depth, segments, rules, tally)
-        for name in ("true_speed", "velocity_north"):
-            truth = log.channel(name)
-            outside = int(_outside(truth, segments).sum())
-            tally.add("left out", name, outside, "truth samples outside rows")
-        for number, segment in enumerate(segments):
-            times = grid(segment, period)
-            signals = on_grid(
-                log, segment, times, period=period, rules=rules, tally=tally, held=held | log.held
-            )
-            numbers = _numbers(log, segment, segments, number)
-            whole = complete(log, segment, int(numbers["dive"]), tally)
-            standing(log, segment, tally)
-            numbers["dac_north"], numbers["dac_east"] = averaged_current(
-                signals, segment, period,
-                # rows that are not dives are of driven vehicles, whose depth rate says nothing
-                complete=whole and log.pieces is None,
-                driven=numbers.get("thruster_fraction", 0.0),
-            )  # fmt: skip
-            positions = row_positions(
-                signals, frame_origin(log, segment), period,
-                driven=numbers.get("thruster_fraction", 0.0),
-            )  # fmt: skip
-            rows.append(
-                DiveRow(
-                    log=log, segment=segment, signals=signals, numbers=numbers, positions=positions
-                )
-            )
-    tell_unread(tally)
-    instead = likely_replacements(tuple(lacking), unread(tally))
     by_depth = any(log.pieces is None for log in logs)
-    for name, deployments in lacking.items():
-        split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
-        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
-        tally.add(
-            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
-        )
+    tell_lacking(lacking, tally, by_depth=by_depth)
     if not rows and not by_depth:
         raise InputError(
             f"no row of {rules.min_duration:g} s or longer in {summarise(files)}; rows end at holes"
             " in the times that are longer than the mapping's gap_s"
         )
-    if not rows and max(len(log.channel("measured_depth")) for log in deepened) < 2:
+    if not rows and deepest < 2:
         raise InputError(f"{summarise(files)}: the log holds 1 sample; a dive needs many")
     if not rows:
         raise InputError(
             f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
             f"in {summarise(files)}; lower --min-depth for a shallower log"
         )
+    with_rows = {row.deployment for row in rows}
+    used = [log for log in logs if log.deployment in with_rows]
+    return dataset_of_rows(
+        rows, kind=kind, period=period, files=files, entries=tally.entries(), names=tally.named(),
+        models={log.model for log in used if log.model is not None},
+        simulated=any(log.simulated for log in used),
+    )  # fmt: skip
+
+
+def tell_lacking(
+    lacking: Mapping[str, Sequence[str]], tally: Tally, *, by_depth: bool = True
+) -> None:
+    """Say which names of the files are not read, and what is lacking.
+
+    Args:
+      lacking: deployments by what they lack: a channel, or GPS fixes.
+      by_depth: whether rows without fixes are split by depth.
+    """
+    tell_unread(tally)
+    instead = likely_replacements(tuple(lacking), unread(tally))
+    for name, deployments in lacking.items():
+        split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
+        other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
+        tally.add(
+            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
+        )
+
+
+def rows_of(
+    log: DeploymentLog,
+    *,
+    period: float,
+    rules: DiveRules,
+    tally: Tally,
+    held: frozenset[str] = frozenset(),
+    own: Callable[[LogSegment], bool] = lambda _: True,
+) -> tuple[list[DiveRow], int]:
+    """The dives of one log, in time order, and how many samples of its depth there are.
+
+    Args:
+      own: which of its dives are asked for: of a log with its neighbours in time not all are.
+
+    Raises:
+      InputError: it has neither pressure nor depth.
+    """
+    log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
+    depth = log.channel("measured_depth")
+    check_signs(log, tally)
+    if not len(log.channel("measured_pitch")):
+        tally.add(
+            "note", "measured_pitch", 1,
+            f"{log.deployment} has none: identification and dead reckoning need it",
+        )  # fmt: skip
+    if log.pieces is None:
+        segments = cut(log, depth, rules, tally)
+        why = f"no dive: deepest {depth.values.max():.3g} m"
+    else:
+        segments, why = pieces(log, rules, tally), "no row is long enough"
+    if not segments:
+        tally.add("left out", log.deployment, 1, why)
+    _tell_outside(depth, segments, rules, tally)
+    for name in ("true_speed", "velocity_north"):
+        truth = log.channel(name)
+        outside = int(_outside(truth, segments).sum())
+        tally.add("left out", name, outside, "truth samples outside rows")
+    rows = []
+    for number, segment in enumerate(segments):
+        if not own(segment):
+            continue
+        times = grid(segment, period)
+        signals = on_grid(
+            log, segment, times, period=period, rules=rules, tally=tally, held=held | log.held
+        )
+        numbers = _numbers(log, segment, segments, number)
+        whole = complete(log, segment, tally)
+        standing(log, segment, tally)
+        numbers["dac_north"], numbers["dac_east"] = averaged_current(
+            signals, segment, period,
+            # rows that are not dives are of driven vehicles, whose depth rate says nothing
+            complete=whole and log.pieces is None,
+            driven=numbers.get("thruster_fraction", 0.0),
+        )  # fmt: skip
+        positions = row_positions(
+            signals, frame_origin(log, segment), period,
+            driven=numbers.get("thruster_fraction", 0.0),
+        )  # fmt: skip
+        rows.append(
+            DiveRow(
+                deployment=log.deployment, platform=log.platform, segment=segment,
+                signals=signals, numbers=numbers, positions=positions,
+            )
+        )  # fmt: skip
+    return rows, len(depth)
+
+
+def dataset_of_rows(
+    rows: Sequence[DiveRow],
+    *,
+    kind: str,
+    period: float,
+    files: Sequence[str],
+    entries: Sequence[Entry],
+    names: Mapping[str, Mapping[str, tuple[str, ...]]],
+    models: Collection[str] = (),
+    simulated: bool = False,
+) -> tuple[xr.Dataset, ImportReport]:
+    """The dataset of some dives, and the report of how they were made.
+
+    Args:
+      rows: one at least, in the order of the store.
+      kind, period, files: as `build`. entries, names: of the tally.
+      models: vehicle files that stand for the vehicles. simulated: whether a file says that it is.
+    """
     for axis in ("north", "east"):  # a store has no variable of NaN alone
-        if not any(np.isfinite(row.numbers[f"dac_{axis}"]) for row in rows):
+        if not any(np.isfinite(row.numbers.get(f"dac_{axis}", np.nan)) for row in rows):
             for row in rows:
-                del row.numbers[f"dac_{axis}"]
-    names = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
+                row.numbers.pop(f"dac_{axis}", None)
+    channels = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
     samples = sum(len(row.signals["measured_gap"]) for row in rows)
     report = ImportReport(
         kind=kind,
         files=tuple(files),
-        deployments=tuple(dict.fromkeys(row.log.deployment for row in rows)),
+        deployments=tuple(dict.fromkeys(row.deployment for row in rows)),
         rows=len(rows),
         rows_with_fixes=sum(
             1 for r in rows if r.segment.start_fix is not None and r.segment.end_fix is not None
@@ -232,20 +298,19 @@ def build(
         samples=samples,
         hours=samples * period / 3600.0,
         period=period,
-        channels=names,
-        entries=tally.entries(),
-        names=tally.named(),
+        channels=channels,
+        entries=tuple(entries),
+        names=names,
     )
     attributes = {
         SOURCE_FORMAT: kind,
-        PLATFORM: ", ".join(dict.fromkeys(row.log.platform for row in rows)),
+        PLATFORM: ", ".join(dict.fromkeys(row.platform for row in rows)),
         FILES: " ".join(files),
         IMPORT_REPORT: json.dumps(report.to_dict()),
     }
-    models = {row.log.model for row in rows if row.log.model is not None}
     if len(models) == 1:  # one vehicle stands for the whole store
-        attributes[VEHICLE_MJCF] = load_vehicle(models.pop()).xml
-    if any(row.log.simulated for row in rows):
+        attributes[VEHICLE_MJCF] = load_vehicle(next(iter(models))).xml
+    if simulated:
         attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
     return rows_dataset(rows, period, attributes), report
 
@@ -299,7 +364,7 @@ def _numbers(
     log: DeploymentLog, segment: LogSegment, segments: Sequence[LogSegment], number: int
 ) -> dict[str, float]:
     """Per-row numbers that come from the log."""
-    numbers: dict[str, float] = {"dive": float(number)}
+    numbers: dict[str, float] = {}
     dive = log.channel("dive").within(segment.start, segment.end)
     if len(dive):
         numbers["dive"] = float(np.median(dive.values))

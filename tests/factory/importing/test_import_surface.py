@@ -238,7 +238,7 @@ def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path: Path) -> Non
     write_csv(paths[0], {name: values[kept] for name, values in columns.items()})
     dataset, report = import_logs("slocum", paths)
     assert report.count("note", "incomplete dives") == 1
-    assert why(report, "note", "dive 1: log ends at") == 1
+    assert why(report, "note", ": log ends at") == 1
     assert np.isnan(dataset["dac_north"].values[1])
     assert np.isfinite(dataset["dac_north"].values[0])
     n = int(dataset["n_samples"][1])

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from factory.watching import WatchedDeployment, one_pass, summary
-from factory.watching.surface_dialogue import dialogue_files, read_dialogue
+from factory.watching.sources.base import newest_dialogue
+from factory.watching.sources.surface_dialogue import read_dialogues
 
 TEXT = """
 Connection Event: Carrier Detect found.
@@ -35,7 +36,8 @@ def written(path: Path, text: str) -> Path:
 def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
     later = TEXT.replace("20:40:38", "20:42:38").replace("7.89", "7.5")
     path = written(tmp_path / "calypso_20260328.log", TEXT + later)
-    found = read_dialogue([path, tmp_path / "gone.log"])
+    assert len(read_dialogues([path, tmp_path / "gone.log"])) == 2
+    found = newest_dialogue("slocum", tmp_path, recursive=False)
     assert found is not None
     assert found.vehicle == "calypso"
     assert found.fix == pytest.approx((33.0 + 10.021 / 60.0, -(117.0 + 41.8 / 60.0)))
@@ -43,7 +45,8 @@ def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
     assert (found.time, found.fix_time) == (clock, clock - 38.0)
     assert found.sensors == {"m_battery": (15.2327964879377, "volts"), "m_vacuum": (7.5, "inHg")}
     assert (found.why[:14], found.aborts) == ("Hit a waypoint", 2)
-    early = read_dialogue([path], until=datetime.datetime(2026, 3, 28, 20, 41, tzinfo=datetime.UTC))
+    moment = datetime.datetime(2026, 3, 28, 20, 41, tzinfo=datetime.UTC)
+    early = newest_dialogue("", tmp_path, recursive=False, until=moment)
     assert early is not None
     assert early.sensors["m_vacuum"][0] == 7.89
 
@@ -58,8 +61,7 @@ def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
 )
 def test_what_is_no_fix_is_none(tmp_path: Path, was: str, becomes: str, fix: None) -> None:
     assert was in TEXT
-    found = read_dialogue([written(tmp_path / "a.log", TEXT.replace(was, becomes))])
-    assert found is not None
+    (found,) = read_dialogues([written(tmp_path / "a.log", TEXT.replace(was, becomes))])
     assert found.fix is fix
 
 
@@ -67,9 +69,9 @@ def test_half_a_dialogue_and_other_logs_say_nothing(tmp_path: Path) -> None:
     half = written(tmp_path / "half.log", TEXT[: TEXT.index("Curr Time")])
     other = written(tmp_path / "syslog.log", "Vehicle Name: x\nCurr Time: yesterday\n")
     hidden = written(tmp_path / ".part.log", TEXT)
-    assert read_dialogue([half, other]) is None
-    assert dialogue_files(tmp_path, recursive=False) == [half, other]
-    assert hidden.exists()
+    assert read_dialogues([half, other]) == []
+    assert len(read_dialogues([hidden])) == 1
+    assert newest_dialogue("slocum", tmp_path, recursive=True) is None
 
 
 def test_a_page_has_the_dialogue_before_any_data_arrives(tmp_path: Path) -> None:

@@ -16,14 +16,14 @@ import xarray as xr
 from logs import SHARED, Flight, write_basestation, write_slocum
 from PIL import Image
 
-from factory.watching import WatchedDeployment, one_pass, watch_pass
+from factory.watching import WatchedDeployment, kept_parcels, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
-from factory.watching.surface_dialogue import SurfaceDialogue
+from factory.watching.sources.base import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, WriteError
@@ -193,6 +193,43 @@ def test_any_order_copies_and_halves_end_in_the_same_log(
         again = log_of_files(piecewise, piecewise.folder)
         assert not again.changed
         assert again.unreadable == ()
+
+
+def test_only_a_new_dive_and_its_neighbour_are_read_again(
+    tmp_path: Path, source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base = write_basestation(tmp_path, Flight(dives=6))
+    made = deployment(tmp_path, source)
+    for path in base[:-1]:
+        shutil.copy(path, source)
+    log_of_files(made, made.folder)
+    windows: list[list[str]] = []
+    real = kept_parcels.owned_rows
+
+    def watched(kind: str, files: list[Path], *rest: object) -> object:
+        windows.append([path.name for path in files])
+        return real(kind, files, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(kept_parcels, "owned_rows", watched)
+    shutil.copy(base[-1], source)
+    log_of_files(made, made.folder)
+    names = [path.name for path in base]
+    assert windows == [names[3:6], names[4:6]]
+    # what is kept may go, or be damaged: it is made again, to the same bytes
+    wanted = store_hash(made.folder / LOG)
+    first, second, *_ = sorted((made.folder / kept_parcels.KEPT).glob("*.npz"))
+    first.unlink()
+    whole = bytearray(second.read_bytes())
+    whole[len(whole) // 2] ^= 255
+    second.write_bytes(whole)
+    windows.clear()
+    assert log_of_files(made, made.folder).changed is False
+    (source / base[0].name).unlink()
+    log_of_files(made, made.folder)
+    shutil.copy(base[0], source)
+    log_of_files(made, made.folder)
+    assert store_hash(made.folder / LOG) == wanted
+    assert windows
 
 
 def test_a_source_that_says_nothing_leaves_the_log_as_it_was(

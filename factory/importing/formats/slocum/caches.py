@@ -7,6 +7,7 @@ Endings of a Slocum's own files.
 
 from __future__ import annotations
 
+import datetime
 import os
 import shutil
 import tempfile
@@ -53,6 +54,41 @@ def vehicle_of(header: Mapping[str, str], path: Path) -> str:
     """Name of the vehicle: what `full_filename` says before the year."""
     full = header.get("full_filename", path.stem)
     return full.rsplit("-", 4)[0] or path.stem
+
+
+OPENED = "%a_%b_%d_%H:%M:%S_%Y"
+"""Form of the header's time"""
+
+
+def opened(path: Path) -> tuple[str, float]:
+    """Vehicle of a binary file, and when [s] unix it was opened, by its header.
+
+    Raises:
+      InputError: no Slocum file, cut within its header, or without that time.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        header = read_header(_plain(path, Path(folder)))
+    try:
+        moment = datetime.datetime.strptime(header.get("fileopen_time", ""), OPENED)
+    except ValueError as error:
+        raise InputError(f"{path.name}: its header has no fileopen_time") from error
+    return vehicle_of(header, path), moment.replace(tzinfo=datetime.UTC).timestamp()
+
+
+def keep_lists(paths: Sequence[Path], folder: Path) -> None:
+    """Write the lists of sensors that binary files hold themselves into a folder of cache files."""
+    for path in paths:
+        if path.suffix.lower() not in BINARY:
+            continue
+        try:
+            with tempfile.TemporaryDirectory() as temporary:
+                plain = _plain(path, Path(temporary))
+                header = read_header(plain)
+                target = folder / f"{header['sensor_list_crc'].lower()}.cac"
+                if lists_itself(header) and not target.exists():
+                    target.write_bytes(sensor_list(plain, header))
+        except (InputError, OSError):
+            continue  # a file that cannot be read gives no list; its own turn says why
 
 
 def lists_itself(header: Mapping[str, str]) -> bool:

@@ -8,16 +8,16 @@ lines are those of the public readers sfmc-api and gncutils: `GPS Location:`, `C
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
+import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from factory.watching.sources.base import SurfaceDialogue
 from twin.bounded import check_regular
 from twin.errors import OddFile
 
-SUFFIX = ".log"
 MOST = 20 * 2**20
 """[byte] of a file that are read, its last ones"""
 OLD = 86400.0
@@ -30,64 +30,29 @@ WHY = re.compile(r"Because:\s*(.+?)\s*$", re.MULTILINE)
 ABORTS = re.compile(r"ABORT HISTORY: total since reset:\s*(\d+)")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SurfaceDialogue:
-    """The last of what one vehicle said."""
-
-    vehicle: str
-    time: float
-    """[s] unix, by its clock"""
-    fix: tuple[float, float] | None
-    """Latitude, longitude [degree]"""
-    fix_time: float | None
-    """[s] unix"""
-    sensors: Mapping[str, tuple[float, str]]
-    """Value and unit by name"""
-    why: str
-    """Why it came up"""
-    aborts: int | None
-    """Since it was reset"""
-
-    def facts(self) -> dict[str, str]:
-        """Names and values for a page."""
-        said = {"why it came up": self.why} if self.why else {}
-        if self.aborts is not None:
-            said["aborts since its reset"] = f"{self.aborts}"
-        return said | {name: f"{v:g} {unit}" for name, (v, unit) in sorted(self.sensors.items())}
-
-
-def read_dialogue(
-    paths: Sequence[Path], *, until: datetime.datetime | None = None
-) -> SurfaceDialogue | None:
-    """The newest surfacing in the logs of a console; None: there is none in them.
-
-    Args:
-      until: only surfacings until then, UTC.
-    """
+def read_dialogues(paths: Sequence[Path]) -> list[SurfaceDialogue]:
+    """Every surfacing in the logs of a console."""
     found: list[SurfaceDialogue] = []
     for path in paths:
-        try:
-            check_regular(path)
-            with path.open("rb") as file:
-                file.seek(max(path.stat().st_size - MOST, 0))
-                text = file.read().decode("latin-1")  # a console has any bytes
-        except (OddFile, OSError):
-            continue  # a file that is still being written, or has gone, says it the next time
+        text = last_text(path)
         found += [one for part in _surfacings(text) if (one := _told(part)) is not None]
-    last = None if until is None else until.timestamp()
-    known = [one for one in found if last is None or one.time <= last]
-    return max(known, key=lambda one: one.time, default=None)
+    return found
 
 
-def dialogue_files(source: Path, *, recursive: bool) -> list[Path]:
-    """Logs of a console below a folder, in the order of names."""
-    every = source.rglob(f"*{SUFFIX}") if recursive else source.glob(f"*{SUFFIX}")
-    return sorted(path for path in every if not path.name.startswith("."))
+def last_text(path: Path) -> str:
+    """The last `MOST` bytes of a log as text; empty where it cannot be read now."""
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            file.seek(max(path.stat().st_size - MOST, 0))
+            return file.read().decode("latin-1")  # a console has any bytes
+    except (OddFile, OSError):
+        return ""  # a file that is still being written, or has gone, says it the next time
 
 
 def _surfacings(text: str) -> list[str]:
     begins = [one.start() for one in NAME.finditer(text)]
-    return [text[a:b] for a, b in zip(begins, [*begins[1:], len(text)], strict=True)]
+    return [text[a:b] for a, b in itertools.pairwise([*begins, len(text)])]
 
 
 def _told(text: str) -> SurfaceDialogue | None:
@@ -100,13 +65,13 @@ def _told(text: str) -> SurfaceDialogue | None:
         return None
     time = clock.replace(tzinfo=datetime.UTC).timestamp()
     fix = fix_time = None
-    if (place := FIX.search(text)) is not None and (ago := _number(place[3])) is not None:
-        latitude, longitude = (_degrees(_number(word)) for word in (place[1], place[2]))
+    if (place := FIX.search(text)) is not None and (ago := number_of(place[3])) is not None:
+        latitude, longitude = (degrees_of(number_of(word)) for word in (place[1], place[2]))
         if latitude is not None and longitude is not None and abs(latitude) <= 90.0 and ago < OLD:
             fix, fix_time = (latitude, longitude), time - ago
     sensors = {}
     for sensor, unit, value, age in SENSOR.findall(text):
-        number, since = _number(value), _number(age)
+        number, since = number_of(value), number_of(age)
         if number is not None and since is not None and since < OLD:
             sensors[sensor] = (number, unit)
     why, aborts = WHY.search(text), ABORTS.search(text)
@@ -121,15 +86,16 @@ def _told(text: str) -> SurfaceDialogue | None:
     )
 
 
-def _number(word: str) -> float | None:
+def number_of(word: str) -> float | None:
+    """The number that a word is; None where it is none."""
     try:
         return float(word)
     except ValueError:
         return None
 
 
-def _degrees(value: float | None) -> float | None:
-    """Degrees of degrees and minutes, such as -11741.800."""
+def degrees_of(value: float | None) -> float | None:
+    """Degrees of degrees and minutes in one number, such as -11741.800."""
     if value is None:
         return None
     whole = int(value / 100.0)

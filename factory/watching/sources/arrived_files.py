@@ -14,13 +14,17 @@ from pathlib import Path
 
 from factory.importing import IMPORTERS, Importer, sniff
 from factory.watching.deployment_folder import AUTO, WatchedDeployment
+from factory.watching.sources.base import Source, source_of
 from twin.bounded import check_regular
 from twin.cli.text_table import counted
 from twin.errors import InputError, OddFile
+from twin.plugins import imported
 from twin.version import __version__
 
 BLOCK = 2**20
 """[byte] read at once"""
+FETCHED = "fetched"
+"""Folder in the deployment's for what a server sent"""
 EMPTY = hashlib.sha256().hexdigest()
 """SHA-256 of a file without a byte"""
 
@@ -29,9 +33,11 @@ EMPTY = hashlib.sha256().hexdigest()
 class ArrivedFiles:
     """The files of one kind in a source folder."""
 
-    source: Path
+    source: Source
+    folder: Path
+    """Where they are"""
     kind: str
-    """empty: no file tells it"""
+    """of the logs; empty: no file tells it"""
     sums: dict[str, str]
     """SHA-256 by the path from the source on, in the order of names"""
     refused: dict[str, str]
@@ -44,46 +50,67 @@ class ArrivedFiles:
     @property
     def digest(self) -> str:
         """Of names, contents and how they are read: equal where the import must be equal."""
-        files = [f"{name} {content}" for name, content in self.sums.items()]
+        return self.digest_of(tuple(self.sums))
+
+    def digest_of(self, names: Sequence[str]) -> str:
+        """The same of some of the files."""
+        files = [f"{name} {self.sums[name]}" for name in names]
         text = "\n".join([__version__, self.kind, self.reading, *files])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def stage(self, folder: Path) -> ArrivedFiles:
-        """Copy them into an empty folder, and tell what was copied.
+    def stage(self, names: Sequence[str], folder: Path) -> None:
+        """Copy files into a folder, for a reader: whoever copies them here may still write.
 
-        A file may have grown, or gone, since it was listed: what the copy holds is what counts.
+        Raises:
+          InputError: one has changed, or gone, since it was listed.
         """
-        refused = dict(self.refused)
-        sums: dict[str, str] = {}
-        for name in self.sums:
+        for name in names:
             target = folder / name
+            if target.exists():
+                continue
             target.parent.mkdir(parents=True, exist_ok=True)
             try:
-                shutil.copyfile(self.source / name, target)
-                sums[name] = _sum(target)
+                shutil.copyfile(self.folder / name, target)
+                same = _sum(target) == self.sums[name]
             except OSError as error:
-                refused[name] = error.strerror or str(error)
-        kept = _without_copies(sums)
-        for name in sums.keys() - kept.keys():
-            (folder / name).unlink()
-        return dataclasses.replace(self, sums=kept, refused=refused)
+                raise InputError(f"{name}: {error.strerror or error}") from error
+            if not same:
+                target.unlink()
+                raise InputError(f"{name} is being written: it is read at the next pass")
+
+
+def folder_of(deployment: WatchedDeployment) -> Path:
+    """The folder that a deployment's files are in: the source, or where a server's are kept."""
+    if "://" in deployment.source:
+        return deployment.folder / FETCHED
+    return deployment.place(deployment.source)
 
 
 def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
-    """What is in the deployment's source now.
+    """What is in the deployment's source now; of a server, after its newest days were fetched.
+
+    A server that does not answer leaves what it sent before, and is among the refused.
 
     Raises:
       InputError: the source is a file.
     """
-    source = deployment.place(deployment.source)
+    way = source_of(deployment.source, "" if deployment.kind == AUTO else deployment.kind)
+    source = folder_of(deployment)
+    kind = deployment.kind
+    sums: dict[str, str] = {}
+    refused: dict[str, str] = {}
+    if way.fetch:
+        try:
+            imported(way.fetch)(deployment.source, source)
+        except InputError as error:
+            refused["source"] = str(error)
+        kind = way.logs[0] if kind == AUTO else kind
     if source.exists() and not source.is_dir():
         raise InputError(f"source {source} is a file; name the folder in which files arrive")
     names = _names(source, recursive=deployment.recursive)
-    kind = deployment.kind
     if kind == AUTO:
         kind = _kind_of([source / name for name in names]) or ""
     logs = [name for name in names if kind and IMPORTERS[kind].accepts(source / name)]
-    sums, refused = {}, {}
     for name in logs:
         try:
             check_regular(source / name)
@@ -107,7 +134,8 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
         missing = f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
     return ArrivedFiles(
-        source=source,
+        source=source_of(deployment.source, kind),
+        folder=source,
         kind=kind,
         sums=_without_copies(sums),
         refused=refused,
