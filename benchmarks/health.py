@@ -45,8 +45,10 @@ from factory.generation.executors import local_pool
 from factory.sampling.deployment import DeploymentDraw, faulty_of
 from learn.networks.fault_detector import FaultDetector
 from twin.faults.base import FAULTS, fault_from_dict
-from twin.health.assessment import DeploymentHealth, hypotheses_for, judged, told_by
+from twin.health.assessment import flown_signatures, judged
 from twin.health.channels import NAMES
+from twin.health.deployment_dives import told_by
+from twin.health.deployment_health import DeploymentHealth
 from twin.health.signatures import TypicalDive
 from twin.health.thresholds import threshold_of
 from twin.records.logged import LogStore
@@ -197,7 +199,7 @@ def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
 def _seen(one: DeploymentHealth, case: Case, begun: int, vehicle: Vehicle) -> int | None:
     """Place of the first dive in which a fault's signature is `SEEN` deviations."""
     fault = fault_from_dict(case["fault"])
-    every = hypotheses_for(vehicle, TypicalDive(**case["dive"]), np.array(case["ways"]))
+    every = flown_signatures(vehicle, TypicalDive(**case["dive"])).in_dives(np.array(case["ways"]))
     mine = [h for h in every if h.kind == fault.kind]
     same = [
         h for h in mine

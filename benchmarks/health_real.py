@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from twin.cli.text_table import format_number
-from twin.health.assessment import LEAST_DIVES, hypotheses_for, judged, told_by
+from twin.health.assessment import LEAST_DIVES, flown_signatures, judged
 from twin.health.channels import NAMES
+from twin.health.deployment_dives import told_by
 from twin.health.thresholds import threshold_of
 from twin.identify.start_values import start_vehicle
 from twin.records.logged import LogStore
@@ -102,7 +103,7 @@ def _look(
     if which != "identified":
         return
     begun = len(one.dives) // 2
-    hypotheses = hypotheses_for(vehicle, told["dive"], told["ways"])
+    hypotheses = flown_signatures(vehicle, told["dive"]).in_dives(told["ways"])
     for kind, size, way in PUT:
         mine = [h for h in hypotheses if h.kind == kind
                 and all(getattr(h.fault, key) == value for key, value in way.items())]  # fmt: skip

@@ -143,7 +143,7 @@ def make_deployments(
         made, of which exactly half have a fault.
       kinds: of faults that are drawn, by default all that the vehicle can have.
       size: of the faults, by default drawn from their kind's range.
-      watch: called with the hours of deployments that are done.
+      watch: called with hours as deployments are done, which add up to `hours` where it is given.
 
     Raises:
       InputError: nothing to make, a fault that the vehicle cannot have. WriteError: something is
@@ -154,13 +154,16 @@ def make_deployments(
         vehicle=load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle,
         preset=preset, seed=seed, kinds=tuple(kinds), size=size,
     )  # fmt: skip
+    asked = 240.0 if hours is None else hours
     if count is None:
-        draws = _lasting(plan, 240.0 if hours is None else hours)
+        draws = _lasting(plan, asked)
     elif count < 2:
         raise InputError(f"{count} deployments: give at least 2, one of which has a fault")
     else:
         draws = [first_draw(plan, index) for index in range(count + count % 2)]
     pieces = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
+    # whole deployments last longer than was asked for
+    share = asked / sum(draw.scenario.run_time() / 3600.0 for draw in draws) if not count else 1.0
     with whole_folder(out, overwrite=overwrite, ours=is_store) as folder:
         beside = folder.parent / "pieces"
         beside.mkdir()
@@ -168,7 +171,7 @@ def make_deployments(
         for made in _done(
             workers, _piece, [(plan, p, f) for p, f in zip(pieces, files, strict=True)]
         ):
-            watch(made)
+            watch(share * made)
         dives, days, faulty = _joined(files, folder)
     return MadeDeployments(
         store=Path(out), deployments=len(draws), faulty=faulty, dives=dives, days=days

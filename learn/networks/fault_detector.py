@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.health.assessment import NONE
+from twin.health.deployment_health import NONE
 from twin.health.judgement import follow
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from twin.errors import TwinError
 from twin.health.beliefs import FOLLOWED, Beliefs, follow_parameters
-from twin.health.channels import PUMPING
+from twin.health.dive_signals import strokes_of
 from twin.identify import load_calibration, load_logs, start_vehicle
 from twin.logs import energy_used
 from twin.records.attributes import DIVE
@@ -179,10 +179,8 @@ def _pump(logs: LogStore, rows: list[int]) -> list[dict[str, float]] | None:
     depths, rates, powers = [], [], []
     for k, row in enumerate(rows):
         told = {name: block[k, : logs.samples[row]].astype(float) for name, block in blocks.items()}
-        rate = np.diff(told["measured_pump"], prepend=math.nan) / period
-        pumping = rate > PUMPING
-        # a sample beside another of the stroke: at an end it has a part of it alone
-        pumping[1:-1] &= (rate[:-2] > PUMPING) & (rate[2:] > PUMPING)
+        strokes = strokes_of(told["measured_pump"], period)
+        rate, pumping = strokes.rate, strokes.inner
         power = told.get("measured_pump_power")
         if power is None and {"measured_voltage", "measured_battery_current"} <= told.keys():
             taken = told["measured_voltage"] * told["measured_battery_current"]

@@ -67,13 +67,12 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
       values: (dives, channels), NaN where the log does not tell.
       changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
         same; beyond, levels may step by what the model lacks. None: all dives are the same.
-      wander: deviation of each channel's change from dive to dive, (channels,), beside that of a
-        log that tells all it depends on.
+      wander: deviation of each channel's change from the dive before, (dives, channels), beside
+        that of a log that tells all it depends on.
     """
     count, width = values.shape
     noise = np.array([one.noise for one in CHANNELS]) ** 2
     walk = np.array([one.walk for one in CHANNELS]) ** 2
-    walk = walk if wander is None else walk + wander**2
     level, variance = np.zeros(width), UNKNOWN**2 * noise
     seen, squares = np.zeros(width), np.zeros((count, width))
     scale = np.ones(width)
@@ -83,6 +82,7 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
         known = np.isfinite(value)
         step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
         variance = variance + (walk + noise * step**2) * scale
+        variance = variance if wander is None else variance + wander[d] ** 2
         spread = variance + noise * scale
         first = known & (seen == 0)
         level = np.where(first, value, level)
@@ -92,7 +92,9 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
         variance = np.where(known, (1.0 - gain) * variance, variance)
         seen += known
         told = known & ~first
-        squares[d] = np.where(told, np.minimum(error**2 / spread * scale, 9.0 * scale), 0.0)
+        # what is in the first dives is the vehicle: nothing there is cut off
+        most = 9.0 * scale if d >= FIRST else math.inf
+        squares[d] = np.where(told, np.minimum(error**2 / spread * scale, most), 0.0)
         counted = np.maximum(seen - 1.0 - LATE, 0.0)
         taught = squares[: max(d + 1 - LATE, 0)].sum(axis=0)
         scale = np.clip((LEARNED + taught) / (LEARNED + counted), LEAST, MOST)
@@ -127,14 +129,24 @@ class Verdict:
     """The most likely kind after each dive"""
 
 
-def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verdict:
+def judge(
+    levels: Levels,
+    days: Array,
+    hypotheses: Sequence[Hypothesis],
+    standing: tuple[Array, Array] | None = None,
+) -> Verdict:
     """Weigh every fault and every first dive against drift.
 
     Args:
       days: [d] of the middle of each dive since the first, (dives,).
       hypotheses: of faults, whose signatures are those of each dive where they differ.
+      standing: what may have been there all along, as `disturbances.standing` gives it; faults and
+        drift are weighed with any size of each of them.
     """
     count, width = levels.innovation.shape
+    always, usually = (np.zeros((0, count, width)), np.zeros(0)) if standing is None else standing
+    shared = np.zeros((len(always), width))
+    precision, told_always = np.diag(usually**-2.0), np.zeros(len(always))
     size = len(hypotheses)
     spread = np.sqrt(levels.expected)
     told = np.isfinite(levels.innovation)
@@ -151,6 +163,7 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
     onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))
     info, score = np.zeros((2, len(onsets), size))
+    across = np.zeros((len(onsets), size, len(always)))
     evidence, running = np.full(count, -math.inf), ["none"] * count
     usual = np.array([_usual(h) for h in hypotheses])
     before = np.zeros((len(onsets) - 1, size))
@@ -166,7 +179,17 @@ def judge(levels: Levels, days: Array, hypotheses: Sequence[Hypothesis]) -> Verd
         weighted = response / spread[d] * told[d]
         info += (weighted**2).sum(axis=2)
         score += (weighted * innovation[d]).sum(axis=2)
-        before = _against_standing(_ratio(info, score, usual, signed), by_dives)
+        added = always[:, d] - shared
+        shared = shared + np.nan_to_num(levels.gain[d]) * added
+        beside = added / spread[d] * told[d]
+        across += weighted @ beside.T
+        precision = precision + beside @ beside.T
+        told_always = told_always + beside @ innovation[d]
+        taken = across @ np.linalg.inv(precision)
+        before = _against_standing(
+            _ratio(info - (taken * across).sum(axis=2), score - taken @ told_always, usual, signed),
+            by_dives,
+        )
         if not begun[1:].any():
             continue
         prior = -math.log(RARE) - math.log(size)

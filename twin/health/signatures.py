@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
 from twin.faults.base import DAY, FAULTS, Fault, faults_of, read_by
-from twin.health.channels import FLOWN, NAMES, PLACE, DiveSignals, channels_of, flight_model
+from twin.health.channels import FLOWN, NAMES, PLACE
+from twin.health.dive_channels import channels_of, flight_model
+from twin.health.dive_signals import DiveSignals
 from twin.mission import Mission, SawTooth, Surface
 from twin.physics.electric import electric
 from twin.physics.lanes import Lane, flown_abreast
@@ -25,6 +27,7 @@ from twin.records.trajectory import Trajectory
 from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
 from twin.vehicle.vehicle import Vehicle
+from twin.water.current import Profile
 from twin.water.density import DensityProfile
 from twin.water.floor import FlatFloor
 
@@ -40,6 +43,10 @@ DEEP = 250.0
 """[m] that is dived at least, in as many yos as that takes"""
 OCEAN, PER_SALINITY = 1025.0, 0.77
 """[kg/m3] that the shipped gliders are ballasted for, and by which a unit of salinity is denser"""
+HEADING = 30.0
+"""[degree] of the flights"""
+SHEAR = 3e-4
+"""[1/s] of the sheared flight: 6 cm/s over 200 m"""
 SETTLED = 300.0
 """[s] of a flight after which a fault begins that began at once"""
 FLATTER = 1.0
@@ -92,6 +99,10 @@ class Hypothesis:
         """Of the fault."""
         return self.fault.kind
 
+    def shows_in(self, told: NDArray[np.bool_]) -> bool:
+        """Whether a log that tells these channels, (channels,), can show it."""
+        return bool(np.nan_to_num(np.atleast_2d(self.signature)[:, told]).any())
+
 
 def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> TypicalDive:
     """The dive of a vehicle's file: its usual glide."""
@@ -103,8 +114,37 @@ def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> T
     )  # fmt: skip
 
 
-def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
-    """Every fault that a vehicle can have, with its signature in a dive; see `in_dives`.
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Signatures:
+    """What faults and a sheared sea add to the channels of a vehicle's dive."""
+
+    hypotheses: tuple[Hypothesis, ...]
+    """of every fault that it can have"""
+    sheared: Array
+    """Response of each channel to a current across the heading that changes by 1 m/s in a metre of
+    depth, (channels,); NaN where the twin does not tell"""
+
+    def in_dives(self, way: Array) -> list[Hypothesis]:
+        """The hypotheses in the dives of a deployment: what a kind itself expects of each dive.
+
+        Args:
+          way: mean velocity through the water of each dive by the compass [m/s], (dives, 2); NaN
+            where it is not known.
+        """
+        found = []
+        for one in self.hypotheses:
+            told = one.fault.expected(np.nan_to_num(way))
+            if told is not None:
+                signature = np.zeros((len(way), len(NAMES)))
+                for name, values in told.items():
+                    signature[:, PLACE[name]] = values
+                one = dataclasses.replace(one, signature=signature)
+            found.append(one)
+        return found
+
+
+def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
+    """Signatures of every fault that a vehicle can have in a dive, by flights.
 
     Where the vehicle does not glide steadily in it, it flies a steeper, deeper one.
 
@@ -127,8 +167,9 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         flatter = dataclasses.replace(
             one, pitch=one.pitch - FLATTER, climb_pitch=one.climb_pitch - FLATTER
         )
-        cases = [(one, ()), (flatter, ()), *((one, (fault,)) for fault in flown)]
-        sound, beside, *table = _flown_channels(vehicle, cases)
+        cases: list[Case] = [(one, (), 0.0), (flatter, (), 0.0), (one, (), SHEAR)]
+        cases += [(one, (fault,), 0.0) for fault in flown]
+        sound, beside, sheared, *table = _flown_channels(vehicle, cases)
         if np.isfinite(sound[RATES]).all() or flight_model(vehicle) is None:
             break
     else:
@@ -152,33 +193,18 @@ def hypotheses_of(vehicle: Vehicle, dive: TypicalDive) -> list[Hypothesis]:
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
     told = [fault for fault in faults if fault not in flown]
     nothing = np.zeros(len(NAMES))
-    return [*found, *(Hypothesis(fault=f, signature=nothing, scale=abs(f.size)) for f in told)]
+    found += [Hypothesis(fault=f, signature=nothing, scale=abs(f.size)) for f in told]
+    leaning = np.where(FLOWN, (sheared - sound) / SHEAR, 0.0)
+    return Signatures(hypotheses=tuple(found), sheared=leaning)
 
 
-def in_dives(hypotheses: Sequence[Hypothesis], way: Array) -> list[Hypothesis]:
-    """The hypotheses in the dives of a deployment: what a kind itself expects of each dive.
-
-    Args:
-      way: mean velocity through the water of each dive by the compass [m/s], (dives, 2); NaN
-        where it is not known.
-    """
-    found = []
-    for one in hypotheses:
-        told = one.fault.expected(np.nan_to_num(way))
-        if told is not None:
-            signature = np.zeros((len(way), len(NAMES)))
-            for name, values in told.items():
-                signature[:, PLACE[name]] = values
-            one = dataclasses.replace(one, signature=signature)
-        found.append(one)
-    return found
+Case = tuple[TypicalDive, tuple[Fault, ...], float]
+"""A dive, its faults, and the shear across its heading [1/s]"""
 
 
-def _flown_channels(
-    vehicle: Vehicle, cases: Sequence[tuple[TypicalDive, tuple[Fault, ...]]]
-) -> list[Array]:
+def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array]:
     """Channels of dives with sets of faults, noise-free; NaN where one cannot be flown."""
-    scenarios = [dive_scenario(vehicle, dive, case) for dive, case in cases]
+    scenarios = [dive_scenario(vehicle, *case) for case in cases]
     calibration = flight_model(vehicle)
     found = [np.full(len(NAMES), math.nan) for _ in cases]
     try:
@@ -195,20 +221,28 @@ def _flown_channels(
     return found
 
 
-def dive_scenario(vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault] = ()) -> Scenario:
+def dive_scenario(
+    vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault] = (), shear: float = 0.0
+) -> Scenario:
     """A dive with faults, and where it is shallow several, so that it says as much."""
     yos = max(math.ceil(DEEP / dive.depth), 1)
+    bottom, across = 1.1 * dive.depth + FLOOR_BELOW, math.radians(HEADING + 90.0)
+    current = Profile(
+        depth=(0.0, bottom),
+        north=(0.0, shear * bottom * math.cos(across)),
+        east=(0.0, shear * bottom * math.sin(across)),
+    )
     mission = Mission(
         segments=(
             Surface(duration_s=120.0),
             SawTooth(
-                heading_deg=30.0, yos=yos, max_depth_m=dive.depth, min_depth_m=8.0,
+                heading_deg=HEADING, yos=yos, max_depth_m=dive.depth, min_depth_m=8.0,
                 pitch_deg=dive.pitch, climb_pitch_deg=dive.climb_pitch, net_mass_kg=dive.net_mass,
                 climb_net_mass_kg=dive.climb_net_mass,
             ),
             Surface(duration_s=120.0),
         ),
-        start_heading_deg=30.0,
+        start_heading_deg=HEADING,
         name="signature",
     )  # fmt: skip
     # the water that the vehicle is ballasted for
@@ -223,7 +257,8 @@ def dive_scenario(vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault] =
         mission=mission,
         faults=[_begun(fault) for fault in faults],
         density=water,
-        floor=FlatFloor(depth_m=1.1 * dive.depth + FLOOR_BELOW),
+        current=current if shear else None,
+        floor=FlatFloor(depth_m=bottom),
         engine="lanes",
         sample_period=min(dive.period, 4.0),
         duration=PATIENCE * dive.depth * yos,

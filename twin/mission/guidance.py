@@ -31,7 +31,8 @@ INTEGRAL_ZONE = math.radians(2.0)
 DEPTH_ZONE = 1.0
 """[m] largest depth error that is integrated on the way: an approach must not wind a loop up."""
 UNDER_WAY = 0.02
-"""[m/s] depth rate of a vehicle on its way; a slower one is stuck, and the integral frees it."""
+"""[m/s] depth rate of a vehicle on its way; a slower one is stuck, and the integral frees it, or
+it turns its depth about."""
 WAITING_ERROR = math.radians(60.0)
 """[rad] heading error beyond which a turning setpoint waits for the vehicle."""
 TURN_SIDE = math.radians(120.0)
@@ -201,6 +202,19 @@ def _leave_surface(gains: Array, command: Array) -> None:
 
 
 @jit
+def _turns_otherwise(row: Array, phase: float, depth_rate: float) -> bool:
+    """Whether a vehicle that rolls to turn does not yet go the way that its phase turns it in.
+
+    In an inflection, and where it slides off the surface, its lift is that of the other way, or of
+    none: a loop closed with the phase's sign would turn it away from its heading. As real ones do,
+    it keeps the roll that flies straight until it is under way.
+    """
+    if phase == g.ON_LEVEL or not row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0:
+        return False
+    return (depth_rate if phase == g.DIVE else -depth_rate) < UNDER_WAY
+
+
+@jit
 def _go_along(gains: Array, command: Array) -> None:
     """Move the parts that go along with those that the loops moved, within their travel."""
     wanted = command.copy()
@@ -304,6 +318,8 @@ def _steer(
         heading_rate -= row[g.TURN_RATE]
     if not abs(turn) > 0.0:
         return
+    if _turns_otherwise(row, phase, depth_rate):
+        error, heading_rate = 0.0, 0.0
     limit = row[g.TURN_LIMIT] / abs(turn)
     command[part] = turn * pid(
         gains[g.HEADING_KP],

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from twin.cli.text_table import format_number
 from twin.health.answers import Answers
-from twin.health.assessment import DeploymentHealth, KindVerdict
 from twin.health.channels import CHANNELS, Channel
+from twin.health.deployment_health import DeploymentHealth, KindVerdict
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
 from twin.show.figures.page_layout import Page
@@ -78,7 +78,9 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
     if one.remarks:
         page.points(one.remarks)
     if one.kinds:
-        page.say("Every fault that the vehicle can have, the likeliest first:")
+        page.say(
+            "Every fault that the vehicle can have and this log can show, the likeliest first:"
+        )
         for place, kind in enumerate(one.kinds):
             page.details(_summary(kind), _facts(kind), shown=one.alarm and place == 0)
         page.figure(f"{one.name}-evidence", evidence_figure(one),

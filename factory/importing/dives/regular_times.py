@@ -29,7 +29,7 @@ SPARSE = frozenset(
     {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
      "measured_dvl_heave", "measured_charge", "measured_voltage", "measured_battery_current",
-     "measured_vacuum"}
+     "measured_vacuum", "measured_altitude"}
 )  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})

@@ -7,6 +7,10 @@ import pytest
 
 from factory.generation import deployments
 from factory.generation.deployments import DeploymentPlan, first_draw
+from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
+from factory.importing.dives.dive_store import build
+from factory.importing.plausibility import DiveRules
+from factory.importing.tally import Tally
 from factory.sampling.deployment import check_steered, fault_kinds, faulty_of
 from twin.errors import InputError, MissionError, TwinError
 from twin.vehicle.vehicle import load_vehicle
@@ -88,3 +92,25 @@ def test_a_sound_vehicle_that_circles_is_drawn_again():
     check_steered(SimpleNamespace(fault=SimpleNamespace(start=4000.0)), track)
     with pytest.raises(TwinError, match="circled before"):
         check_steered(SimpleNamespace(fault=None), track)
+
+
+def test_echoes_that_are_missing_stay_missing_in_the_log():
+    time = np.arange(0.0, 12_000.0, 4.0)
+    dived = 60.0 * np.abs(np.sin(np.pi * time / 3000.0))
+    heard = np.arange(time.size) % 20 == 0  # one of twenty
+    channels = {
+        "measured_depth": Channel(time, dived),
+        "measured_pitch": Channel(time, np.where(np.gradient(dived) > 0.0, -25.0, 25.0)),
+        "measured_heading": Channel(time, np.full(time.size, 30.0)),
+        "measured_altitude": Channel(time[heard], 80.0 - dived[heard]),
+    }
+    log = DeploymentLog(
+        deployment="one", platform="simulated", channels=channels, magnetic_variation=EMPTY,
+        fixes=LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0)), simulated=True,
+    )  # fmt: skip
+    dives, _ = build(
+        [log], kind="slocum", period=4.0, rules=DiveRules(), tally=Tally(), files=["one"]
+    )
+    under = np.isfinite(dives["measured_depth"].values)
+    told = np.isfinite(dives["measured_altitude"].values)[under].mean()
+    assert told == pytest.approx(0.05, abs=0.02)

@@ -15,7 +15,7 @@ from twin.__main__ import PROGRAM
 from twin.health.answers import answer_for
 from twin.health.assessment import judged
 from twin.health.channels import CHANNELS, NAMES
-from twin.health.signatures import hypotheses_of, usual_dive
+from twin.health.signatures import signatures_of, usual_dive
 from twin.records.store import write_store
 from twin.show import write_health
 
@@ -72,7 +72,7 @@ def test_the_command_answers_by_json(store, capsys):
 def page(tmp_path_factory, said):
     vehicle = twin.load_vehicle("slocum-200")
     shape = usual_dive(vehicle)
-    fault = next(h for h in hypotheses_of(vehicle, shape) if h.kind == "attached")
+    fault = next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == "attached")
     noise = np.array([channel.noise for channel in CHANNELS])
     values = noise * np.random.default_rng(1).standard_normal((20, len(NAMES)))
     values[12:] += np.nan_to_num(fault.signature) * fault.scale

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 import twin
-from twin.health.assessment import changes_of, judged, remarks_of, rings
-from twin.health.channels import CHANNELS, NAMES, DiveSignals, channels_of, flight_model
+from twin.health.assessment import judged, remarks_of, rings
+from twin.health.channels import CHANNELS, NAMES
+from twin.health.deployment_dives import changes_of
+from twin.health.dive_channels import channels_of, flight_model
+from twin.health.dive_signals import DiveSignals
 from twin.health.judgement import STEP, follow
-from twin.health.signatures import hypotheses_of, usual_dive
+from twin.health.signatures import signatures_of, usual_dive
 
 NOISE = np.array([channel.noise for channel in CHANNELS])
 DIVES = 20
@@ -26,6 +29,10 @@ def dive(depth=100.0, pitch=26.0, pump=200.0, **more):
         "measured_vacuum": np.where(z < 5.0, 3e4, 2.5e4),
     }
     return DiveSignals(period=4.0, signals=signals, **more)
+
+
+def of_kind(kind, vehicle, shape):
+    return next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == kind)
 
 
 def values(seed=1, count=DIVES):
@@ -75,7 +82,11 @@ def test_an_alarm_stands_until_no_fault_is_as_likely():
 def attached():
     vehicle = twin.load_vehicle("slocum-200")
     shape = usual_dive(vehicle)
-    return vehicle, shape, next(h for h in hypotheses_of(vehicle, shape) if h.kind == "attached")
+    return (
+        vehicle,
+        shape,
+        next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == "attached"),
+    )
 
 
 def judgement(attached, begun, ended=DIVES):
@@ -96,6 +107,22 @@ def test_a_fault_that_stays_is_an_alarm_that_stands(attached):
     assert one.rang == ((one.noticed_dive, DIVES),)
     assert one.since_dive <= one.noticed_dive <= one.since_dive + 2
     assert one.describe()["rang"] == [[one.noticed_dive, DIVES]]
+
+
+def test_what_the_log_cannot_show_is_not_weighed(attached):
+    vehicle, shape, _ = attached
+    seen = values()
+    seen[:, NAMES.index("lock")] = math.nan  # it has no Doppler log
+    kinds = [
+        {kind.kind for kind in judged(
+            name="one", numbers=range(1, DIVES + 1), values=told, time=10_800.0 * np.arange(DIVES),
+            ways=np.full((DIVES, 2), math.nan), dive=shape, vehicle=vehicle, threshold=3.0,
+        ).kinds}
+        for told in (values(), seen)
+    ]  # fmt: skip
+    assert kinds[0] - kinds[1] == {"dvl_beam"}
+    # and a compass shows by fixes alone
+    assert "compass_iron" not in kinds[1]
 
 
 def test_nothing_rings_on_a_sound_vehicle(attached):
@@ -123,7 +150,8 @@ def test_signatures_are_of_the_water_that_the_vehicle_is_ballasted_for():
     shape = usual_dive(ocean, depth=40.0)
     place = NAMES.index("rate_climb")
     one, other = (
-        next(h for h in hypotheses_of(v, shape) if h.kind == "attached") for v in (ocean, brackish)
+        next(h for h in signatures_of(v, shape).hypotheses if h.kind == "attached")
+        for v in (ocean, brackish)
     )
     assert one.signature[place] < -0.1
     assert other.signature[place] == pytest.approx(one.signature[place], rel=0.1)

@@ -8,9 +8,11 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS
-from twin.health.channels import CHANNELS, NAMES, DiveSignals, channels_of
+from twin.health.channels import CHANNELS, NAMES
+from twin.health.dive_channels import channels_of
+from twin.health.dive_signals import DiveSignals
 from twin.health.judgement import FIRST, follow, judge
-from twin.health.signatures import confusable, hypotheses_of, in_dives, usual_dive
+from twin.health.signatures import confusable, signatures_of, usual_dive
 from twin.health.thresholds import threshold_of
 
 DIVES, BEGUN = 40, 20
@@ -21,7 +23,7 @@ WALK = np.array([channel.walk for channel in CHANNELS])
 @pytest.fixture(scope="module")
 def hypotheses():
     vehicle = twin.load_vehicle("slocum-200")
-    return in_dives(hypotheses_of(vehicle, usual_dive(vehicle)), np.full((DIVES, 2), 0.2))
+    return signatures_of(vehicle, usual_dive(vehicle)).in_dives(np.full((DIVES, 2), 0.2))
 
 
 def sound(seed):
@@ -124,7 +126,7 @@ def test_iron_that_was_there_before_the_log_is_no_fault(hypotheses):
     vehicle = twin.load_vehicle("slocum-200")
     heading = np.repeat([0.3, 2.0, 4.0, 5.5], DIVES // 4)
     way = 0.25 * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    mine = in_dives(hypotheses_of(vehicle, usual_dive(vehicle)), way)
+    mine = signatures_of(vehicle, usual_dive(vehicle)).in_dives(way)
     iron = next(h for h in mine if h.kind == "compass_iron")
     odds = {}
     for begun in (0, BEGUN + 4):

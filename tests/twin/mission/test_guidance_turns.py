@@ -125,3 +125,24 @@ def test_a_dive_stays_a_dive_in_the_next_segment():
     assert flight.state[g.SEGMENT] == 1
     assert flight.state[g.PHASE] == g.DIVE
     assert flight.state[g.YO_COUNT] == 0.0
+
+
+def rotation_in_a_climb(turns, *, rising, hand_over=60):
+    """Rotation commanded at an error of 10 deg after some seconds of a climb at a depth rate."""
+    flight = Flight(SawTooth(max_depth_m=100, min_depth_m=10, heading_deg=0, pitch_deg=30, yos=2))
+    flight.table[:, g.DIVE_TURN], flight.table[:, g.CLIMB_TURN] = turns
+    flight.tick(depth=101.0)
+    for k in range(hand_over):
+        depth = 101.0 - rising * k * TICK
+        rotation = flight.tick(depth, heading=math.radians(-10.0))[1]
+    assert flight.state[g.PHASE] == g.CLIMB
+    return rotation
+
+
+def test_a_battery_that_turns_it_otherwise_in_climbs_waits_for_the_climb():
+    """A hull that still falls would be turned away from its heading by the climb's roll."""
+    assert rotation_in_a_climb((1.0, -1.0), rising=-0.05) == 0.0
+    assert rotation_in_a_climb((1.0, -1.0), rising=0.01) == 0.0
+    assert rotation_in_a_climb((1.0, -1.0), rising=0.1) < -0.3
+    # a rudder turns it alike in both
+    assert rotation_in_a_climb((1.0, 1.0), rising=-0.05) > 0.3

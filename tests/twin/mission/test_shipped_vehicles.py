@@ -17,7 +17,7 @@ from twin.fossen import FossenModel
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
 from twin.mission.mission_file import MISSING, VehicleLine, shipped_vehicles
-from twin.mission.segments import SawTooth
+from twin.mission.segments import SawTooth, Surface
 from twin.mission.shipped_missions import load_mission_for, usual_mission
 from twin.physics.settle import trim as settle
 from twin.vehicle.presets import vehicle_names
@@ -159,3 +159,16 @@ def test_the_largest_rate_of_a_propeller_is_accepted_as_it_is_printed():
         vehicle = load_vehicle(name)
         place = vehicle.part_names.index("propeller")
         assert trim_positions(vehicle, positions={"propeller": rate})[place] == rate
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "lanes"])
+def test_a_seaglider_at_its_usual_pitch_leaves_the_surface(engine):
+    """Stalled there it fell backwards at 1 cm/s, by lift that no drag across the flow stopped."""
+    leg = SawTooth(max_depth_m=40.0, min_depth_m=8.0, pitch_deg=20.0, heading_deg=30.0, yos=1)
+    mission = Mission(segments=(Surface(duration_s=60.0), leg), start_heading_deg=30.0, name="leg")
+    run = twin.simulate(vehicle="seaglider", mission=mission, engine=engine, duration=900.0)
+    under = run["true_depth"] > 5.0
+    assert run["true_depth"].max() > 39.0
+    assert np.median(run["true_surge"][under]) > 0.2
+    off = np.deg2rad(run["true_heading"][under] - 30.0)
+    assert np.rad2deg(np.abs(np.angle(np.exp(1j * off)))).max() < 10.0

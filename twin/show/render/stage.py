@@ -193,13 +193,15 @@ def build(
         arrows=[_reshaped(model, name) for name in ladder],
         hull_length=vehicle.hull_length,
         turned=turned_bodies(model, vehicle),
-        gone=[(fault.start, _named(model, fault.gone)) for fault in faults if fault.gone],
+        gone=[
+            (fault.start, named_geoms(model, fault.gone, VEHICLE)) for fault in faults if fault.gone
+        ],
     )
 
 
-def _named(model: mujoco.MjModel, beginnings: Sequence[str]) -> list[int]:
-    """Geoms of the vehicle whose names begin so."""
-    starts = tuple(f"{VEHICLE}{one}" for one in beginnings)
+def named_geoms(model: mujoco.MjModel, beginnings: Sequence[str], prefix: str = "") -> list[int]:
+    """Geoms whose names begin so, after a prefix that all names of the vehicle have."""
+    starts = tuple(f"{prefix}{one}" for one in beginnings)
     return [k for k in range(model.ngeom) if (model.geom(k).name or "").startswith(starts)]
 
 

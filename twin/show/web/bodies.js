@@ -48,7 +48,7 @@ class VehicleBodies {
     for (const blend of [false, true]) {
       this.bodies.forEach((body, k) => {
         const mesh = blend ? body.glass : body.solid, { place, turn } = poses[k];
-        if (mesh) {
+        if (mesh && !(body.until !== null && state.time >= body.until)) {
           this.renderer.drawMesh(mesh, { place: Vector.add(here, Vector.scale(place, size)), turn, size,
             shine: 0.35, blend, murk: 0.25 });
         }

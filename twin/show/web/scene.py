@@ -85,7 +85,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
         "scale": _scale(scale, gaps=bool(np.isnan(channels.values["colour"]).any())),
         "vehicle": {
             "length": subject.vehicle.hull_length,
-            "bodies": [_body(body) for body in read_solid(subject.vehicle)],
+            "bodies": [_body(body) for body in read_solid(subject.vehicle, subject.faults)],
         },
         "block": {
             "azimuth": layout.azimuth,
@@ -206,6 +206,7 @@ def _body(body: Body) -> dict[str, Any]:
         "position": body.position.tolist(),
         "quaternion": body.quaternion.tolist(),
         "moves": body.moves,
+        "until": body.until if np.isfinite(body.until) else None,
         "corners": pack(body.corners, PLACE_STEP),
         "normals": pack(body.normals, NORMAL_STEP),
         "tints": tints.tolist(),

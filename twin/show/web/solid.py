@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.faults.base import Fault
 from twin.show.render.shapes import GLIDER_GROUPS
-from twin.show.render.stage import turned_bodies
+from twin.show.render.stage import named_geoms, turned_bodies
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -48,15 +50,52 @@ class Body:
     """Unit, as `corners`"""
     colours: Array
     """RGBA of its triangles, 0 to 1, (triangles, 4)"""
+    until: float = math.inf
+    """[s] mission time from when on it is gone"""
 
 
-def read_solid(vehicle: Vehicle) -> list[Body]:
-    """The bodies of a vehicle, the hull first."""
+def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
+    """The bodies of a vehicle, the hull first; what faults say is gone are bodies of their own."""
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
     hull = model.body("hull").id
     turned = turned_bodies(model, vehicle, "")
     ids = [hull, *(b for b in range(model.nbody) if b != hull and _carried(model, b, hull))]
-    return [_body(model, b, ids, turned) for b in ids]
+    until = np.full(model.ngeom, math.inf)
+    for fault in faults:
+        lost = named_geoms(model, fault.gone)
+        until[lost] = np.minimum(until[lost], fault.start)
+    found = [_body(model, b, ids, turned, _seen(model, b, until == math.inf)) for b in ids]
+    for moment in np.unique(until[until < math.inf]).tolist():
+        for b in ids:
+            if geoms := _seen(model, b, until == moment):
+                lost_shape = _shape(model, geoms)
+                found.append(Body(
+                    parent=ids.index(b), position=np.zeros(3),
+                    quaternion=np.array([1.0, 0, 0, 0]), moves=[], **lost_shape, until=moment,
+                ))  # fmt: skip
+    return found
+
+
+def _seen(model: mujoco.MjModel, body: int, among: NDArray[np.bool_]) -> list[int]:
+    """Geoms of a body that pictures show."""
+    return [
+        geom
+        for geom in np.flatnonzero(among).tolist()
+        if model.geom_group[geom] in GLIDER_GROUPS
+        and model.geom_bodyid[geom] == body
+        and _colour(model, geom)[3] > 0.0
+    ]
+
+
+def _shape(model: mujoco.MjModel, geoms: Sequence[int]) -> dict[str, Any]:
+    """Corners, normals and colours of geoms of one body."""
+    pieces, colours = [np.zeros((0, 2, 3, 3))], [np.zeros((0, 4))]
+    for geom in geoms:
+        piece = _placed(_triangles(model, geom), model.geom_pos[geom], model.geom_quat[geom])
+        pieces.append(np.stack([piece, smooth_normals(piece)], axis=1))
+        colours.append(np.tile(_colour(model, geom), (len(piece), 1)))
+    shape = np.concatenate(pieces)
+    return {"corners": shape[:, 0], "normals": shape[:, 1], "colours": np.concatenate(colours)}
 
 
 def _carried(model: mujoco.MjModel, body: int, hull: int) -> bool:
@@ -67,7 +106,9 @@ def _carried(model: mujoco.MjModel, body: int, hull: int) -> bool:
     return False
 
 
-def _body(model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, Any]) -> Body:
+def _body(
+    model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, Any], geoms: Sequence[int]
+) -> Body:
     moves = []
     for joint in range(model.njnt):
         kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
@@ -88,23 +129,13 @@ def _body(model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, An
             moves.append(
                 {"part": name, "kind": "turn", "axis": axis.tolist(), "anchor": [0.0, 0.0, 0.0]}
             )
-    pieces, colours = [], []
-    for geom in range(model.ngeom):
-        seen = model.geom_group[geom] in GLIDER_GROUPS and model.geom_bodyid[geom] == body
-        if seen and (rgba := _colour(model, geom))[3] > 0.0:
-            piece = _placed(_triangles(model, geom), model.geom_pos[geom], model.geom_quat[geom])
-            pieces.append(np.stack([piece, smooth_normals(piece)], axis=1))
-            colours.append(np.tile(rgba, (len(piece), 1)))
-    shape = np.concatenate(pieces) if pieces else np.zeros((0, 2, 3, 3))
     first = body == ids[0]
     return Body(
         parent=-1 if first else ids.index(int(model.body_parentid[body])),
         position=np.zeros(3) if first else model.body_pos[body].copy(),
         quaternion=np.array([1.0, 0, 0, 0]) if first else model.body_quat[body].copy(),
         moves=moves,
-        corners=shape[:, 0],
-        normals=shape[:, 1],
-        colours=np.concatenate(colours) if colours else np.zeros((0, 4)),
+        **_shape(model, geoms),
     )
 
 

@@ -25,6 +25,7 @@ class BatteryHinge(Part):
     """A mass below the hull's axis; a positive rotation puts it to port."""
 
     kind: ClassVar[str] = "battery-hinge"
+    physics: ClassVar[int] = 5
     unit: ClassVar[str] = "rad"
     quantity: ClassVar[Quantity] = Quantity(
         unit="degree",

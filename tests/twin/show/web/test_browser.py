@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import urllib.error
 import urllib.request
@@ -18,6 +19,7 @@ from pictures import dead_reckoned, short_scenario, short_subject, unpack, write
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
+from twin.faults.wing_lost import WingLost
 from twin.frames import flip_vector
 from twin.logs import logged_trajectory
 from twin.mission.shipped_missions import load_mission_for
@@ -392,3 +394,22 @@ def test_view_without_a_window_serves_a_stored_mission(tmp_path, capsys):
     assert "ssh -L" in said.err
     assert PROGRAM.main(["view", "--port", "0"]) == 2
     assert "--port is of --web" in capsys.readouterr().err
+
+
+@needs_browser
+def test_a_lost_wing_is_not_drawn_from_its_moment_on(browser, tmp_path):
+    scenario = short_scenario()
+    pages = []
+    for name, faults in (("whole", []), ("torn", [WingLost(side="both", start=150.0)])):
+        flown = simulate(scenario)  # the same flight: what differs is the drawing
+        subject = dataclasses.replace(short_subject(), trajectory=flown, faults=faults)
+        pages.append(tmp_path / f"{name}.html")
+        pages[-1].write_text(page_text(subject, Shot(camera="chase")))
+    pictures = {}
+    for page in pages:
+        browser.open(page)
+        for time in (100.0, 200.0):
+            slide_to(browser, time)
+            pictures[page.stem, time] = scene(browser).astype(int)
+    changed = [np.abs(pictures["whole", t] - pictures["torn", t]).max() for t in (100.0, 200.0)]
+    assert changed[0] < 40 < changed[1]

@@ -27,6 +27,7 @@ from pictures import (
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
+from twin.faults.wing_lost import WingLost
 from twin.logs import logged_trajectory
 from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory, write_store
@@ -268,3 +269,15 @@ def test_normals_are_smooth_on_a_round_side_and_sharp_at_an_edge():
     np.testing.assert_allclose(
         normals[72:], np.broadcast_to([0.0, 0.0, 1.0], (36, 3, 3)), atol=1e-9
     )
+
+
+def test_a_lost_wing_is_a_body_that_ends():
+    vehicle = load_vehicle("glider")
+    whole = read_solid(vehicle)
+    torn = read_solid(vehicle, [WingLost(side="port", start=150.0)])
+    assert [body.until for body in torn] == [np.inf] * len(whole) + [150.0]
+    wing = torn[-1]
+    assert torn[wing.parent].parent == -1
+    # the port wing alone, and nothing of the vehicle twice or not at all
+    assert (wing.corners[..., 1] > 0.08).all()
+    assert sum(len(body.corners) for body in torn) == sum(len(body.corners) for body in whole)

@@ -1,0 +1,116 @@
+"""Health of a deployment: what its dives say of each kind of fault, and a verdict."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.health.judgement import Levels
+
+Array = NDArray[np.float64]
+
+NONE = "none"
+"""The kind of a healthy deployment"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class KindVerdict:
+    """What the dives say of one kind of fault."""
+
+    kind: str
+    says: str
+    probability: float
+    since_dive: int | None
+    """Number of the first dive with it, as the log counts; None where it is unlikely"""
+    size: float
+    """in `unit`"""
+    size_deviation: float
+    unit: str
+    settings: dict[str, Any]
+    """such as the side of a wing"""
+    dives: tuple[int, ...]
+    """Numbers of the dives to look at: those that speak for it most"""
+    channels: tuple[str, ...]
+    """by which it shows"""
+    also: tuple[str, ...]
+    """Kinds that no channel of this log tells from it"""
+    otherwise: str
+    find_out: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DeploymentHealth:
+    """The health of one deployment."""
+
+    name: str
+    days: float
+    """[d] from its first dive to its last"""
+    dives: tuple[int, ...]
+    """Numbers of its dives, as the log counts"""
+    alarm: bool
+    kind: str
+    """The most likely fault; none without an alarm"""
+    since_dive: int | None
+    noticed_dive: int | None
+    """The dive after which the alarm that stands was given"""
+    rang: tuple[tuple[int, int], ...]
+    """First and last dive after which each alarm stood; one whose odds fell back has ended"""
+    probability: float
+    """of that kind, or of a fault at all where there is no alarm"""
+    kinds: tuple[KindVerdict, ...]
+    """every kind that the vehicle can have and the log can show, the likeliest first"""
+    evidence: Array
+    """log of the odds of a fault after each dive, (dives,)"""
+    threshold: float
+    levels: Levels
+    values: Array
+    """of the channels, (dives, channels)"""
+    time: Array
+    """[s] unix, of the middle of each dive, (dives,)"""
+    lacking: tuple[str, ...]
+    """Channels that this log does not tell"""
+    remarks: tuple[str, ...]
+    """What is no fault and a pilot should know: what drove it, how it leans, what was changed"""
+
+    def describe(self) -> dict[str, object]:
+        """Plain values, as `--json` prints them."""
+        return {
+            "name": self.name,
+            "days": self.days,
+            "dives": len(self.dives),
+            "alarm": self.alarm,
+            "kind": self.kind,
+            "since_dive": self.since_dive,
+            "noticed_dive": self.noticed_dive,
+            "probability": self.probability,
+            "also": list(self.kinds[0].also) if self.alarm else [],
+            "size": self.kinds[0].size if self.alarm else None,
+            "size_deviation": self.kinds[0].size_deviation if self.alarm else None,
+            "rang": [list(dives) for dives in self.rang],
+            "remarks": list(self.remarks),
+            "lacking": list(self.lacking),
+        }
+
+    def verdict(self) -> str:
+        """One line for a person."""
+        if not self.dives or not self.kinds:
+            return f"{self.name}: {len(self.dives)} dives are too few to judge"
+        if not self.alarm:
+            before = "" if not self.rang else (
+                f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"
+            )  # fmt: skip
+            return (
+                f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{before}"
+            )
+        first = self.kinds[0]
+        others = [k for k in first.also if k != first.kind]
+        told = f" or {', '.join(others)}" if others else ""
+        unit = "" if first.unit == "1" else f" {first.unit}"
+        return (
+            f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
+            f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
+            f"{first.size_deviation:.2g}{unit}"
+        )
