@@ -173,10 +173,12 @@ class Run:
         if said is None:
             return None
         try:
-            rows = tuple(tuple(map(float, row)) for row in said["covariance"])
-            constants = tuple(map(float, said["constants"]))
-            rate = float(said["depth_rate"])
-            start = FlightStart(constants=constants, covariance=rows, depth_rate=rate)
+            start = FlightStart(
+                constants=tuple(map(float, said["constants"])),
+                deviations=tuple(map(float, said["deviations"])),
+                correlation=tuple(tuple(map(float, row)) for row in said["correlation"]),
+                depth_rate=float(said["depth_rate"]),
+            )
             return Adapted(start=start, deviation=self.error_model().velocity_sd)
         except (TypeError, KeyError, ValueError, InputError) as error:
             raise StoreError(

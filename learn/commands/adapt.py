@@ -13,7 +13,6 @@ from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
 
-
 HULLS = {
     "file": "as its file says, so that nothing is changed",
     "near": "near its file",

@@ -83,26 +83,50 @@ class FlightStart:
     """
 
     constants: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
+    deviations: tuple[float, ...]
+    """Standard deviations of their errors"""
+    correlation: tuple[tuple[float, ...], ...]
+    """Of the errors: units differ by ten orders, which a covariance would not survive in a file"""
     depth_rate: float = 3e-3
     """[m/s] of one correction, as `FlightSpread.depth_rate`"""
 
     def __post_init__(self) -> None:
-        size = len(CONSTANTS)
-        constants, covariance = np.array(self.constants), np.array(self.covariance, float)
-        if constants.shape != (size,) or covariance.shape != (size, size):
-            raise InputError(f"a flight filter begins with {size} constants and their covariance")
+        size, correlation = len(CONSTANTS), np.array(self.correlation, float)
+        if not len(self.constants) == len(self.deviations) == size or correlation.shape != (
+            size,
+            size,
+        ):
+            raise InputError(f"a flight filter begins with {size} constants and their correlation")
         if not (math.isfinite(self.depth_rate) and self.depth_rate > 0.0):
             raise InputError(f"depth_rate {self.depth_rate!r} of a correction must be above 0 m/s")
-        if not (np.isfinite(constants).all() and np.isfinite(covariance).all()):
+        if not np.isfinite([*self.constants, *self.deviations, *correlation.ravel()]).all():
             raise InputError("what a flight filter begins with is not finite")
-        spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        scaled = covariance / np.outer(spread, spread)  # units differ by ten orders
-        if not np.allclose(scaled, scaled.T) or not np.linalg.eigvalsh(scaled).min() > 0.0:
+        if not (
+            min(self.deviations) > 0.0
+            and np.allclose(correlation, correlation.T)
+            and np.linalg.eigvalsh(correlation).min() > 0.0
+        ):
             raise InputError(
-                "what a flight filter begins with is no covariance: it must be symmetric and "
-                "positive definite"
+                "what a flight filter begins with is no uncertainty: deviations must be above 0, "
+                "and their correlation symmetric and positive definite"
             )
+
+    @classmethod
+    def of(cls, constants: Array, covariance: Array, depth_rate: float) -> FlightStart:
+        """From constants (7,) and the covariance of their errors (7, 7)."""
+        deviations = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(deviations, deviations)
+        return cls(
+            constants=tuple(constants.tolist()),
+            deviations=tuple(deviations.tolist()),
+            correlation=tuple(map(tuple, correlation.tolist())),
+            depth_rate=depth_rate,
+        )
+
+    @property
+    def covariance(self) -> Array:
+        """Of the errors, (7, 7)."""
+        return np.array(self.correlation) * np.outer(self.deviations, self.deviations)
 
 
 class FlightFilterModel(NamedTuple):
@@ -184,7 +208,7 @@ class FlightFilter:
         """Constants and their covariance before the first sample."""
         if self.start is None:
             return np.zeros(len(CONSTANTS)), np.diag(self.model.prior**2)
-        return np.array(self.start.constants), np.array(self.start.covariance)
+        return np.array(self.start.constants), self.start.covariance
 
     def run(self, signals: Mapping[str, Array]) -> Array:
         """Go on over samples, (time, outputs).

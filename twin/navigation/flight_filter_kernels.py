@@ -77,8 +77,6 @@ COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
 """Of a glide that was learned from, behind its seven means: depth rate [m/s], sample; columns"""
-FROM_REST = 30
-"""Fixed-point iterations from no speed"""
 
 
 @jit
@@ -179,7 +177,7 @@ def balanced(law, inertia, gravity, glides, c, found):  # type: ignore[no-untype
     for k in range(glides.shape[0]):
         x = glides[k]
         start[:] = 0.0
-        if not _balance(law, inertia, gravity, x, c, start, FROM_REST, out):
+        if not _balance(law, inertia, gravity, x, c, start, ITERATIONS, out):
             found[k, 0] = found[k, 1] = math.nan
             continue
         pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))

@@ -178,12 +178,8 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
     unknowns, covariance = fits[best]
     size = len(CONSTANTS)
     constants, covariance = unknowns[:size], covariance[:size, :size]
-    start = FlightStart(
-        constants=tuple(constants.tolist()),
-        covariance=tuple(map(tuple, covariance.tolist())),
-        depth_rate=LASTING_RATE_SD,
-    )
-    said = zip(CONSTANTS, constants.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    start = FlightStart.of(constants, covariance, LASTING_RATE_SD)
+    said = zip(CONSTANTS, start.constants, start.deviations, strict=True)
     return FlightFit(
         start=None if best == FILE else start,
         hull=best,
