@@ -41,7 +41,10 @@ from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
 """Of the file."""
-FLAGS = ("-std=c99", "-O3", "-Wall", "-Wextra", "-Werror", "-pedantic")
+FLAGS = (
+    *("-std=c99", "-O3", "-pedantic"),
+    *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),
+)
 """How the check compiles it; nothing in it is special to a processor."""
 
 
