@@ -31,6 +31,7 @@ from twin.version import __version__
 if TYPE_CHECKING:
     from learn.data.labels import LabelConfig
     from learn.evaluation.deviation import ErrorModel
+    from learn.networks.familiarity import Familiarity
     from learn.networks.predictor import Adapted, Ensemble, Prediction
 
 RUNS = Path("runs")
@@ -56,6 +57,8 @@ ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
 ADAPTATION = "adaptation"
 """Entry of `run.json`: what `learn adapt` found, and from which dives"""
+FAMILIARITY = "familiarity"
+"""Entry of `run.json`: the hulls of its training, of networks that read the flight filter"""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
 """Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
@@ -150,7 +153,7 @@ class Run:
                     raise StoreError(
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
-            found[target] = Ensemble(tuple(members), self.adapted)
+            found[target] = Ensemble(tuple(members), self.adapted, self.familiar)
         return found
 
     @property
@@ -158,6 +161,19 @@ class Run:
         """Names of the files of its networks."""
         stems = [stem(Path(), target, k) for target in TARGETS for k in range(self.members)]
         return tuple(f"{one}{end}" for one in stems for end in (".safetensors", ".json"))
+
+    @property
+    def familiar(self) -> Familiarity | None:
+        """Hulls that its training knew; None: its networks do not read the flight filter.
+
+        Raises:
+          StoreError: what `run.json` holds of them is not whole.
+        """
+        from learn.networks.familiarity import Familiarity
+
+        said = self.description.get(FAMILIARITY)
+        place = str(self.folder / DESCRIPTION)
+        return None if said is None else Familiarity.read(said, place)
 
     @property
     def adapted(self) -> Adapted | None:

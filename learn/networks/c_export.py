@@ -80,13 +80,15 @@ def c_header(
     )
     measured = sources(read.channels)
     sample = "\n".join(f"    double {c}; /* [{_unit(c)}] */" for c in measured)
-    flight, flight_state = "", ""
+    flight, flight_state, outside = "", "", ""
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
         start = networks["surge"].start
         flight = c_flight(FlightFilter(vehicle, period, start=start))
         flight_state = f"    double flight[{NUMBERS}];\n"
+        familiar = networks["surge"].familiar
+        outside = "" if familiar is None else familiar.c_function()
     return f"""\
 /* Surge and sway of a vehicle through the water from its sensors, by trained networks.
  *
@@ -136,7 +138,7 @@ typedef struct {{
 /* Begin before the first sample, at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
 
-{_step(networks, read, len(features), period)}
+{_step(networks, read, len(features), period)}{outside}
 #endif
 """
 

@@ -71,6 +71,7 @@ class NetworkVelocity(VelocityEstimator):
         """
         self.period = period
         self._adapted = networks["surge"].adapted
+        self._familiar = networks["surge"].familiar
         self._deviation = VelocityDeviation() if deviation is None else deviation
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
@@ -116,6 +117,14 @@ class NetworkVelocity(VelocityEstimator):
     def deviation(self) -> VelocityDeviation:
         """See `VelocityEstimator`."""
         return self._deviation
+
+    @property
+    def outside(self) -> float | None:
+        """How far the hull is outside of the training's so far, above 1 it is; None: unknown."""
+        if self._flight is None or self._familiar is None:
+            return None
+        constants = np.array([value for value, _ in self._flight.constants.values()])
+        return self._familiar.outside(constants)[0]
 
     @property
     def held(self) -> tuple[str, ...]:

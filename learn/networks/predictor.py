@@ -21,6 +21,7 @@ from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
+from learn.networks.familiarity import Familiarity
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
@@ -239,6 +240,8 @@ class Ensemble:
     members: tuple[Predictor, ...]
     adapted: Adapted | None = None
     """To a vehicle's first dives"""
+    familiar: Familiarity | None = None
+    """Hulls of the training; None: networks that do not read the flight filter"""
 
     def __post_init__(self) -> None:
         if not self.members:

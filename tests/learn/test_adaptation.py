@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,15 @@ from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
 from learn.adaptation import adapt_run
 from learn.data.dataset import load_missions
-from learn.networks.c_export import export_c, find_compiler, run_c
+from learn.evaluation.score import summarise_scores
+from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Adapted
-from learn.run import ADAPTATION, open_run, write_description
+from learn.report import verdicts
+from learn.run import ADAPTATION, FAMILIARITY, Run, open_run, write_description
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of
-from twin.navigation.flight_filter import FlightStart
+from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.flight_fit import FOULED
 from twin.navigation.settings import ESTIMATED, estimate
 from twin.vehicle.vehicle import load_vehicle
@@ -51,7 +54,7 @@ def place(tmp_path_factory) -> Path:
     return folder
 
 
-def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place, monkeypatch):
+def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
     origin = open_run(place / "runs" / "first")
     run, fit = adapt_run(origin, place / "heavy.zarr", place / "runs" / "calypso", missions=(0,))
     assert fit.hull == FOULED
@@ -142,3 +145,72 @@ def test_a_damaged_adaptation_is_named(place):
     write_description(broken, {**run.description, ADAPTATION: {"start": start}})
     with pytest.raises(StoreError, match="its adaptation is not one"):
         open_run(broken).networks()
+
+
+def test_a_hull_outside_of_the_training_is_told_of_in_reports_and_on_board(place):
+    origin = open_run(place / "runs" / "first")
+    familiar = origin.familiar
+    inside = np.array(familiar.mean)
+    assert familiar.outside(inside)[0] == 0.0
+    heavy = inside + np.eye(len(inside))[0] * 6.0 * familiar.deviation[0]
+    assert familiar.outside(heavy) == (pytest.approx(2.0), "drag")
+    # a training that knew only hulls as their file says
+    narrow = {"mean": [0.0] * 7, "deviation": FlightSpread().prior.tolist()}
+    sure = Run(origin.folder, {**origin.description, FAMILIARITY: narrow})
+    wide, told = (
+        learn.evaluate(one, place / "heavy.zarr", split="all", baselines=()).figures["outside"]
+        for one in (origin, sure)
+    )
+    assert told["share"] == 1.0
+    assert told["constant"] == "drag"
+    assert told["median"] == pytest.approx(np.log(1.5) / (3.0 * 0.058), rel=0.1)
+    assert wide["constant"] != "" and 0.0 <= wide["share"] <= 1.0
+    sentence = next(s for s in verdicts(told_of(told)) if s.startswith("Hulls outside"))
+    assert "100 % of the missions" in sentence
+    assert "learn adapt" in sentence
+
+    networks, vehicle = sure.networks(), load_vehicle()
+    estimator = NetworkVelocity(networks, sure.period, vehicle)
+    assert estimator.outside == 0.0
+    (mission,) = load_missions(place / "heavy.zarr", estimator.channels, limit=1)
+    rows = [{c: mission.signals[c][k] for c in estimator.channels} for k in range(4000)]
+    for row in rows:
+        estimator.step(row)
+    assert estimator.outside > 1.0
+    if shutil.which("cc") is not None:
+        assert _outside_in_c(networks, vehicle, sure.period, rows, place) == pytest.approx(
+            estimator.outside, rel=1e-5
+        )
+    broken = Run(origin.folder, {**origin.description, FAMILIARITY: {"mean": [0.0]}})
+    with pytest.raises(StoreError, match="its familiarity has no mean of 7 constants"):
+        broken.networks()
+
+
+def told_of(outside):
+    empty = summarise_scores(())
+    return {**empty, "baselines": {}, "floor": empty, "outside": outside}
+
+
+def _outside_in_c(networks, vehicle, period, rows, folder):
+    (folder / "glider_velocity.h").write_text(c_header(networks, period, vehicle))
+    samples = ",".join("{" + ",".join(repr(float(v)) for v in row.values()) + "}" for row in rows)
+    (folder / "outside.c").write_text(
+        f"""
+#include "glider_velocity.h"
+#include <stdio.h>
+static const glider_sample samples[] = {{{samples}}};
+int main(void)
+{{
+    static glider_state state;
+    glider_velocity velocity;
+    glider_reset(&state);
+    for (int k = 0; k < {len(rows)}; k++)
+        glider_step(&state, samples + k, &velocity);
+    printf("%.9g", (double)glider_outside(&state));
+    return 0;
+}}
+"""
+    )
+    command = [*find_compiler(), *FLAGS, "outside.c", "-o", "outside", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return float(subprocess.run([folder / "outside"], capture_output=True, check=True).stdout)
