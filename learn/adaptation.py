@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.data.dataset import MissionSequence, Selection
-from learn.run import ADAPTATION, METRICS, Run, write_description
+from learn.run import ADAPTATION, METRICS, Run, open_run, write_description
 from learn.run_folder import is_run
 from twin.errors import InputError
 from twin.navigation.dives import find_dives
@@ -35,10 +35,10 @@ LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave
 FIXES = ("measured_gps_north", "measured_gps_east")
 
 
-def adapt_run(
-    run: Run,
+def adapt(
+    run: Run | str | Path,
     store: str | StorePath,
-    folder: Path,
+    folder: str | Path,
     *,
     missions: Sequence[int] = (),
     dives: int = 5,
@@ -48,7 +48,8 @@ def adapt_run(
     """A copy of a run that knows a vehicle by its first dives.
 
     Args:
-      run: whose networks read the flight filter.
+      run: as `fit` or `open_run` give it, or its folder or name; its networks read the flight
+        filter.
       store: dives of this one vehicle, simulated or logged.
       folder: of the new run.
       missions: rows of the store; empty: all.
@@ -65,6 +66,7 @@ def adapt_run(
       StoreError: a channel is missing.
       WriteError: something else is in `folder`.
     """
+    run, folder = (run if isinstance(run, Run) else open_run(run)), Path(folder)
     glides = first_glides(run, store, missions=missions, dives=dives, labels=labels)
     with MissionStore(store) as reader:
         flight = FlightFilter(reader.vehicle, run.period)
@@ -89,7 +91,7 @@ def first_glides(
     dives: int = 5,
     labels: Adapting = "none",
 ) -> list[Glides]:
-    """Steady glides of the first dives of a store, by dive; arguments and errors as `adapt_run`."""
+    """Steady glides of the first dives of a store, by dive; arguments and errors as `adapt`."""
     if not set(channels_of(run.features)) & set(ESTIMATED):
         raise InputError(
             f"the networks of run {run.name} do not read the flight filter, through which they "

@@ -52,13 +52,12 @@ class Adapt(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, say what was found, write the new run."""
-        from learn import open_run
-        from learn.adaptation import adapt_run
+        from learn import adapt, open_run
         from learn.run import RUNS, checked_name
 
         origin = open_run(self.run_folder)
         folder = RUNS / checked_name(self.name or f"{origin.name}-adapted")
-        run, fit = adapt_run(
+        run, fit = adapt(
             origin,
             self.store,
             folder,
