@@ -13,9 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import importlib.util
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +23,7 @@ import xarray as xr
 
 from benchmarks.dead_reckoning.scoring import VELOCITIES
 from benchmarks.dead_reckoning.tiers import DIVES
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError, StoreError, unknown_name
 
 Predicted = dict[int, xr.Dataset]
 
@@ -86,28 +84,25 @@ def flight_filter(train: Path, test: Path, seed: int, seconds: float) -> Predict
         }
 
 
-@functools.cache
-def _trained(train: Path, seed: int, seconds: float, network: str) -> Any:
-    """A run of `learn fit`, for all methods that begin with it."""
+def trained(train: Path, seed: int, seconds: float, network: str) -> Any:
+    """A run of `learn fit`, made once beside the training store for all methods with it."""
     from learn.api import fit
+    from learn.run import open_run
 
-    folder = tempfile.TemporaryDirectory(prefix="dead_reckoning_")
-    KEPT.append(folder)
+    folder = train.parent / "runs" / f"{network}-{seed}-{seconds:g}"
+    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
+        return open_run(folder)
     return fit(
-        train, folder=Path(folder.name) / "run", seed=seed, seconds=seconds, members=1, workers=2,
+        train, folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
         network=network,
     )  # fmt: skip
-
-
-KEPT: list[tempfile.TemporaryDirectory[str]] = []
-"""Folders of runs until the program ends"""
 
 
 def network(kind: str) -> Rival:
     """Networks of `learn fit`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-        run = _trained(train, seed, seconds, kind)
+        run = trained(train, seed, seconds, kind)
         return {0: table({one.mission: vars(one) for one in run.predict(test)})}
 
     return Rival(predict)
@@ -132,7 +127,7 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
         from twin.navigation.flight_fit import adapt_flight, steady_glides
         from twin.navigation.settings import ESTIMATED, estimate
 
-        run = _trained(train, seed, seconds, kind)
+        run = trained(train, seed, seconds, kind)
         networks = run.networks()
         wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
         said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
