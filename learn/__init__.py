@@ -20,6 +20,7 @@ if not started_as("learn"):  # the program says it without a traceback
     require_learning()
 
 if TYPE_CHECKING:
+    from learn.adaptation import adapt as adapt
     from learn.api import evaluate as evaluate
     from learn.api import export as export
     from learn.api import fit as fit

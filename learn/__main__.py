@@ -17,6 +17,7 @@ PROGRAM = Program(
                 "Evaluate",
                 "dead reckoning of a run on any store, beside floor and baselines",
             ),
+            "adapt": ("Adapt", "fit a run to a vehicle by its first dives, as a new run"),
             "compare": ("Compare", "one table of runs and baselines"),
             "export": (
                 "ExportNetwork",

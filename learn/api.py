@@ -189,7 +189,8 @@ def export(
     networks = found.networks()
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     place = found.store if store is None else store
-    with Selection(place, channels, period=found.period) as selection:
+    start = networks["surge"].start
+    with Selection(place, channels, period=found.period, start=start) as selection:
         (longest,) = selection.read([int(selection.lengths.argmax())])
         vehicle = selection.vehicle
     if to == "c":

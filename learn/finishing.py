@@ -9,26 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, MissionSequence, load_missions
+from learn.data.dataset import TARGETS, MissionSequence, Selection, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
 from learn.evaluation.evaluation import Evaluation, evaluate
 from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
+from learn.networks.familiarity import MISSIONS, Familiarity
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.run_page import build_log_page, build_page
 from learn.report.training_data import LABELS, TRAINING_PANELS
-from learn.run import ABLATION, CARD, EVALUATION, PAPER_TEST, REPORT, Run
+from learn.run import ABLATION, CARD, EVALUATION, FAMILIARITY, PAPER_TEST, REPORT, Run
 from learn.run_evaluation import evaluate_run, evaluation_split, is_log_store
 from twin.cli.text_table import counted
 from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
+from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED
-from twin.records.attributes import SENSORS
+from twin.records.attributes import SENSORS, SPLIT
 from twin.records.presence import is_store, read_attributes
 from twin.records.reader import MissionStore
 from twin.records.storage.checksums import LIST, write_checksums
@@ -70,6 +72,9 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     """
     (run.folder / LIST).unlink(missing_ok=True)
     split, others = evaluation_split(run)
+    if set(channels_of(run.features)) & set(ESTIMATED):
+        say("learning which hulls the training knew")
+        run = run.remember(**{FAMILIARITY: dataclasses.asdict(_familiarity(run))})
     if not is_log_store(run.store):
         say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
@@ -178,6 +183,17 @@ def provenance(run: Run) -> dict[str, object]:
         "started": run.description["created"],
         **{f"version of {name}": value for name, value in run.description["versions"].items()},
     }
+
+
+def _familiarity(run: Run) -> Familiarity:
+    with MissionStore(run.store) as reader:
+        part = "train" if SPLIT in reader else "all"
+    with Selection(
+        run.store, ESTIMATED, split=part, limit=MISSIONS, period=run.period
+    ) as selection:
+        assert selection.vehicle is not None  # estimated channels are read
+        flight = FlightFilter(selection.vehicle, selection.period)
+        return Familiarity.fit(flight, selection.each())
 
 
 def _error_model(run: Run, split: str) -> ErrorModel:

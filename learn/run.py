@@ -31,7 +31,8 @@ from twin.version import __version__
 if TYPE_CHECKING:
     from learn.data.labels import LabelConfig
     from learn.evaluation.deviation import ErrorModel
-    from learn.networks.predictor import Ensemble, Prediction
+    from learn.networks.familiarity import Familiarity
+    from learn.networks.predictor import Adapted, Ensemble, Prediction
 
 RUNS = Path("runs")
 DEFAULT_STORE = Path("data/missions.zarr")
@@ -54,6 +55,10 @@ LABELS = "label_counts"
 """Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
 ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
+ADAPTATION = "adaptation"
+"""Entry of `run.json`: what `learn adapt` found, and from which dives"""
+FAMILIARITY = "familiarity"
+"""Entry of `run.json`: the hulls of its training, of networks that read the flight filter"""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
 """Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
@@ -148,8 +153,54 @@ class Run:
                     raise StoreError(
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
-            found[target] = Ensemble(tuple(members))
+            found[target] = Ensemble(tuple(members), self.adapted, self.familiar)
         return found
+
+    @property
+    def network_files(self) -> tuple[str, ...]:
+        """Names of the files of its networks."""
+        stems = [stem(Path(), target, k) for target in TARGETS for k in range(self.members)]
+        return tuple(f"{one}{end}" for one in stems for end in (".safetensors", ".json"))
+
+    @property
+    def familiar(self) -> Familiarity | None:
+        """Hulls that its training knew; None: its networks do not read the flight filter.
+
+        Raises:
+          StoreError: what `run.json` holds of them is not whole.
+        """
+        from learn.networks.familiarity import Familiarity
+
+        said = self.description.get(FAMILIARITY)
+        place = str(self.folder / DESCRIPTION)
+        return None if said is None else Familiarity.read(said, place)
+
+    @property
+    def adapted(self) -> Adapted | None:
+        """What a run that adapted to dives knows of their vehicle.
+
+        Raises:
+          StoreError: `run.json` holds one with other entries.
+        """
+        from learn.networks.predictor import Adapted
+        from twin.navigation.flight_filter import FlightStart
+
+        said = self.description.get(ADAPTATION, {}).get("start")
+        if said is None:
+            return None
+        try:
+            start = FlightStart(
+                constants=tuple(map(float, said["constants"])),
+                deviations=tuple(map(float, said["deviations"])),
+                correlation=tuple(tuple(map(float, row)) for row in said["correlation"]),
+                depth_rate=float(said["depth_rate"]),
+            )
+            return Adapted(start=start, deviation=self.error_model().velocity_sd)
+        except (TypeError, KeyError, ValueError, InputError) as error:
+            raise StoreError(
+                f"{self.folder / DESCRIPTION} is damaged: its adaptation is not one ({error}); "
+                "adapt again with `learn adapt`"
+            ) from error
 
     def metrics(self) -> list[dict[str, Any]]:
         """Lines of `metrics.jsonl`; none when it is missing. A last line that a kill halved is left

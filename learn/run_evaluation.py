@@ -11,10 +11,12 @@ import numpy as np
 from learn.data.dataset import SPLITS, Selection, any_channel
 from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Watch, evaluate
+from learn.networks.familiarity import Familiarity, ended
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
 from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.flight_filter import FlightFilter
 from twin.records.coordinates import START_LATITUDE
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
@@ -38,6 +40,9 @@ def evaluate_run(
     seeing = watches if logged else (showcase.add, coverage.add, *watches)
     if at_fixes is not None:
         seeing = (at_fixes.add, *seeing)
+    hulls = _hulls(run, store)
+    if hulls is not None:
+        seeing = (hulls.add, *seeing)
 
     def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
         for see in seeing:
@@ -57,7 +62,42 @@ def evaluate_run(
         found["uncertainty"] = coverage.figures()
     if at_fixes is not None:
         found["fixes"] = at_fixes.figures()
+    if hulls is not None:
+        found["outside"] = hulls.figures()
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+class Hulls:
+    """How far the hulls of missions are outside of the training's; its `add` is a watch."""
+
+    def __init__(self, familiar: Familiarity, flight: FlightFilter) -> None:
+        self._familiar, self._flight = familiar, flight
+        self._found: list[tuple[float, str]] = []
+
+    def add(self, reference: Any, estimates: Mapping[str, Estimate]) -> None:
+        """See one mission."""
+        constants = ended(self._flight, reference.mission)
+        self._found.append(self._familiar.outside(np.array(constants)))
+
+    def figures(self) -> dict[str, Any]:
+        """Share of missions outside, the median figure, and the constant that most often is it."""
+        far = np.array([one for one, _ in self._found])
+        names = [name for _, name in self._found]
+        return {
+            "share": float((far > 1.0).mean()),
+            "median": float(np.median(far)),
+            "constant": max(sorted(set(names)), key=names.count),
+        }
+
+
+def _hulls(run: Run, store: str | StorePath) -> Hulls | None:
+    """None for networks that do not read the flight filter."""
+    familiar, adapted = run.familiar, run.adapted
+    if familiar is None:
+        return None
+    with MissionStore(store) as reader:
+        start = None if adapted is None else adapted.start
+        return Hulls(familiar, FlightFilter(reader.vehicle, run.period, start=start))
 
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:

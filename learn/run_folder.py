@@ -38,7 +38,8 @@ def resume_command(folder: Path) -> str:
     return f"`learn fit --name {quoted(folder.name)}{replaces} --resume`"
 
 
-def _is_run(folder: Path) -> bool:
+def is_run(folder: Path) -> bool:
+    """Whether a folder holds a run, finished or not."""
     return (folder / DESCRIPTION).is_file()
 
 
@@ -99,7 +100,7 @@ class RunFolder:
             sync_tree(self.folder)
             return
         # a copy: whatever ends this command now, the next one can do it again
-        with whole_folder(self.target, overwrite=True, ours=_is_run) as whole:
+        with whole_folder(self.target, overwrite=True, ours=is_run) as whole:
             shutil.copytree(self.folder, whole, dirs_exist_ok=True)
         self._remove()
 

@@ -51,6 +51,7 @@ AREAS = {
     "twin.control": "Environments",
     "factory": "Data factory",
     "learn.api": "Train and judge",
+    "learn.adaptation": "Train and judge",
     "learn.networks.fault_detector": "Train and judge",
     "learn.run": "Train and judge",
     "learn.training.fit_config": "Train and judge",

@@ -3,8 +3,9 @@
     python -m benchmarks.dead_reckoning --tier family [--methods ema,EKF] [--method MINE.py]
         [--predictions FILE.nc] [--folder WORK] [--seed 0] [--seconds 60] [--full] [--json]
 
-One seed and at most 60 s of training a method; `--full` takes five seeds. Stores are made once in
-the folder. `--predictions` scores a file alone: neither torch nor a training is needed for it.
+One seed and at most 60 s of training a method; `--full` takes five seeds. Stores and runs are made
+once in the folder: remove it after a change of the code that trains. `--predictions` scores a file
+alone: neither torch nor a training is needed for it.
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@ which gives back {0: Dataset, ...} as `benchmarks.dead_reckoning.scoring` descri
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import importlib.util
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +22,8 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.dead_reckoning.scoring import VELOCITIES
-from twin.errors import InputError, unknown_name
+from benchmarks.dead_reckoning.tiers import DIVES
+from twin.errors import InputError, StoreError, unknown_name
 
 Predicted = dict[int, xr.Dataset]
 
@@ -66,32 +68,113 @@ def baseline(name: str) -> Rival:
     return Rival(predict)
 
 
-def network(**settings: Any) -> Rival:
+def flight_filter(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+    """What the networks' input of a learned flight model says alone."""
+    from learn.data.dataset import Selection
+
+    channels = {v: f"estimated_{v}" for v in VELOCITIES}
+    with Selection(test, channels.values()) as selection:
+        return {
+            0: table(
+                {
+                    one.index: {v: one.signals[c] for v, c in channels.items()}
+                    for one in selection.each()
+                }
+            )
+        }
+
+
+def trained(train: Path, seed: int, seconds: float, network: str) -> Any:
+    """A run of `learn fit`, made once beside the training store for all methods with it."""
+    from learn.api import fit
+    from learn.run import open_run
+
+    folder = train.parent / "runs" / f"{network}-{seed}-{seconds:g}"
+    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
+        return open_run(folder)
+    return fit(
+        train, folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
+        network=network,
+    )  # fmt: skip
+
+
+def network(kind: str) -> Rival:
     """Networks of `learn fit`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-        from learn.api import fit
-
-        with tempfile.TemporaryDirectory(prefix="dead_reckoning_") as folder:
-            run = fit(
-                train, folder=Path(folder) / "run", seed=seed, seconds=seconds, members=1,
-                workers=2, **settings,
-            )  # fmt: skip
-            return {0: table({one.mission: vars(one) for one in run.predict(test)})}
+        run = trained(train, seed, seconds, kind)
+        return {0: table({one.mission: vars(one) for one in run.predict(test)})}
 
     return Rival(predict)
+
+
+def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
+    """Networks of `learn fit`, as `learn adapt` fits them to a test mission's first dives.
+
+    A mission whose dives do not suffice is left as it is.
+
+    Args:
+      labels: `dvl`: its Doppler log in water lock too.
+      whole: by all of the mission, later dives too: what nobody has under way.
+    """
+
+    def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+        from learn.adaptation import FIXES, LOG_CHANNELS, dive_spans
+        from learn.data.dataset import Selection
+        from learn.networks.predictor import Adapted
+        from twin.navigation.features import channels_of
+        from twin.navigation.flight_filter import FlightFilter
+        from twin.navigation.flight_fit import adapt_flight, steady_glides
+        from twin.navigation.settings import ESTIMATED, estimate
+
+        run = trained(train, seed, seconds, kind)
+        networks = run.networks()
+        wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
+        said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
+        with Selection(test, wanted) as selection:
+            vehicle = selection.vehicle
+            assert vehicle is not None
+            flight = FlightFilter(vehicle, selection.period)
+            for mission in selection.each():
+                spans = dive_spans(mission, logged=False)
+                log = labels == "dvl"
+                glides = steady_glides(flight, mission.signals, spans, log=log)
+                for dives in DIVES:
+                    first, start = glides if whole else glides[:dives], None
+                    with contextlib.suppress(InputError):
+                        start = adapt_flight(flight, first, log=log).start if first else None
+                    signals = mission.signals | estimate(
+                        mission.signals, vehicle, mission.period, mission=mission.index, start=start
+                    )
+                    one = [dataclasses.replace(mission, signals=signals)]
+                    adapted = None
+                    if start is not None:
+                        own = run.error_model().velocity_sd
+                        adapted = Adapted(start=start, deviation=own)
+                    said[dives][mission.index] = {
+                        name: dataclasses.replace(ensemble, adapted=adapted).predict(one)[0][0]
+                        for name, ensemble in networks.items()
+                    }
+        return {dives: table(rows) for dives, rows in said.items()}
+
+    return Rival(predict, labels)
 
 
 RIVALS: Mapping[str, Rival] = {
     "constant angle": baseline("pitch_plus_alpha"),
     "steady flight": baseline("steady_flight"),
     "EKF": baseline("ekf"),
-    "elman": network(network="elman"),
-    "gru": network(network="gru"),
-    "tcn": network(network="tcn"),
-    "ema": network(network="ema"),
+    "flight filter": Rival(flight_filter),
+    "elman": network("elman"),
+    "gru": network("gru"),
+    "tcn": network("tcn"),
+    "ema": network("ema"),
+    "ema adapted": adapted("ema", "none"),
+    "ema adapted by DVL": adapted("ema", "dvl"),
+    "ema by all dives": adapted("ema", "none", whole=True),
 }
-"""`elman` is the paper's; `gru` and `tcn` are what later work takes; `ema` is the default here."""
+"""`elman` is the paper's; `gru` and `tcn` are what later work takes; `ema` is the default here. The
+last is no method but a floor: its hull is fitted to the scored dives too."""
 
 
 def chosen(names: str, own: Path | None) -> dict[str, Rival]:

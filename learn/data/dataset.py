@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
 from twin.navigation.features import feature_matrix, leave_out
+from twin.navigation.flight_filter import FlightStart
 from twin.navigation.settings import ESTIMATED, estimate, sources
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logged import LogRow, LogStore
@@ -108,6 +109,7 @@ class Selection:
         split: str = "all",
         limit: int | None = None,
         period: float | None = None,
+        start: FlightStart | None = None,
     ) -> None:
         """Open the store; signals are read later.
 
@@ -117,6 +119,7 @@ class Selection:
           split: train, validation, test or all.
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
+          start: of the flight filter in every mission, of networks that adapted.
 
         Raises:
           StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
@@ -126,6 +129,7 @@ class Selection:
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         with fast_reading(store_path(store)):
             self._reader = open_reader(store)
+        self._start = start
         try:
             self._open(tuple(dict.fromkeys(channels)), split, limit, period)
         except BaseException:
@@ -217,7 +221,7 @@ class Selection:
         if self.vehicle is not None:
             for place, found in enumerate(signals):
                 row = int(self.rows[places[place]])
-                found |= estimate(found, self.vehicle, self.period, mission=row)
+                found |= estimate(found, self.vehicle, self.period, mission=row, start=self._start)
         return [
             MissionSequence(
                 index=int(self.rows[place]),

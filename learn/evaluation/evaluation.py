@@ -149,7 +149,10 @@ def evaluate(
         )  # fmt: skip
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
     beside_log: list[DvlComparison] = []
-    with Selection(store, wanted, split=split, limit=limit, period=period) as selection:
+    start = networks["surge"].start
+    with Selection(
+        store, wanted, split=split, limit=limit, period=period, start=start
+    ) as selection:
         for group in selection.groups(GROUP):
             predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
             for k, mission in enumerate(group):
@@ -199,7 +202,8 @@ def _evaluate_logs(
     if split != "all":
         with Selection(store, any_channel(store), split=split):  # says which parts there are
             pass
-    with Selection(store, channels, period=period) as selection:
+    start = networks["surge"].start
+    with Selection(store, channels, period=period, start=start) as selection:
         judged = score_logs(
             selection.groups(GROUP),
             lambda mission: split in ("all", mission.split),

@@ -27,7 +27,7 @@ from learn.networks import c_step
 from learn.networks.c_step import indented
 from learn.networks.network_estimator import FASTEST
 from learn.networks.onnx_export import TOLERANCE, Parity
-from learn.networks.predictor import Ensemble, Predictor
+from learn.networks.predictor import MIXED, Ensemble, Predictor
 from twin.errors import InputError, StoreError
 from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
 from twin.navigation.features import c_steps
@@ -41,7 +41,10 @@ from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
 """Of the file."""
-FLAGS = ("-std=c99", "-O3", "-Wall", "-Wextra", "-Werror", "-pedantic")
+FLAGS = (
+    *("-std=c99", "-O3", "-pedantic"),
+    *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),
+)
 """How the check compiles it; nothing in it is special to a processor."""
 
 
@@ -77,12 +80,15 @@ def c_header(
     )
     measured = sources(read.channels)
     sample = "\n".join(f"    double {c}; /* [{_unit(c)}] */" for c in measured)
-    flight, flight_state = "", ""
+    flight, flight_state, outside = "", "", ""
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
-        flight = c_flight(FlightFilter(vehicle, period))
+        start = networks["surge"].start
+        flight = c_flight(FlightFilter(vehicle, period, start=start))
         flight_state = f"    double flight[{NUMBERS}];\n"
+        familiar = networks["surge"].familiar
+        outside = "" if familiar is None else familiar.c_function()
     return f"""\
 /* Surge and sway of a vehicle through the water from its sensors, by trained networks.
  *
@@ -132,7 +138,7 @@ typedef struct {{
 /* Begin before the first sample, at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
 
-{_step(networks, read, len(features), period)}
+{_step(networks, read, len(features), period)}{outside}
 #endif
 """
 
@@ -181,6 +187,12 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         members = range(len(ensemble.members))
         total = " + ".join(f"gt_{velocity}_{k}(state->{velocity}_{k}, feature)" for k in members)
         mean = f"({total}) / {len(members)}.0f"
+        if velocity == "surge" and ensemble.adapted is not None:
+            filtered, steady, sd = (f"(float)estimated[{ESTIMATED.index(c)}]" for c in MIXED)
+            own = c_step.number(ensemble.adapted.deviation**2)
+            means.append(f"const float own = {mean}, sd = {sd};")
+            means.append(f"const float weight = {steady} * {own} / ({own} + sd * sd);")
+            mean = f"own + weight * ({filtered} - own)"
         means.append(f"velocity->{velocity} = gt_bounded({mean}, {c_step.number(FASTEST)});")
     body = "\n".join(
         [

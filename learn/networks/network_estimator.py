@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from learn.networks.predictor import Ensemble, Prediction
+from learn.networks.predictor import MIXED, Ensemble, Prediction
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
@@ -70,6 +70,8 @@ class NetworkVelocity(VelocityEstimator):
           InputError: they do, and there is no vehicle or none that the flight filter suits.
         """
         self.period = period
+        self._adapted = networks["surge"].adapted
+        self._familiar = networks["surge"].familiar
         self._deviation = VelocityDeviation() if deviation is None else deviation
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
@@ -88,7 +90,7 @@ class NetworkVelocity(VelocityEstimator):
                     "these networks read the flight filter, which needs a vehicle: "
                     "NetworkVelocity(networks, period, vehicle)"
                 )
-            self._flight = FlightFilter(vehicle, period)
+            self._flight = FlightFilter(vehicle, period, start=networks["surge"].start)
         place = {name: k for k, name in enumerate(names)}
         self._columns = {
             name: [np.array([place[f] for f in one.features], int) for one in members]
@@ -115,6 +117,14 @@ class NetworkVelocity(VelocityEstimator):
     def deviation(self) -> VelocityDeviation:
         """See `VelocityEstimator`."""
         return self._deviation
+
+    @property
+    def outside(self) -> float | None:
+        """How far the hull is outside of the training's so far, above 1 it is; None: unknown."""
+        if self._flight is None or self._familiar is None:
+            return None
+        constants = np.array([value for value, _ in self._flight.constants.values()])
+        return self._familiar.outside(constants)[0]
 
     @property
     def held(self) -> tuple[str, ...]:
@@ -153,6 +163,9 @@ class NetworkVelocity(VelocityEstimator):
                     scales = one.normalisation
                     said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
                 value = float(np.mean(said))
+                if name == "surge" and self._adapted is not None:
+                    filtered, steady, sd = (sample[c] for c in MIXED)
+                    value += self._adapted.weight(steady, sd) * (filtered - value)
                 mean[name] = min(max(value, -FASTEST), FASTEST) if value == value else 0.0
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 

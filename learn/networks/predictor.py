@@ -21,9 +21,12 @@ from learn.data.normalisation import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
+from learn.networks.familiarity import Familiarity
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
+from twin.navigation.flight_filter import FlightStart
+from twin.navigation.settings import ESTIMATED
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
 
@@ -206,11 +209,39 @@ def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     return groups
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Adapted:
+    """What networks know of one vehicle, beside their weights.
+
+    In steady glides their surge is mixed with the flight filter's, by the variances of both: the
+    filter begins with what earlier dives said of the hull. Elsewhere it is theirs.
+    """
+
+    start: FlightStart
+    """Of the flight filter"""
+    deviation: float
+    """[m/s] of the networks' surge on missions of other vehicles"""
+
+    def weight(self, steady: Any, filter_sd: Any) -> Any:
+        """Of the filter's surge, from `estimated_steady` and `estimated_surge_sd` [m/s]."""
+        own = self.deviation**2
+        return steady * own / (own + filter_sd**2)
+
+
+MIXED = ("estimated_surge", "estimated_steady", "estimated_surge_sd")
+"""Channels that go into an adapted network's surge"""
+assert set(MIXED) <= set(ESTIMATED)
+
+
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
     """Several predictors of the same velocity: their mean, and their spread as an uncertainty."""
 
     members: tuple[Predictor, ...]
+    adapted: Adapted | None = None
+    """To a vehicle's first dives"""
+    familiar: Familiarity | None = None
+    """Hulls of the training; None: networks that do not read the flight filter"""
 
     def __post_init__(self) -> None:
         if not self.members:
@@ -233,8 +264,22 @@ class Ensemble:
         results = []
         for mission in range(len(missions)):
             stack = np.stack([run[mission] for run in runs])
-            results.append((stack.mean(0), stack.std(0, ddof=1 if len(stack) > 1 else 0)))
+            mean = self._steadied(stack.mean(0), missions[mission])
+            results.append((mean, stack.std(0, ddof=1 if len(stack) > 1 else 0)))
         return results
+
+    @property
+    def start(self) -> FlightStart | None:
+        """Of the flight filter in a mission."""
+        return None if self.adapted is None else self.adapted.start
+
+    def _steadied(self, mean: Floats, mission: MissionSequence) -> Floats:
+        """The mean, with the flight filter's surge where an adapted vehicle glides steadily."""
+        if self.adapted is None or self.target != "surge":
+            return mean
+        filtered, steady, sd = (mission.signals[name] for name in MIXED)
+        weight = self.adapted.weight(steady, sd)
+        return (mean + weight * (filtered - mean)).astype(np.float32)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -261,7 +306,8 @@ def predict_missions(
     """Free runs over the missions of a part of a store; a few at a time; errors as `Selection`."""
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     results = []
-    with Selection(store, channels, split=split, period=period) as selection:
+    start = networks["surge"].start
+    with Selection(store, channels, split=split, period=period, start=start) as selection:
         for places in pieces(range(len(selection)), selection.lengths):
             missions = selection.read(places)
             found = {name: ensemble.predict(missions) for name, ensemble in networks.items()}

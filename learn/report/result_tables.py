@@ -197,6 +197,8 @@ COLUMNS = {
     "dr_ground_percent_p90": "over ground, p90",
 }
 """The columns of `summary_rows` in which a baseline can be better."""
+MOSTLY = 0.5
+"""Share of missions outside of the training, from which a run is not the vehicle's"""
 LEAST_COMPARED = 10
 """Missions or dives from which on a sentence says who is better: the median of a few is luck."""
 
@@ -234,6 +236,12 @@ def verdicts(evaluation: Figures) -> list[str]:
             f"{counted(fixes['fixes'], 'dive')} that a fix ended: {fixes['nis']:.2f} (2: it errs "
             f"as it states); the ellipse of 50 % held {100 * fixes['in_50']:.0f} %, that of 90 % "
             f"{100 * fixes['in_90']:.0f} %."
+        )
+    if outside := evaluation.get("outside"):
+        sentences.append(
+            f"Hulls outside of the training's: {100 * outside['share']:.0f} % of the missions; "
+            f"median figure {outside['median']:.2f} (above 1 is outside), by {outside['constant']}"
+            + (": adapt to the vehicle, `learn adapt`." if outside["share"] > MOSTLY else ".")
         )
     if columns := _columns_lost(evaluation):
         sentences.append(f"A baseline has the lower figure in {'; '.join(columns)}.")

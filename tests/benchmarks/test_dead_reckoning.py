@@ -104,3 +104,24 @@ def test_a_method_of_ones_own_is_a_file(made, tmp_path):
 def test_scoring_needs_no_torch():
     code = "import sys, benchmarks.dead_reckoning.scoring; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+
+
+def test_a_method_that_adapts_says_more_after_more_dives(made, monkeypatch):
+    """Networks that are hardly trained, on hulls with 40 % more drag: the hull is what helps."""
+    from benchmarks.dead_reckoning.rivals import chosen
+    from benchmarks.dead_reckoning.scoring import score
+
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    train, test, dives = made
+    found = chosen("flight filter,ema,ema adapted", None)
+    assert {name: one.labels for name, one in found.items()} == dict.fromkeys(found, "none")
+    figures = {
+        name: score(test, dives, one.predict(train, test, 0, 1.0)) for name, one in found.items()
+    }
+    assert (train.parent / "runs" / "ema-0-1" / "run.json").is_file()  # trained once for both
+    assert figures["ema"]["0"] == figures["ema"]["5"]
+    assert figures["ema adapted"]["0"]["dr_velocity_percent"] == pytest.approx(
+        figures["ema"]["0"]["dr_velocity_percent"], rel=1e-6
+    )
+    assert figures["ema adapted"]["1"]["surge_mse"] < figures["ema"]["0"]["surge_mse"]
+    assert figures["flight filter"]["0"]["missions"] == figures["ema"]["0"]["missions"]

@@ -34,6 +34,7 @@ from twin.navigation.flight_filter_kernels import (
     CONSTANTS,
     COVARIANCE,
     GUESS,
+    LEARNED,
     filtered,
 )
 from twin.vehicle.vehicle import Vehicle
@@ -73,6 +74,61 @@ class FlightSpread:
         return np.array([c, c, tilt, tilt, self.ballast, self.compressibility, c])
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FlightStart:
+    """What a filter believes of CONSTANTS before its first sample, such as by earlier dives.
+
+    Raises:
+      InputError: another number of them, or a covariance that is none.
+    """
+
+    constants: tuple[float, ...]
+    deviations: tuple[float, ...]
+    """Standard deviations of their errors"""
+    correlation: tuple[tuple[float, ...], ...]
+    """Of the errors: units differ by ten orders, which a covariance would not survive in a file"""
+    depth_rate: float = 3e-3
+    """[m/s] of one correction, as `FlightSpread.depth_rate`"""
+
+    def __post_init__(self) -> None:
+        size, correlation = len(CONSTANTS), np.array(self.correlation, float)
+        if not len(self.constants) == len(self.deviations) == size or correlation.shape != (
+            size,
+            size,
+        ):
+            raise InputError(f"a flight filter begins with {size} constants and their correlation")
+        if not (math.isfinite(self.depth_rate) and self.depth_rate > 0.0):
+            raise InputError(f"depth_rate {self.depth_rate!r} of a correction must be above 0 m/s")
+        if not np.isfinite([*self.constants, *self.deviations, *correlation.ravel()]).all():
+            raise InputError("what a flight filter begins with is not finite")
+        if not (
+            min(self.deviations) > 0.0
+            and np.allclose(correlation, correlation.T)
+            and np.linalg.eigvalsh(correlation).min() > 0.0
+        ):
+            raise InputError(
+                "what a flight filter begins with is no uncertainty: deviations must be above 0, "
+                "and their correlation symmetric and positive definite"
+            )
+
+    @classmethod
+    def of(cls, constants: Array, covariance: Array, depth_rate: float) -> FlightStart:
+        """From constants (7,) and the covariance of their errors (7, 7)."""
+        deviations = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(deviations, deviations)
+        return cls(
+            constants=tuple(constants.tolist()),
+            deviations=tuple(deviations.tolist()),
+            correlation=tuple(map(tuple, correlation.tolist())),
+            depth_rate=depth_rate,
+        )
+
+    @property
+    def covariance(self) -> Array:
+        """Of the errors, (7, 7)."""
+        return np.array(self.correlation) * np.outer(self.deviations, self.deviations)
+
+
 class FlightFilterModel(NamedTuple):
     """The vehicle and the settings, as compiled code takes them."""
 
@@ -87,14 +143,33 @@ class FlightFilterModel(NamedTuple):
     period: float
 
 
+NOTHING = np.zeros((0, LEARNED))
+
+
+def _samples(signals: Mapping[str, Array]) -> Array:
+    return np.stack([np.asarray(signals[name], np.float64) for name in CHANNELS], axis=1)
+
+
 class FlightFilter:
     """The filter of one vehicle: over whole missions by `run`, and sample by sample.
 
     Both give the same numbers: they are the same code.
     """
 
-    def __init__(self, vehicle: Vehicle, period: float, spread: FlightSpread | None = None):
-        """Begin before the first sample; `period` [s] between samples.
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        period: float,
+        spread: FlightSpread | None = None,
+        start: FlightStart | None = None,
+    ):
+        """Begin before the first sample.
+
+        Args:
+          vehicle: as its file says.
+          period: [s] between samples.
+          spread: how far from its file it may be.
+          start: what earlier dives said of it, in place of the file and `spread`.
 
         Raises:
           InputError: the vehicle does not glide by lift and drag coefficients.
@@ -103,7 +178,7 @@ class FlightFilter:
             raise InputError(f"the flight filter needs a glider's balance of forces: {why}")
         spread = FlightSpread() if spread is None else spread
         law = vehicle.flow_frame
-        self.period = period
+        self.period, self.start = period, start
         self.model = FlightFilterModel(
             np.array([*law.drag, *law.lift, *law.side_force]),
             np.ascontiguousarray(vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]),
@@ -117,7 +192,7 @@ class FlightFilter:
                 ]
             ),
             spread.prior,
-            spread.depth_rate**2,
+            (spread if start is None else start).depth_rate ** 2,
             period,
         )
         self.reset()
@@ -125,9 +200,15 @@ class FlightFilter:
     def reset(self) -> None:
         """Begin before the first sample."""
         self._carried = np.zeros(CARRIED)
-        size = len(CONSTANTS)
-        self._carried[COVARIANCE:] = np.diag(self.model.prior**2).ravel()
-        assert self._carried[COVARIANCE:].size == size * size
+        constants, covariance = self.begins
+        self._carried[GUESS:COVARIANCE], self._carried[COVARIANCE:] = constants, covariance.ravel()
+
+    @property
+    def begins(self) -> tuple[Array, Array]:
+        """Constants and their covariance before the first sample."""
+        if self.start is None:
+            return np.zeros(len(CONSTANTS)), np.diag(self.model.prior**2)
+        return np.array(self.start.constants), self.start.covariance
 
     def run(self, signals: Mapping[str, Array]) -> Array:
         """Go on over samples, (time, outputs).
@@ -135,8 +216,18 @@ class FlightFilter:
         Args:
           signals: CHANNELS, each (time,), finite.
         """
-        samples = np.stack([np.asarray(signals[name], np.float64) for name in CHANNELS], axis=1)
-        return np.asarray(filtered(*self.model, samples, self._carried))
+        return np.asarray(filtered(*self.model, _samples(signals), self._carried, NOTHING)[0])
+
+    def glides(self, signals: Mapping[str, Array]) -> Array:
+        """Steady glides that it learns from over samples, (n, LEARNED); it goes on as by `run`.
+
+        Columns are the means of pitch, roll [rad] and three rates [rad/s], net mass [kg] and its
+        change with compressibility, the depth rate [m/s], and the sample's place.
+        """
+        samples = _samples(signals)
+        learned = np.zeros((len(samples), LEARNED))
+        _, count = filtered(*self.model, samples, self._carried, learned)
+        return learned[:count].copy()
 
     def step(self, sample: Mapping[str, float]) -> Array:
         """Outputs of one sample, (outputs,).
@@ -155,7 +246,7 @@ class FlightFilter:
                 raise InputError(
                     f"channel {name} of the sample is not finite: hold the last good value"
                 )
-        return np.asarray(filtered(*self.model, np.array([given]), self._carried)[0])
+        return np.asarray(filtered(*self.model, np.array([given]), self._carried, NOTHING)[0][0])
 
     @staticmethod
     def unsuited(vehicle: Vehicle) -> str:

@@ -18,6 +18,7 @@ from twin.navigation.flight_filter_kernels import (
     ITERATIONS,
     LEAST_NET,
     LEAST_SINE,
+    LEAST_SURGE,
     MEANS,
     MOST_OFFSET,
     NUDGE,
@@ -32,6 +33,7 @@ from twin.navigation.flight_filter_kernels import (
     SINCE_UPDATE,
     SLOW_RATE,
     SMOOTHED_S,
+    SPREAD,
     STANDARD_OCEAN,
     STARTED,
     WARM,
@@ -44,13 +46,16 @@ NUMBERS = CARRIED
 
 
 def c_flight(flight: FlightFilter) -> str:
-    """`gt_flight(double *carried, const glider_sample *sample, double *estimated)`: surge, sway and
-    angle of attack of a sample, for the filter's vehicle and period."""
+    """`gt_flight(double *carried, const glider_sample *sample, double *estimated)`: OUTPUTS of a
+    sample, for the filter's vehicle and period."""
     law, inertia, hull, prior, rate_variance, period = flight.model
+    constants, covariance = flight.begins
     numbers = {
         "LAW": _row(law),
         "INERTIA": _row(inertia.ravel()),
         "PRIOR": _row(prior),
+        "CONSTANTS": _row(constants),
+        "BEGINS": _row(covariance.ravel()),
         "MASS": repr(float(hull[0])),
         "VOLUME": repr(float(hull[1])),
         "GRAVITY": repr(float(hull[2])),
@@ -76,12 +81,13 @@ def _row(values: Iterable[float]) -> str:
 _SETTINGS: dict[str, float | int] = {
     "AFLOAT_S": AFLOAT_S, "BEFORE": BEFORE, "COVARIANCE": COVARIANCE, "CUBIC_CM": CUBIC_CM,
     "EVERY_S": EVERY_S, "FLAT2": FLAT_SINE**2, "FUSED_S": FUSED_S, "GUESS": GUESS,
-    "ITERATIONS": ITERATIONS, "LEAST_NET": LEAST_NET, "LEAST_SINE": LEAST_SINE, "MEANS": MEANS,
+    "ITERATIONS": ITERATIONS, "LEAST_NET": LEAST_NET, "LEAST_SINE": LEAST_SINE,
+    "LEAST_SURGE": LEAST_SURGE, "MEANS": MEANS,
     "MOST_OFFSET": MOST_OFFSET, "NUDGE": NUDGE, "OFFSET": OFFSET, "QUIET_PITCH": QUIET_PITCH,
     "QUIET_RATE": QUIET_RATE, "QUIET_S": QUIET_S, "RELINEARISED": RELINEARISED,
     "RESTING_RATE": RESTING_RATE, "RESTLESS": RESTLESS, "SETTLED": SETTLED,
     "SHALLOW": SHALLOW_DEPTH, "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE,
-    "SLOW_RATE": SLOW_RATE, "SMOOTHED_S": SMOOTHED_S, "STARTED": STARTED,
+    "SLOW_RATE": SLOW_RATE, "SMOOTHED_S": SMOOTHED_S, "SPREAD": SPREAD, "STARTED": STARTED,
     "SURFACE": SURFACE_DEPTH, "WARM": WARM, "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
 }  # fmt: skip
 
@@ -133,8 +139,17 @@ static int gt_balance(const double *x, const double *c, const double *start, int
     return 1;
 }
 
-/* A correction of the seven constants by the depth rate. */
-static void gt_correct(double *c, double *cov, const double *x, double rate, double *out)
+/* Surge of a balance; the depth rate has the say where the path is steep. */
+static double gt_surge(const double *out, double rate)
+{
+    const double weight = @FLAT2@ + out[3] * out[3];
+    const double speed = fmax((out[0] * @FLAT2@ + rate * out[3]) / weight, 0.0);
+    return speed * cos(out[1]) * cos(out[2]);
+}
+
+/* A correction of the seven constants by the depth rate; gives the deviation of surge over surge
+ * that they leave. */
+static double gt_correct(double *c, double *cov, const double *x, double rate, double *out)
 {
     static const double prior[] = @PRIOR@;
     double before[7], slope[7], gain[7], start[3], variance = @VARIANCE@;
@@ -167,19 +182,38 @@ static void gt_correct(double *c, double *cov, const double *x, double rate, dou
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++)
             cov[7 * i + j] -= gain[i] * gain[j] / variance;
+    memcpy(start, out, sizeof start);
+    for (int j = 0; j < 7; j++) {
+        const double kept = c[j], nudge = @NUDGE@ * prior[j];
+        c[j] += nudge;
+        gt_balance(x, c, start, @ITERATIONS@, out);
+        slope[j] = gt_surge(out, rate) / nudge;
+        c[j] = kept;
+    }
     gt_balance(x, c, start, @ITERATIONS@, out);
+    const double surge = gt_surge(out, rate);
+    double spread = 0.0;
+    for (int j = 0; j < 7; j++)
+        slope[j] -= surge / (@NUDGE@ * prior[j]);
+    for (int i = 0; i < 7; i++)
+        for (int j = 0; j < 7; j++)
+            spread += slope[i] * cov[7 * i + j] * slope[j];
+    return sqrt(fmax(spread, 0.0)) / fmax(surge, @LEAST_SURGE@);
 }
 
-/* Surge and sway [m/s] and angle of attack [rad] by a balance of forces that is learned on the
- * way. */
+/* Surge and sway [m/s], angle of attack [rad], whether the glide is steady, and the deviation of
+ * surge [m/s], by a balance of forces that is learned on the way. */
 static void gt_flight(double *carried, const glider_sample *sample, double *estimated)
 {
-    static const double prior[] = @PRIOR@;
+    static const double constants[] = @CONSTANTS@;
+    static const double covariance[] = @BEGINS@;
     const double degree = 3.14159265358979323846 / 180.0;
     const int first = carried[@STARTED@] == 0.0;
     double *c = carried + @GUESS@, *cov = carried + @COVARIANCE@;
-    for (int i = 0; first && i < 7; i++)
-        cov[8 * i] = prior[i] * prior[i];
+    if (first) {
+        memcpy(c, constants, sizeof constants);
+        memcpy(cov, covariance, sizeof covariance);
+    }
     const double depth = sample->measured_depth, density = sample->measured_density;
     const double fx = sample->measured_specific_force_x, fy = sample->measured_specific_force_y;
     const double fz = sample->measured_specific_force_z;
@@ -217,22 +251,24 @@ static void gt_flight(double *carried, const glider_sample *sample, double *esti
     double out[4] = {0.0, 0.0, 0.0, 0.0};
     const int gliding = gt_balance(x, c, carried + @WARM@, @SETTLED@, out)
         || gt_balance(x, c, zero, @ITERATIONS@, out);
-    estimated[0] = estimated[1] = estimated[2] = 0.0;
+    for (int i = 0; i < 5; i++)
+        estimated[i] = 0.0;
     if (!gliding)
         return;
-    if (carried[@SINCE_AFLOAT@] > @AFLOAT_S@ && carried[@SINCE_UPDATE@] > @EVERY_S@
-        && carried[@RESTLESS@] < @QUIET_PITCH@ && fabs(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@
-        && fabs(out[3]) > @LEAST_SINE@ && rate * out[3] > 0.0) {
+    const int steady = carried[@SINCE_AFLOAT@] > @AFLOAT_S@ && carried[@RESTLESS@] < @QUIET_PITCH@
+        && fabs(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@ && fabs(out[3]) > @LEAST_SINE@
+        && rate * out[3] > 0.0;
+    if (steady && carried[@SINCE_UPDATE@] > @EVERY_S@) {
         carried[@SINCE_UPDATE@] = 0.0;
-        gt_correct(c, cov, x, rate, out);
+        carried[@SPREAD@] = gt_correct(c, cov, x, rate, out);
     }
     memcpy(carried + @WARM@, out, 3 * sizeof *out);
-    const double weight = @FLAT2@ + out[3] * out[3];
-    const double speed = fmax((out[0] * @FLAT2@ + rate * out[3]) / weight, 0.0);
     estimated[2] = out[1];
     if (!still) {
-        estimated[0] = speed * cos(out[1]) * cos(out[2]);
-        estimated[1] = speed * sin(out[2]);
+        estimated[0] = gt_surge(out, rate);
+        estimated[1] = estimated[0] * tan(out[2]) / cos(out[1]);
+        estimated[3] = steady;
+        estimated[4] = carried[@SPREAD@] * fmax(estimated[0], @LEAST_SURGE@);
     }
 }
 """

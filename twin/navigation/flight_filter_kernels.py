@@ -24,8 +24,10 @@ CHANNELS = (
 DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
 CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
 DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
-OUTPUTS = ("surge", "sway", "attack")
-"""What the filter gives of each sample: surge and sway [m/s], and the angle of attack [rad]."""
+OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
+"""What the filter gives of each sample: surge and sway [m/s], the angle of attack [rad], 1 where
+the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
+surge."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
 """[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
 within 0.02 kg/m3 to 1000 m."""
@@ -54,6 +56,8 @@ FLAT_SINE = 0.07
 count alike."""
 LEAST_SINE = 0.12
 """of the path angle of a glide from which something is learned"""
+LEAST_SURGE = 0.05
+"""[m/s] below which its deviation is no longer relative"""
 LEAST_NET = 0.05
 """[kg] net buoyancy that is taken for a glide whose buoyancy seems to pull the other way."""
 WIDEST = 0.3
@@ -66,9 +70,13 @@ MEANS = 3
 """place of the means of pitch, roll, three rates, net mass, its change with compressibility, and
 depth rate"""
 RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE, WARM = 11, 12, 13, 14, 15
-GUESS = 18
+SPREAD = 18
+"""place of the deviation of surge over surge, by the constants; worked out at each correction"""
+GUESS = 19
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
+RATE, PLACE, LEARNED = 7, 8, 9
+"""Of a glide that was learned from, behind its seven means: depth rate [m/s], sample; columns"""
 
 
 @jit
@@ -136,16 +144,63 @@ def _slopes(law, inertia, gravity, prior, x, c, start, found, out):  # type: ign
 
 
 @jit
-def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried):  # type: ignore[no-untyped-def]
-    """Outputs (time, 3) of the samples (time, 11); `carried` goes on."""
+def _surge(out, rate):  # type: ignore[no-untyped-def]
+    """Surge [m/s] of a balance; the depth rate has the say where the path is steep."""
+    speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
+    return max(speed, 0.0) * math.cos(out[1]) * math.cos(out[2])
+
+
+@jit
+def _spread(law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
+    """Deviation of surge over surge that the constants leave; `out` is that of `c` again."""
+    for j in range(c.size):
+        kept, nudge = c[j], NUDGE * prior[j]
+        c[j] += nudge
+        _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+        slopes[j] = _surge(out, rate) / nudge
+        c[j] = kept
+    _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+    surge, variance = _surge(out, rate), 0.0
+    for j in range(c.size):
+        slopes[j] -= surge / (NUDGE * prior[j])
+    for i in range(c.size):
+        for j in range(c.size):
+            variance += slopes[i] * cov[i, j] * slopes[j]
+    return math.sqrt(max(variance, 0.0)) / max(surge, LEAST_SURGE)
+
+
+@jit
+def balanced(law, inertia, gravity, glides, c, found):  # type: ignore[no-untyped-def]
+    """Depth rate and level forward speed [m/s] of steady glides (n, LEARNED), into `found` (n, 2);
+    NaN where nothing pulls along the hull."""
+    start, out = np.zeros(3), np.zeros(4)
+    for k in range(glides.shape[0]):
+        x = glides[k]
+        start[:] = 0.0
+        if not _balance(law, inertia, gravity, x, c, start, ITERATIONS, out):
+            found[k, 0] = found[k, 1] = math.nan
+            continue
+        pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+        normal = math.sin(out[2]) * math.sin(x[1])
+        normal += math.sin(out[1]) * math.cos(out[2]) * math.cos(x[1])
+        along = math.cos(out[1]) * math.cos(out[2])
+        found[k, 0] = out[0] * out[3]
+        found[k, 1] = out[0] * (along * math.cos(pitch) + normal * math.sin(pitch))
+
+
+@jit
+def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried, learned):  # type: ignore[no-untyped-def]
+    """Outputs (time, 5) of the samples (time, 11), and at how many it learned; `carried` goes on,
+    and the first of those it learned from go into `learned` (n, LEARNED)."""
     mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
     n, size = samples.shape[0], prior.size
-    outputs = np.zeros((n, 3))
+    outputs = np.zeros((n, 5))
     x, start, out = np.zeros(7), np.zeros(3), np.zeros(4)
     slopes, gain = np.zeros(size), np.zeros(size)
     c = carried[GUESS:COVARIANCE]
     cov = carried[COVARIANCE:].reshape((size, size))
     degree = math.pi / 180.0
+    corrections = 0
     short = 1.0 - math.exp(-period / SMOOTHED_S)
     fused = 1.0 - math.exp(-period / FUSED_S)
     quiet = 1.0 - math.exp(-period / QUIET_S)
@@ -184,11 +239,16 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried)
         if not gliding:
             start[:] = 0.0
             gliding = _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-        learns = gliding and carried[SINCE_AFLOAT] > AFLOAT_S and carried[SINCE_UPDATE] > EVERY_S
-        learns = learns and carried[RESTLESS] < QUIET_PITCH
-        learns = learns and abs(rate - carried[SLOW_RATE]) < QUIET_RATE
-        if learns and abs(out[3]) > LEAST_SINE and rate * out[3] > 0.0:
+        steady = gliding and carried[SINCE_AFLOAT] > AFLOAT_S and carried[RESTLESS] < QUIET_PITCH
+        steady = steady and abs(rate - carried[SLOW_RATE]) < QUIET_RATE
+        steady = steady and abs(out[3]) > LEAST_SINE and rate * out[3] > 0.0
+        if steady and carried[SINCE_UPDATE] > EVERY_S:
             carried[SINCE_UPDATE] = 0.0
+            if corrections < learned.shape[0]:
+                learned[corrections, :7] = x
+                learned[corrections, RATE] = rate
+                learned[corrections, PLACE] = k
+            corrections += 1
             before = c.copy()
             variance = rate_variance
             for _ in range(RELINEARISED):
@@ -209,14 +269,18 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried)
             for i in range(size):
                 for j in range(size):
                     cov[i, j] -= gain[i] * gain[j] / variance
-            _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+            for i in range(3):
+                start[i] = out[i]
+            carried[SPREAD] = _spread(
+                law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out
+            )
         if gliding:
             for i in range(3):
                 carried[WARM + i] = out[i]
-            speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
-            speed = max(speed, 0.0)
             outputs[k, 2] = out[1]
             if not still:
-                outputs[k, 0] = speed * math.cos(out[1]) * math.cos(out[2])
-                outputs[k, 1] = speed * math.sin(out[2])
-    return outputs
+                outputs[k, 0] = _surge(out, rate)
+                outputs[k, 1] = outputs[k, 0] * math.tan(out[2]) / math.cos(out[1])
+                outputs[k, 3] = 1.0 if steady else 0.0
+                outputs[k, 4] = carried[SPREAD] * max(outputs[k, 0], LEAST_SURGE)
+    return outputs, corrections

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
-from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter import FlightFilter, FlightStart
 from twin.navigation.flight_filter_kernels import CHANNELS, OUTPUTS
 from twin.numbers import number
 from twin.plugins import place_of
@@ -169,9 +169,20 @@ def sources(channels: Iterable[str]) -> tuple[str, ...]:
 
 
 def estimate(
-    signals: Mapping[str, Array], vehicle: Vehicle, period: float, *, mission: int
+    signals: Mapping[str, Array],
+    vehicle: Vehicle,
+    period: float,
+    *,
+    mission: int,
+    start: FlightStart | None = None,
 ) -> dict[str, Array]:
     """All of ESTIMATED, each (time,), of one whole mission with one sample every `period` [s].
+
+    Args:
+      signals: what the filter reads.
+      vehicle: as its file says.
+      mission: for errors.
+      start: what earlier dives said of the vehicle.
 
     Raises:
       InputError: the vehicle does not glide by lift and drag coefficients.
@@ -185,7 +196,7 @@ def estimate(
                 f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store, or "
                 "train without it (`learn fit --without flight`)"
             )
-    made = FlightFilter(vehicle, period).run(signals)
+    made = FlightFilter(vehicle, period, start=start).run(signals)
     return {name: np.ascontiguousarray(made[:, k]) for k, name in enumerate(ESTIMATED)}
 
 

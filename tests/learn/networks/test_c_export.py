@@ -1,6 +1,7 @@
 """The C code of networks and features against Python."""
 
 import dataclasses
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,12 +18,13 @@ from learn.networks.base import Network, build_network
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
 from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import TOLERANCE
-from learn.networks.predictor import Ensemble, Predictor
+from learn.networks.predictor import Adapted, Ensemble, Predictor
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import FEATURES, FLIGHT, Feature, Term, channels_of
 from twin.navigation.features.c_steps import c_features
-from twin.navigation.settings import estimate
+from twin.navigation.flight_filter import FlightSpread, FlightStart
+from twin.navigation.settings import estimate, sources
 from twin.vehicle.vehicle import load_vehicle
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler, cc")
@@ -128,6 +130,75 @@ def test_the_flight_filter_is_in_c_what_it_is_in_python(tmp_path):
         c_header(networks, PERIOD)
 
 
+STACK = """
+#define _GNU_SOURCE
+#include "glider_velocity.h"
+#include <pthread.h>
+#include <stdio.h>
+static unsigned char room[1 << 17];
+static glider_state state;
+static glider_velocity velocity;
+static glider_sample samples[{count}] = {{{samples}}};
+static int steps;
+static void *work(void *unused)
+{{
+    for (int k = 0; k < steps; k++)
+        glider_step(&state, samples + k, &velocity);
+    return unused;
+}}
+static long touched(int count) /* bytes of the stack that a thread of so many steps writes to */
+{{
+    pthread_attr_t attributes;
+    pthread_t thread;
+    steps = count;
+    memset(room, 0xa5, sizeof room);
+    pthread_attr_init(&attributes);
+    pthread_attr_setstack(&attributes, room, sizeof room);
+    pthread_create(&thread, &attributes, work, NULL);
+    pthread_join(thread, NULL);
+    long low = 0;
+    while (room[low] == 0xa5)
+        low++;
+    return (long)sizeof room - low;
+}}
+int main(void)
+{{
+    glider_reset(&state);
+    const long idle = touched(0), busy = touched({count});
+    printf("%ld", busy - idle);
+    return 0;
+}}
+"""
+
+
+@needs_compiler
+def test_an_adapted_step_needs_less_than_two_kilobytes_of_stack(tmp_path):
+    """Networks of the default size, with corrections of the flight filter on the way."""
+    signals, _, _ = glides(changed(drag=1.2), pitches=(-25.0, 32.0))
+    vehicle = load_vehicle()
+    signals |= estimate(signals, vehicle, PERIOD, mission=0)
+    glide = MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
+    names = tuple(n for n, f in FEATURES.items() if set(channels_of([n])) <= set(signals))
+    assert len(names) > 20
+    start = FlightStart.of(np.zeros(7), np.diag(FlightSpread().prior ** 2), 1e-2)
+    networks = {
+        name: dataclasses.replace(e, adapted=Adapted(start=start, deviation=0.002))
+        for name, e in networks_of("ema", names, glide, hidden=50, layers=3).items()
+    }
+    (tmp_path / "glider_velocity.h").write_text(c_header(networks, PERIOD, vehicle))
+    channels = sources(channels_of(names))
+    rows = np.stack([signals[c] for c in channels], 1)[:400]
+    samples = ",".join("{" + ",".join(map(repr, row)) + "}" for row in rows.tolist())
+    (tmp_path / "main.c").write_text(STACK.format(count=len(rows), samples=samples))
+    for optimised in ("-O2", "-Os"):
+        flags = [f for f in FLAGS if not f.startswith("-O")]
+        command = [*find_compiler(), *flags, optimised, "-pthread", "main.c", "-o", "main", "-lm"]
+        subprocess.run(command, cwd=tmp_path, check=True)
+        bound = os.environ | {"LD_BIND_NOW": "1"}  # a first call of libm's would bind it
+        said = subprocess.run([tmp_path / "main"], capture_output=True, check=True, env=bound)
+        assert 500 < int(said.stdout) < 2048, optimised
+
+
 @needs_compiler
 def test_members_are_averaged(mission, tmp_path):
     networks = networks_of("ema", SEEN, mission, members=3, hidden=5, layers=1)
@@ -172,9 +243,11 @@ int main(void)
 }
 """
     (tmp_path / "main.c").write_text(main)
-    command = [*find_compiler(), *FLAGS, "main.c", "-o", "main", "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    assert subprocess.run([tmp_path / "main"]).returncode == 0
+    watched = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    for more in ((), watched):
+        command = [*find_compiler(), *FLAGS, *more, "main.c", "-o", "main", "-lm"]
+        subprocess.run(command, cwd=tmp_path, check=True)
+        assert subprocess.run([tmp_path / "main"]).returncode == 0
 
 
 @needs_compiler

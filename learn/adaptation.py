@@ -1,0 +1,125 @@
+"""Adaptation: a run's networks fitted to one vehicle by its first dives.
+
+Fitted are the hull's seven constants (`twin.navigation.flight_fit`): the flight filter that the
+networks read begins with them, and its surge takes the place of theirs in steady glides. Weights
+stay as they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.data.dataset import MissionSequence, Selection
+from learn.run import ADAPTATION, METRICS, Run, open_run, write_description
+from learn.run_folder import is_run
+from twin.errors import InputError
+from twin.navigation.dives import find_dives
+from twin.navigation.features import channels_of
+from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_fit import FlightFit, Glides, adapt_flight, steady_glides
+from twin.navigation.settings import ESTIMATED
+from twin.records.reader import MissionStore
+from twin.records.storage.store_path import StorePath
+from twin.records.storage.whole import whole_folder
+
+Adapting = Literal["none", "dvl"]
+"""Velocities to adapt on: none but the depth's, or those of a Doppler log in water lock"""
+LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
+FIXES = ("measured_gps_north", "measured_gps_east")
+
+
+def adapt(
+    run: Run | str | Path,
+    store: str | StorePath,
+    folder: str | Path,
+    *,
+    missions: Sequence[int] = (),
+    dives: int = 5,
+    labels: Adapting = "none",
+    overwrite: bool = False,
+) -> tuple[Run, FlightFit]:
+    """A copy of a run that knows a vehicle by its first dives.
+
+    Args:
+      run: as `fit` or `open_run` give it, or its folder or name; its networks read the flight
+        filter.
+      store: dives of this one vehicle, simulated or logged.
+      folder: of the new run.
+      missions: rows of the store; empty: all.
+      dives: at most so many, the first ones.
+      labels: `dvl` takes the Doppler log too.
+      overwrite: take the place of a run in `folder`.
+
+    Returns:
+      The run, and what was found. Where held-back dives are best with the hull of the file, it is
+      the one that it was made of.
+
+    Raises:
+      InputError: the networks do not read the filter, or the dives do not suffice.
+      StoreError: a channel is missing.
+      WriteError: something else is in `folder`.
+    """
+    run, folder = (run if isinstance(run, Run) else open_run(run)), Path(folder)
+    glides = first_glides(run, store, missions=missions, dives=dives, labels=labels)
+    with MissionStore(store) as reader:
+        flight = FlightFilter(reader.vehicle, run.period)
+    fit = adapt_flight(flight, glides, log=labels == "dvl")
+    found: dict[str, Any] = {
+        "store": str(store), "dives": len(glides), "labels": labels, "from": str(run.folder),
+        **dataclasses.asdict(fit),
+    }  # fmt: skip
+    with whole_folder(folder, overwrite=overwrite, ours=is_run) as place:
+        for name in (*run.network_files, METRICS):
+            if (run.folder / name).is_file():
+                shutil.copy2(run.folder / name, place / name)
+        write_description(place, {**run.description, ADAPTATION: found})
+    return Run(folder, {**run.description, ADAPTATION: found}), fit
+
+
+def first_glides(
+    run: Run,
+    store: str | StorePath,
+    *,
+    missions: Sequence[int] = (),
+    dives: int = 5,
+    labels: Adapting = "none",
+) -> list[Glides]:
+    """Steady glides of the first dives of a store, by dive; arguments and errors as `adapt`."""
+    if not set(channels_of(run.features)) & set(ESTIMATED):
+        raise InputError(
+            f"the networks of run {run.name} do not read the flight filter, through which they "
+            "adapt: train on a store of a glider with a CTD (`factory generate --preset family`)"
+        )
+    if dives < 1:
+        raise InputError(f"--dives {dives}: adapting takes at least one dive")
+    wanted = [*ESTIMATED, "measured_heading", *(LOG_CHANNELS if labels == "dvl" else ())]
+    with MissionStore(store) as reader:
+        wanted += [name for name in FIXES if name in reader]
+    found: list[Glides] = []
+    with Selection(store, wanted, period=run.period) as selection:
+        assert selection.vehicle is not None  # estimated channels are among the wanted
+        flight = FlightFilter(selection.vehicle, run.period)
+        rows = selection.rows.tolist()
+        if unknown := sorted(set(missions) - set(rows)):
+            raise InputError(f"store {store} has no mission {unknown[0]}: it has {len(rows)}")
+        places = [k for k, row in enumerate(rows) if not missions or row in missions]
+        for mission in selection.each(places):
+            spans = dive_spans(mission, logged=selection.logged)[: dives - len(found)]
+            found += steady_glides(flight, mission.signals, spans, log=labels == "dvl")
+            if len(found) >= dives:
+                break
+    return found
+
+
+def dive_spans(mission: MissionSequence, *, logged: bool) -> list[slice]:
+    """Dives of a mission; a row of logs is one."""
+    signals: Mapping[str, NDArray[np.float64]] = mission.signals
+    spans = [] if logged else [dive.span for dive in find_dives(signals, mission.period)]
+    return spans or [slice(0, mission.samples)]

@@ -1,0 +1,215 @@
+"""A run that adapts to a vehicle: `learn adapt`, and what is flown, judged, exported after it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import learn
+from factory.generation.generation import generate
+from factory.sampling.recipe import make_recipe
+from learn.__main__ import PROGRAM
+from learn.data.dataset import load_missions
+from learn.evaluation.score import summarise_scores
+from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
+from learn.networks.network_estimator import NetworkVelocity
+from learn.networks.predictor import Adapted
+from learn.report import verdicts
+from learn.run import ADAPTATION, FAMILIARITY, Run, open_run, write_description
+from twin.errors import InputError, StoreError
+from twin.navigation.features import channels_of
+from twin.navigation.flight_filter import FlightSpread, FlightStart
+from twin.navigation.flight_fit import FOULED
+from twin.navigation.settings import ESTIMATED, estimate
+from twin.vehicle.vehicle import load_vehicle
+
+SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    """A folder with a run of the preset `family`, and two missions of a fouled hull."""
+    folder = tmp_path_factory.mktemp("adaptation")
+    dives = {"mission.duration_h": "1.5", "mission.yos": "1", "mission.max_depth_m": "60"}
+    generate(
+        make_recipe(preset="family", hours=3.0, seed=1, changes=dives), folder / "train.zarr",
+        workers=1,
+    )  # fmt: skip
+    fouled = dives | {"vehicle.k_d0": "1.5", "vehicle.k_d": "1.5"}
+    generate(
+        make_recipe(preset="field", hours=3.0, seed=2, changes=fouled), folder / "heavy.zarr",
+        workers=1,
+    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+        patch.chdir(folder)
+        learn.fit(folder / "train.zarr", folder=folder / "runs" / "first", **SMALL)
+    return folder
+
+
+def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
+    origin = open_run(place / "runs" / "first")
+    run, fit = learn.adapt(origin, place / "heavy.zarr", place / "runs" / "calypso", missions=(0,))
+    assert fit.hull == FOULED
+    assert fit.factors["drag"][0] == pytest.approx(np.log(1.5), abs=0.08)
+    again = open_run(run.folder)
+    assert again.adapted == run.adapted != origin.adapted
+    assert again.description[ADAPTATION]["from"] == str(origin.folder)
+    ours, theirs = (one.predict(place / "heavy.zarr")[0] for one in (again, origin))
+    (mission,) = load_missions(
+        place / "heavy.zarr", [*ESTIMATED, "true_surge", *channels_of(again.features)], limit=1
+    )
+    true = mission.signals["true_surge"]
+    gliding = mission.signals["measured_depth"] > 5.0
+    errors = [np.sqrt(np.mean((p.surge - true)[gliding] ** 2)) for p in (ours, theirs)]
+    assert errors[0] < 0.7 * errors[1]  # of so small a network
+    assert np.array_equal(ours.sway, theirs.sway) is False  # they read the filter's, too
+
+    vehicle = load_vehicle()
+    estimator = NetworkVelocity.open(str(run.folder), vehicle, mission.period)
+    kept = 4000
+    found = np.array(
+        [
+            estimator.step({c: mission.signals[c][k] for c in estimator.channels}).surge
+            for k in range(kept)
+        ]
+    )
+    assert np.allclose(found, ours.surge[:kept], atol=2e-5)
+    if shutil.which("cc") is not None:
+        networks = again.networks()
+        start = networks["surge"].start
+        signals = dict(mission.signals)
+        signals |= estimate(signals, vehicle, mission.period, mission=0, start=start)
+        one = type(mission)(index=0, split="all", period=mission.period, signals=signals)
+        parity = export_c(networks, place / "glider_velocity.h", one, vehicle)
+        assert parity.largest < 1e-5
+        said, _ = run_c(parity.path, networks, one, find_compiler())
+        assert np.abs(said[:, 0] - theirs.surge).max() > 5e-3  # it is the adapted one
+
+
+def test_the_weight_of_the_filter_goes_with_its_variance():
+    size = 7
+    start = FlightStart.of(np.zeros(size), np.eye(size), 1e-2)
+    adapted = Adapted(start=start, deviation=0.002)
+    assert adapted.weight(1.0, 0.002) == pytest.approx(0.5)
+    assert adapted.weight(1.0, 0.0) == 1.0
+    assert adapted.weight(0.0, 0.0) == 0.0
+
+
+def test_the_command_says_what_it_found_and_what_does_not_do(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    words = ["adapt", "first", "heavy.zarr", "--missions", "1", "--labels", "dvl", "--name", "two"]
+    assert PROGRAM.main([*words, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["changed"] is True
+    assert said["adaptation"]["hull"] == FOULED
+    assert said["adaptation"]["log"] is True
+    assert PROGRAM.main(words) == 2  # a run of that name is there
+    assert PROGRAM.main([*words, "--overwrite"]) == 0
+    assert "that may have growth on it" in capsys.readouterr().out
+    assert PROGRAM.main([*words[:3], "--missions", "7"]) == 2
+    assert "has no mission 7: it has 3" in capsys.readouterr().err
+    origin = open_run("first")
+    with pytest.raises(InputError, match="--dives 0"):
+        learn.adapt(origin, "heavy.zarr", Path("runs/none"), dives=0)
+    assert not Path("runs/none").exists()
+
+
+def test_networks_that_do_not_read_the_filter_cannot_adapt(place):
+    run = open_run(place / "runs" / "first")
+    plain = [name for name in run.features if not name.startswith("flight_")]
+    run = dataclasses.replace(
+        run, description={**run.description, "settings": {"features": plain, "members": 1}}
+    )
+    with pytest.raises(InputError, match="do not read the flight filter"):
+        learn.adapt(run, place / "heavy.zarr", place / "runs" / "x")
+
+
+def test_a_damaged_adaptation_is_named(place):
+    run = open_run(place / "runs" / "first")
+    broken = place / "runs" / "broken"
+    shutil.copytree(run.folder, broken)
+    start = {
+        "constants": [0.0],
+        "deviations": [1.0],
+        "correlation": [[1.0]],
+        "depth_rate": 1e-2,
+    }
+    write_description(broken, {**run.description, ADAPTATION: {"start": start}})
+    with pytest.raises(StoreError, match="its adaptation is not one"):
+        open_run(broken).networks()
+
+
+def test_a_hull_outside_of_the_training_is_told_of_in_reports_and_on_board(place):
+    origin = open_run(place / "runs" / "first")
+    familiar = origin.familiar
+    inside = np.array(familiar.mean)
+    assert familiar.outside(inside)[0] == 0.0
+    heavy = inside + np.eye(len(inside))[0] * 6.0 * familiar.deviation[0]
+    assert familiar.outside(heavy) == (pytest.approx(2.0), "drag")
+    # a training that knew only hulls as their file says
+    narrow = {"mean": [0.0] * 7, "deviation": FlightSpread().prior.tolist()}
+    sure = Run(origin.folder, {**origin.description, FAMILIARITY: narrow})
+    wide, told = (
+        learn.evaluate(one, place / "heavy.zarr", split="all", baselines=()).figures["outside"]
+        for one in (origin, sure)
+    )
+    assert told["share"] == 1.0
+    assert told["constant"] == "drag"
+    assert told["median"] == pytest.approx(np.log(1.5) / (3.0 * 0.058), rel=0.1)
+    assert 0.0 <= wide["share"] <= 1.0
+    sentence = next(s for s in verdicts(told_of(told)) if s.startswith("Hulls outside"))
+    assert "100 % of the missions" in sentence
+    assert "learn adapt" in sentence
+
+    networks, vehicle = sure.networks(), load_vehicle()
+    estimator = NetworkVelocity(networks, sure.period, vehicle)
+    assert estimator.outside == 0.0
+    (mission,) = load_missions(place / "heavy.zarr", estimator.channels, limit=1)
+    rows = [{c: mission.signals[c][k] for c in estimator.channels} for k in range(4000)]
+    for row in rows:
+        estimator.step(row)
+    assert estimator.outside > 1.0
+    if shutil.which("cc") is not None:
+        assert _outside_in_c(networks, vehicle, sure.period, rows, place) == pytest.approx(
+            estimator.outside, rel=1e-5
+        )
+    broken = Run(origin.folder, {**origin.description, FAMILIARITY: {"mean": [0.0]}})
+    with pytest.raises(StoreError, match="its familiarity has no mean of 7 constants"):
+        broken.networks()
+
+
+def told_of(outside):
+    empty = summarise_scores(())
+    return {**empty, "baselines": {}, "floor": empty, "outside": outside}
+
+
+def _outside_in_c(networks, vehicle, period, rows, folder):
+    (folder / "glider_velocity.h").write_text(c_header(networks, period, vehicle))
+    samples = ",".join("{" + ",".join(repr(float(v)) for v in row.values()) + "}" for row in rows)
+    (folder / "outside.c").write_text(
+        f"""
+#include "glider_velocity.h"
+#include <stdio.h>
+static const glider_sample samples[] = {{{samples}}};
+int main(void)
+{{
+    static glider_state state;
+    glider_velocity velocity;
+    glider_reset(&state);
+    for (int k = 0; k < {len(rows)}; k++)
+        glider_step(&state, samples + k, &velocity);
+    printf("%.9g", (double)glider_outside(&state));
+    return 0;
+}}
+"""
+    )
+    command = [*find_compiler(), *FLAGS, "outside.c", "-o", "outside", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return float(subprocess.run([folder / "outside"], capture_output=True, check=True).stdout)

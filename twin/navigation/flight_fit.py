@@ -1,0 +1,332 @@
+"""Flight fit: a hull's seven constants from its first dives, all glides at once.
+
+The flight filter takes a hull for one near its file: with a wide prior its first corrections, of
+one angle of glide, run off where the balance is not linear. A fit of all glides together does not.
+It is the most probable set of constants (Levenberg and Marquardt), with Huber's loss, and gives
+their covariance, from which a filter goes on (`FlightStart`).
+
+    rate of depth      z' = balance(c)                                  what every glider has
+    Doppler log, down  w_m = (1 + s) z' + e U(c)
+    and forward        U_m = (1 + s) U(c) - e z' + h . dc(z)
+
+U is the level forward speed, s the log's scale, e the angle between log and measured pitch, h the
+heading, and dc(z) how the water of the log's cells moves otherwise than the vehicle's own: straight
+between knots of depth. Velocity downward tells scale and angle, dives that head otherwise tell the
+shear, so that the log's own errors do not go into the hull.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.navigation.dvl_cleaning import WATER, outliers, smoothed
+from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
+from twin.navigation.flight_filter_kernels import (
+    CONSTANTS,
+    DRAG,
+    INDUCED,
+    NUDGE,
+    PLACE,
+    RATE,
+    balanced,
+)
+from twin.numbers import Array
+
+GROWTH = 0.3
+"""of ln(factor) on both drags: growth adds half to them within a season, and lifts nothing"""
+GLIDE_RATE_SD = 3e-3
+"""[m/s] of the depth rate of one glide, as `FlightSpread.depth_rate`"""
+LASTING_RATE_SD = 1e-2
+"""[m/s] of a filter's corrections afterwards: what is wrong with a glide's rate lasts through it,
+so that ten corrections are one, and a hull that is known is not to be drawn off by them"""
+LOG_SD = (3e-3, 0.015)
+"""[m/s] of the log downward and forward: what is left of water that changes within an hour"""
+LOG_SCALE, LOG_ANGLE = 0.01, 0.015
+"""deviation of the log's scale [1], and of its angle to the pitch [rad]: no calibration"""
+SHEAR, SHEAR_STEP, KNOTS_M = 0.05, 0.02, 25.0
+"""[m/s] deviation of the shear, and from knot to knot; [m] between knots"""
+HUBER = 2.0
+"""deviations beyond which a residual counts less"""
+FEWEST = 20
+"""glides of a fit: four minutes of steady flight"""
+ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
+"""steps at most; a step in prior deviations, and a damping, with which it ends"""
+SURE = 1e-6
+"""of a deviation: a hull that is held"""
+FILE, NEAR, FOULED = "file", "near", "fouled"
+"""A hull: as its file says; as near to it as `FlightSpread` has them; with growth, or without"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Glides:
+    """Steady glides of one dive."""
+
+    inputs: Array
+    """As `FlightFilter.glides` gives them, (n, LEARNED)"""
+    depth: Array
+    """[m], (n,)"""
+    heading: Array
+    """[rad], (n,)"""
+    log: Array
+    """[m/s] level forward and downward by a Doppler log in water lock, (n, 2); NaN without"""
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FlightFit:
+    """What dives say of a hull."""
+
+    start: FlightStart | None
+    """For a filter; None: held-back glides are best with the hull of the file"""
+    hull: str
+    """That by which held-back glides are best: FILE, NEAR or FOULED"""
+    left_over: float
+    """Squared residual of held-back glides by that hull, over that by the file's"""
+    glides: int
+    log: bool
+    """Whether a Doppler log went in"""
+    factors: Mapping[str, tuple[float, float]]
+    """Estimate and deviation of every constant"""
+
+
+def steady_glides(
+    flight: FlightFilter, signals: Mapping[str, Array], spans: Sequence[slice], *, log: bool
+) -> list[Glides]:
+    """Glides of each dive; the filter begins with them.
+
+    Args:
+      flight: of the vehicle; it is reset first.
+      signals: its channels and `measured_heading` of a mission, with `log` also
+        `measured_dvl_surge`, `_sway`, `_heave` and `_mode`.
+      spans: samples of each dive.
+    """
+    flight.reset()
+    found = flight.glides(signals)
+    place = found[:, PLACE].astype(int)
+    said = np.full((len(found), 2), np.nan)
+    if log:
+        said = _log(signals, flight.period)[place]
+    depth, heading = (
+        signals["measured_depth"][place],
+        np.deg2rad(signals["measured_heading"])[place],
+    )
+    each = []
+    for span in spans:
+        own = (place >= span.start) & (place < span.stop)
+        each.append(
+            Glides(inputs=found[own], depth=depth[own], heading=heading[own], log=said[own])
+        )
+    return each
+
+
+def _log(signals: Mapping[str, Array], period: float) -> Array:
+    """Level forward and downward velocity [m/s] by a Doppler log in water lock, (time, 2)."""
+    valid = signals["measured_dvl_mode"] == WATER
+    u, v, w = (signals[f"measured_dvl_{n}"] for n in ("surge", "sway", "heave"))
+    valid &= np.isfinite(u) & np.isfinite(v) & np.isfinite(w)
+    valid &= ~(outliers(u, valid, causal=True) | outliers(w, valid, causal=True))
+    roll, pitch = (np.deg2rad(signals[f"measured_{n}"]) for n in ("roll", "pitch"))
+    below = v * np.sin(roll) + w * np.cos(roll)
+    forward, down = u * np.cos(pitch) + below * np.sin(pitch), below * np.cos(pitch)
+    down = down - u * np.sin(pitch)
+    return np.stack([smoothed(x, valid, period, "causal") for x in (forward, down)], axis=1)
+
+
+def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) -> FlightFit:
+    """Fit a hull to its first dives, by the prior with which held-back ones are best.
+
+    Each dive in turn is held back (of a single one, each quarter) and predicted by the constants of
+    the others, with the Doppler log where `log`: of a hull as its file says, of one near it, and of
+    one with growth on it.
+
+    Raises:
+      InputError: fewer steady glides than a fit needs, or no water lock in any.
+    """
+    whole = _joined(dives)
+    if len(whole) < FEWEST:
+        raise InputError(
+            f"these logs have {len(whole)} steady glides, and a fit needs {FEWEST}: one every 15 s "
+            "at a steady pitch below the surface; give longer dives"
+        )
+    if log and not np.isfinite(whole.log).all(1).any():
+        raise InputError(
+            "the Doppler log has no water lock in a steady glide: adapt without it (--labels none)"
+        )
+    near = FlightSpread().prior
+    wide = near.copy()
+    wide[[DRAG, INDUCED]] = GROWTH
+    priors = {FILE: SURE * near, NEAR: near, FOULED: wide}
+    errors = LogErrors.over(whole.depth) if log else None
+    parts = [d for d in dives if len(d)] if len(dives) > 1 else _quarters(whole)
+    fits = {hull: _fit(flight, whole, prior, errors) for hull, prior in priors.items()}
+    left = dict.fromkeys(priors, 0.0)
+    for k, held in enumerate(parts):
+        others = _joined([p for j, p in enumerate(parts) if j != k])
+        for hull, prior in priors.items():
+            unknowns, _ = _fit(flight, others, prior, errors, begin=fits[hull][0])
+            rows, _, _ = _residuals(flight, held, unknowns, errors)
+            left[hull] += float(np.minimum(rows**2, HUBER**2).sum())
+    best = min(left, key=left.__getitem__)
+    unknowns, covariance = fits[best]
+    size = len(CONSTANTS)
+    constants, covariance = unknowns[:size], covariance[:size, :size]
+    start = FlightStart.of(constants, covariance, LASTING_RATE_SD)
+    said = zip(CONSTANTS, start.constants, start.deviations, strict=True)
+    return FlightFit(
+        start=None if best == FILE else start,
+        hull=best,
+        left_over=left[best] / left[FILE],
+        glides=len(whole),
+        log=log,
+        factors={name: (value, sd) for name, value, sd in said},
+    )
+
+
+def _joined(parts: Sequence[Glides]) -> Glides:
+    return Glides(
+        **{
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in dataclasses.fields(Glides)
+        }
+    )
+
+
+def _quarters(whole: Glides) -> list[Glides]:
+    cut = np.array_split(np.arange(len(whole)), 4)
+    return [
+        Glides(**{f.name: getattr(whole, f.name)[own] for f in dataclasses.fields(Glides)})
+        for own in cut
+    ]
+
+
+class LogErrors:
+    """What a Doppler log has of its own, behind the constants among the unknowns: scale, angle, and
+    the shear north and east at each knot of depth."""
+
+    def __init__(self, knots: int):
+        self.knots, self.size = knots, 2 + 2 * knots
+        steps = np.diff(np.eye(knots), axis=0)
+        shear = np.eye(knots) / SHEAR**2 + steps.T @ steps / SHEAR_STEP**2
+        self.information = np.zeros((self.size, self.size))
+        self.information[0, 0], self.information[1, 1] = LOG_SCALE**-2, LOG_ANGLE**-2
+        for first in (2, 2 + knots):
+            self.information[first : first + knots, first : first + knots] = shear
+
+    @classmethod
+    def over(cls, depth: Array) -> LogErrors:
+        """With knots down to the deepest of these [m]."""
+        return cls(math.ceil(float(depth.max()) / KNOTS_M) + 1)
+
+    def shear(self, glides: Glides) -> Array:
+        """What each knot's shear, north and then east, adds to the forward speed, (n, 2 knots)."""
+        near = np.clip(glides.depth / KNOTS_M, 0.0, self.knots - 1.0)
+        weights = np.maximum(0.0, 1.0 - np.abs(near[:, None] - np.arange(self.knots)))
+        heading = glides.heading[:, None]
+        return np.concatenate([weights * np.cos(heading), weights * np.sin(heading)], axis=1)
+
+
+def _predicted(flight: FlightFilter, glides: Glides, constants: Array) -> Array:
+    """Depth rate and level forward speed [m/s] by the balance, (n, 2)."""
+    law, inertia, hull, *_ = flight.model
+    found = np.zeros((len(glides), 2))
+    balanced(law, inertia, hull[2], glides.inputs, constants, found)
+    return found
+
+
+def _residuals(
+    flight: FlightFilter, glides: Glides, unknowns: Array, errors: LogErrors | None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """What the unknowns leave over, in deviations, (rows,); by glide what is forward there, (n, 2);
+    and which glides have a log. Rows are of every glide the depth rate, then of those with a log
+    what it says downward, and then forward."""
+    size = len(CONSTANTS)
+    found = _predicted(flight, glides, unknowns[:size])
+    rate = glides.inputs[:, RATE]
+    rows = (rate - found[:, 0]) / GLIDE_RATE_SD
+    rows = np.where(np.isfinite(rows), rows, HUBER)  # nothing pulls along the hull
+    seen = np.asarray(np.isfinite(glides.log).all(1) & np.isfinite(found).all(1))
+    if errors is None:
+        return rows, found, np.zeros(len(glides), bool)
+    scale, angle = unknowns[size : size + 2]
+    forward, said, fell = found[seen, 1], glides.log[seen], rate[seen]
+    down = said[:, 1] - (1.0 + scale) * fell - angle * forward
+    ahead = said[:, 0] - (1.0 + scale) * forward + angle * fell
+    ahead = ahead - errors.shear(glides)[seen] @ unknowns[size + 2 :]
+    return np.concatenate([rows, down / LOG_SD[0], ahead / LOG_SD[1]]), found, seen
+
+
+def _slopes(
+    flight: FlightFilter, glides: Glides, unknowns: Array, prior: Array, errors: LogErrors | None
+) -> tuple[Array, Array]:
+    """Residuals (rows,) and their change with each unknown, (rows, unknowns)."""
+    rows, found, seen = _residuals(flight, glides, unknowns, errors)
+    slopes = np.zeros((len(rows), len(unknowns)))
+    for j, step in enumerate(NUDGE * prior):
+        moved = unknowns.copy()
+        moved[j] += step
+        other, _, also = _residuals(flight, glides, moved, errors)
+        if np.array_equal(seen, also):
+            slopes[:, j] = (other - rows) / step
+    if errors is not None:
+        size, n, count = len(CONSTANTS), len(glides), int(seen.sum())
+        fell, forward = glides.inputs[seen, RATE], found[seen, 1]
+        down, ahead = slice(n, n + count), slice(n + count, None)
+        slopes[down, size], slopes[down, size + 1] = -fell / LOG_SD[0], -forward / LOG_SD[0]
+        slopes[ahead, size], slopes[ahead, size + 1] = -forward / LOG_SD[1], fell / LOG_SD[1]
+        slopes[ahead, size + 2 :] = -errors.shear(glides)[seen] / LOG_SD[1]
+    return rows, slopes
+
+
+def _fit(
+    flight: FlightFilter,
+    glides: Glides,
+    prior: Array,
+    errors: LogErrors | None,
+    begin: Array | None = None,
+) -> tuple[Array, Array]:
+    """Most probable unknowns, and their covariance.
+
+    Args:
+      prior: deviations of the constants from those of the file.
+      errors: those of the log, which goes in then.
+      begin: unknowns to start from; it changes how many steps are taken, not where they end.
+    """
+    size = len(CONSTANTS)
+    total = size + (0 if errors is None else errors.size)
+    information = np.zeros((total, total))
+    information[:size, :size] = np.diag(prior**-2.0)
+    if errors is not None:
+        information[size:, size:] = errors.information
+    tried = np.zeros(total) if begin is None else begin
+    unknowns = tried
+    damping, least = 1e-3, math.inf
+    normal, slope = information, np.zeros(total)
+    for _ in range(ROUNDS):
+        rows, slopes = _slopes(flight, glides, tried, prior, errors)
+        far = np.abs(rows)
+        weights = np.where(far > HUBER, HUBER / np.maximum(far, HUBER), 1.0)
+        cost = np.where(far > HUBER, HUBER * (far - 0.5 * HUBER), 0.5 * rows**2).sum()
+        cost += 0.5 * tried @ information @ tried
+        if cost < least:
+            least, unknowns, damping = float(cost), tried, 0.3 * damping
+            normal = information + (slopes.T * weights) @ slopes
+            slope = -(slopes.T * weights) @ rows - information @ tried
+        else:
+            damping *= 10.0
+        unit = 1.0 / np.sqrt(np.diag(normal))  # of unknowns whose units differ by ten orders
+        scaled = normal * np.outer(unit, unit)
+        step = unit * np.linalg.solve(scaled + damping * np.eye(total), unit * slope)
+        tried = unknowns + step
+        if np.abs(step[:size] / prior).max() < STOP or damping > MOST_DAMPING:
+            break
+    unit = 1.0 / np.sqrt(np.diag(normal))
+    inverse = np.linalg.inv(normal * np.outer(unit, unit))
+    return unknowns, 0.5 * (inverse + inverse.T) * np.outer(unit, unit)
