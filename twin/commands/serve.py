@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.durations import Seconds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +34,15 @@ class Serve(JsonOption):
     """sea floor, as in `twin simulate`; its distance is sent as rng_1"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
     """where and when it begins, as in `twin simulate`"""
-    duration: float = 86400.0
-    """seconds of the vehicle's time after which it ends"""
+    duration: Seconds = 86400.0
+    """vehicle's time after which it ends, such as 3600 (seconds) or 6h"""
     host: str = "127.0.0.1"
     """address to serve on"""
     port: int = 9002
     """UDP port; ArduPilot's is 9002"""
     exposed: bool = False
     """allow an address that other machines reach: whoever reaches it drives the vehicle"""
-    silence: float = 2.0
+    silence: Seconds = 2.0
     """seconds without a packet after which the client is lost and the vehicle flies its failsafe"""
     mavlink: str | None = None
     """send MAVLink telemetry there too, such as udpout:127.0.0.1:14550"""
