@@ -19,7 +19,7 @@ import twin.lazy
 PACKAGES = ("twin", "factory", "learn")
 TOP_LEVEL = {
     "twin": {
-        "__init__", "__main__", "bounded", "errors", "extras", "facade", "frames",
+        "__init__", "__main__", "bounded", "errors", "extras", "facade", "frames", "notebook",
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {

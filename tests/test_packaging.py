@@ -100,6 +100,20 @@ def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_colle
     assert made == {*_tracked(), "PKG-INFO"}
 
 
+def test_the_wheel_has_the_same_bytes_wherever_and_whenever_it_is_built(
+    source: Path, wheel: Path, tmp_path: Path
+) -> None:
+    with tarfile.open(source) as archive:
+        archive.extractall(tmp_path, filter="data")
+    unpacked = tmp_path / f"glider_twin-{__version__}"
+    for k, path in enumerate(sorted(unpacked.rglob("*.py"))):
+        path.chmod(0o600)
+        os.utime(path, (1e9 + k, 1e9 + k))
+    _run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=unpacked)
+    (again,) = tmp_path.glob("*.whl")
+    assert again.read_bytes() == wheel.read_bytes()
+
+
 def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         shipped = {name for name in archive.namelist() if ".dist-info/" not in name}

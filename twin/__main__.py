@@ -16,6 +16,7 @@ PROGRAM = Program(
             ),
             "trim": ("TrimVehicle", "steady glide or spiral of fixed actuator positions"),
             "simulate": ("Simulate", "fly one mission: summary, store, plot"),
+            "serve": ("Serve", "one vehicle for ArduPilot's SITL, or what speaks its protocol"),
             "check": ("CheckModels", "MuJoCo against Fossen and against the published figures"),
             "identify": (
                 "Identify",

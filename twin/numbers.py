@@ -1,4 +1,4 @@
-"""Numbers: a value that must be a number, whoever gave it; and small systems of them.
+"""Numbers: a value that must be a number, whoever gave it; small systems of them; processors.
 
 A library of linear algebra rounds otherwise on another processor. What decides a flight's bytes,
 such as the gains of guidance, goes through `product` and `solved_system` instead.
@@ -7,6 +7,7 @@ such as the gains of guidance, goes through `product` and `solved_system` instea
 from __future__ import annotations
 
 import math
+import os
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,3 +84,11 @@ def solved_system(matrix: Array, right: Array) -> Array | None:
         known = sum(rows[k][j] * found[j] for j in range(k + 1, count))
         found[k] = (rows[k][count] - known) / rows[k][k]
     return np.array(found)
+
+
+def processors() -> int:
+    """Processors that this process may use, at least 1; where the system does not say, all."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # Linux alone has it
+        return os.cpu_count() or 1

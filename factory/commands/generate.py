@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.durations import Hours
 from twin.cli.endings import interruption
 from twin.cli.options import EngineOption, StoreArgument
 
@@ -35,8 +36,8 @@ class Generate(EngineOption, JsonOption):
         factory generate --preset field --vehicle seaglider --hours 100 --seed 3 --out field.zarr
     """
 
-    hours: float | None = None
-    """simulated hours of all missions together [default: 10]"""
+    hours: Hours | None = None
+    """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10]"""
     preset: str = "paper"
     """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
     instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the

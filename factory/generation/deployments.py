@@ -12,7 +12,6 @@ import dataclasses
 import datetime
 import functools
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +35,7 @@ from factory.sampling.distribution import Distribution
 from factory.sampling.parameters import Table, declared, override, parameter_table
 from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
+from twin.numbers import processors
 from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
 from twin.records.presence import is_store
 from twin.records.schema import MISSION, TIME, VARIABLES
@@ -180,7 +180,7 @@ def make_deployments(
 
 def _done(workers: int | None, function: Any, jobs: Sequence[Any]) -> Iterator[Any]:
     """Jobs done in their order by so many processes; one does them here."""
-    count = min(workers or len(os.sched_getaffinity(0)), len(jobs))
+    count = min(workers or processors(), len(jobs))
     if count <= 1:
         yield from map(function, jobs)
         return

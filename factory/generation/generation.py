@@ -11,7 +11,6 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import dataclasses
-import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +30,7 @@ from factory.generation.target import check_target, failures_in, give_name
 from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
+from twin.numbers import processors
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.store_arrays import check_empty, copy_into
 from twin.records.storage.store_path import StorePath, store_path
@@ -125,7 +125,7 @@ def generate(
 def check_workers(workers: int | None, executor: Executor | None) -> int:
     """Processes to start; raises StoreError for an impossible number."""
     if workers is None:
-        return len(os.sched_getaffinity(0))
+        return processors()
     if executor is not None:
         raise StoreError("give either workers or an executor, which has its own")
     if workers < 1:

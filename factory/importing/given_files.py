@@ -8,7 +8,15 @@ from pathlib import Path
 
 from factory.importing.columns import column_names
 from factory.importing.deployment_log import each_file
-from factory.importing.formats.base import ARRAYS, TABLES, Importer, WrongFormat, likely_kind, sniff
+from factory.importing.formats.base import (
+    ARRAYS,
+    TABLES,
+    Importer,
+    WrongFormat,
+    kinds_by_bytes,
+    likely_kind,
+    sniff,
+)
 from factory.importing.netcdf import holds_arrays, variable_names
 from factory.importing.tally import Tally, summarise
 from twin.bounded import check_regular
@@ -149,15 +157,19 @@ def _looks_like(files: Sequence[Path]) -> str:
 def _check_contents(importer: Importer, path: Path) -> None:
     """Refuse a file in a container that the kind has not, or with the names of another kind.
 
-    What is neither a table nor netCDF is the vehicle's own binary file: its reader judges it.
+    What is neither a table nor netCDF is the vehicle's own binary file: how it begins tells its
+    kind, or its reader judges it.
     """
+    begins = kinds_by_bytes(path)
+    if begins and importer.name not in begins:
+        raise WrongFormat(path, (), kind=begins[0])
     if holds_arrays(path):
         names, endings = variable_names(path), ARRAYS
     elif path.suffix.lower() in TABLES:
         names, endings = column_names(path), TABLES
     else:
         return
-    if importer.takes_mapping and endings is TABLES:
+    if importer.takes_mapping and endings is TABLES and importer.suffixes & TABLES:
         return  # the mapping says what its columns are
     foreign = not importer.marks & set(names) and likely_kind(names) is not None
     if foreign or not importer.suffixes & endings:

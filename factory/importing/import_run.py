@@ -147,13 +147,17 @@ def read_logs(
 
 METADATA = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")
 """What pyglider and its kin call the file in which people describe a deployment"""
+BAG = "rosbag2_bagfile_information"
+"""How rosbag2's own metadata.yaml begins, which describes no deployment"""
 
 
 def _beside(paths: Sequence[Path]) -> str | None:
     """The text of the one such file in the folders of the logs; None without, and with several."""
     folders = dict.fromkeys(path.resolve().parent for path in paths)
     found = [folder / name for folder in folders for name in METADATA if (folder / name).is_file()]
-    return found[0].read_text(encoding="utf-8", errors="replace") if len(found) == 1 else None
+    texts = [path.read_text(encoding="utf-8", errors="replace") for path in found]
+    texts = [text for text in texts if not text.startswith(BAG)]
+    return texts[0] if len(texts) == 1 else None
 
 
 def _read(
@@ -215,7 +219,7 @@ def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:
     """The error with the kind of log that the file looks like."""
-    kind = likely_kind(error.names)
+    kind = error.kind or likely_kind(error.names)
     if kind is not None and kind != importer.name:
         return InputError(
             f"{error.path.name} is not a log of the kind {importer.name}, it looks like {kind}: "

@@ -17,6 +17,7 @@ from learn import NETWORKS, OPTIMISERS
 from learn.run import RUNS, checked_name, free_name
 from learn.training import Shares, Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
+from twin.cli.durations import Seconds
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
@@ -81,9 +82,10 @@ class Fit(JsonOption):
     """features, groups or sensors (imu, attitude, controls) that the vehicle lacks"""
     optimiser: Annotated[str | None, OPTIMISER] = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
-    seconds: float | None = None
-    """time in training of each network, to which preparing and judging add (10 s of one member
-    take some 36 s in all); two are trained side by side [default: 120]"""
+    seconds: Seconds | None = None
+    """time in training of each network, such as 120 (seconds) or 10min, to which preparing
+    and judging add (10 s of one member take some 36 s in all); two are trained side by side
+    [default: 120]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     window: int | None = None

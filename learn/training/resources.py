@@ -32,6 +32,7 @@ from learn.training.feed import recalled_columns
 from learn.training.fit_config import FitConfig, TrainingJob
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
+from twin.numbers import processors
 from twin.records.windows import buffers
 
 CHECK_S = 1.0
@@ -220,7 +221,7 @@ def training_resources(
             raise InputError("give either workers or an executor, which has its own")
         yield Resources(executor, memory=memory)
         return
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    workers = processors() if workers is None else workers
     if workers < 1:
         raise InputError(f"workers must be at least 1, not {workers}")
     if workers == 1:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
 import twin
 from twin.errors import InputError
 from twin.mission.plan import Mission
-from twin.numbers import number, numbers, product, solved_system
+from twin.numbers import number, numbers, processors, product, solved_system
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.sensors.base import SENSORS
@@ -116,3 +118,13 @@ def test_small_systems_are_solved_as_by_a_library() -> None:
         np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9)
         np.testing.assert_allclose(product(matrix, found), right, atol=1e-12)
     assert solved_system(np.zeros((2, 2)), np.ones(2)) is None
+
+
+def test_processors_where_the_system_has_no_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5}, raising=False)
+    assert processors() == 2
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 6)
+    assert processors() == 6
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert processors() == 1

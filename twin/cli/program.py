@@ -98,7 +98,8 @@ class Program:
             f"usage: {self.name} COMMAND [OPTIONS]\n\n{self.summary}\n\ncommands:\n{listing}\n\n"
             f"options:\n"
             f"  -h, --help  this text; `{self.name} COMMAND --help` explains one command\n"
-            f"  --version   the version\n\n"
+            f"  --version   the version\n"
+            f"  --completion SHELL  what bash, zsh or fish source to complete words\n\n"
             f"Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted, 143 ended by SIGTERM, "
             f"129 by SIGHUP.\n{TRACEBACK_VARIABLE}=1 adds tracebacks to errors.\n"
         )
@@ -141,6 +142,15 @@ class Program:
             return None
         if first == "--version":
             _print(f"{self.name} {__version__}")
+            return None
+        if first == "--completion":
+            from twin.cli.completion import SHELLS, completion
+
+            if len(rest) != 1:
+                raise InputError(f"--completion takes a shell: {', '.join(SHELLS)}")
+            self.needs()
+            commands = ((one.name, one.summary, one.load()) for one in self.commands)
+            _print(completion(self.name, self.summary, commands, rest[0]))
             return None
         if first.startswith("-"):
             raise InputError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.durations import Hours
 
 if TYPE_CHECKING:
     from twin import Vehicle
@@ -48,7 +49,7 @@ class ForecastSurfacings(JsonOption):
     """of --goto: depth [m] of the dives; default: 200"""
     pitch: float | None = None
     """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
-    surface_every: float | None = None
+    surface_every: Hours | None = None
     """of --goto: hours under water between surfacings; default: 6"""
     radius: float | None = None
     """of --goto: distance [m] at which a place is reached; default: 500"""
@@ -68,8 +69,9 @@ class ForecastSurfacings(JsonOption):
     pitch, or the reported current) or usual (model where the vehicle was identified)"""
     members: int = 200
     """drawn and flown, at least 10"""
-    hours: float = 12.0
-    """how far ahead surfacings are told; members fly on until the late ones are up, too"""
+    hours: Hours = 12.0
+    """how far ahead surfacings are told, such as 12 (hours) or 2d; members fly on until the late
+    ones are up, too"""
     energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
+from twin.cli.durations import Seconds
 from twin.cli.options import EngineOption
 
 if TYPE_CHECKING:
@@ -63,8 +64,8 @@ class Simulate(EngineOption, JsonOption):
     49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
     gridded current's file is read, else 36.8,-122.4,2020-01-01T00:00, off Monterey Bay, and the
     store says which of place and date are defaults"""
-    duration: float | None = None
-    """seconds to simulate; default: what the mission says"""
+    duration: Seconds | None = None
+    """time to simulate, such as 3600 (seconds), 90min or 6h; default: what the mission says"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
     """identified coefficients, or MuJoCo's ellipsoid law on the geometry"""
     timestep: float | None = None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from twin.cli.console import Console
+from twin.cli.durations import Seconds
 from twin.cli.endings import Ended
 from twin.errors import InputError
 
@@ -46,9 +47,9 @@ class ViewMission:
     """first view of the whole track; chase shows the glider in open water at true scale"""
     speed_up: float | None = None
     """mission seconds per second; default: 60, with the chase camera 5"""
-    start: float | None = None
+    start: Seconds | None = None
     """first mission time shown [s]"""
-    end: float | None = None
+    end: Seconds | None = None
     """last mission time shown [s]"""
     colour: Literal["speed", "current", "error"] = "speed"
     """what colours the track; error is the first track's of --tracks"""
@@ -56,7 +57,7 @@ class ViewMission:
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
     only: str | None = None
     """names of the tracks to draw, separated by commas; default: all of the file"""
-    seconds: float | None = None
+    seconds: Seconds | None = None
     """close the window or end --web after so many seconds; default: it stays open"""
     web: bool = False
     """without a screen: a page for the browser, served to you alone, until Ctrl-C"""

@@ -98,6 +98,25 @@ class Identification:
         """Names of the parameters that the log determines."""
         return tuple(e.name for e in self.estimates if e.determined)
 
+    def _repr_html_(self) -> str:
+        """A table, and how far each estimate is from nominal in its spread, for notebooks."""
+        from twin.notebook import card, spans
+
+        rows: dict[str, object] = {
+            e.name: f"{e.value:.4g} +- {e.deviation:.2g} {e.unit}"
+            + ("" if e.determined else " (nominal stands)")
+            for e in self.estimates
+        }
+        rows["depth rate"] = f"{1e2 * self.depth_rate_rmse:.3g} cm/s RMS, {self.missions} missions"
+        moved = [
+            (e.name, (e.value - e.nominal) / e.spread, e.deviation / e.spread)
+            for e in self.estimates
+            if e.determined and e.spread
+        ]
+        return card(
+            f"Identification, {self.model} model", rows, spans(moved, "from nominal, in spreads")
+        )
+
     def __getitem__(self, name: str) -> IdentifiedParameter:
         return next(e for e in self.estimates if e.name == name)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,22 @@ STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
+
+
+_WHOLE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""What MuJoCo's next step depends on, our words in userdata too"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Saved:
+    """A simulation at one time."""
+
+    state: Array
+    """By MuJoCo, of the signature mjSTATE_INTEGRATION; the first number is the time [s]."""
+    rows: NDArray[Any]
+    """Samples so far."""
+    became: int
+    """Conditions that the vehicle has taken on."""
 
 
 class Simulation:
@@ -185,6 +202,32 @@ class Simulation:
             become(self.model, self.scenario.vehicle, self._nominal[0], condition)
             self._became += 1
         return STEPS_PER_CALL
+
+    def saved(self) -> Saved:
+        """Everything that later steps depend on, and the log so far."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _WHOLE))
+        mujoco.mj_getState(self.model, self.data, state, _WHOLE)
+        return Saved(state, self.collected.copy(), self._became)
+
+    def restore(self, saved: Saved) -> None:
+        """Go on from what `saved` gave, of this simulation or of another one of its scenario.
+
+        Raises:
+          InputError: it is of a simulation with another vehicle.
+        """
+        if len(saved.state) != mujoco.mj_stateSize(self.model, _WHOLE):
+            raise InputError(
+                "the saved state is of a simulation with another vehicle: restore it where it "
+                "was saved, or in a Simulation of the same scenario"
+            )
+        if self._became != saved.became:  # faults change the model as time goes on
+            self.reset()
+            self.data.time = saved.state[0]
+            while self._became < saved.became:
+                self._change()
+        mujoco.mj_setState(self.model, self.data, saved.state, _WHOLE)
+        self._count = len(saved.rows)
+        self._collected[: self._count] = saved.rows
 
     # --- the run ------------------------------------------------------------------------------
 

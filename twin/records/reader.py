@@ -100,6 +100,25 @@ class MissionStore:
         """Whether the store has an array of that name."""
         return name in self.dataset
 
+    def _repr_html_(self) -> str:
+        """A table and the depth of the first mission over time, for notebooks."""
+        from twin.notebook import card, line
+
+        rows = {
+            "missions": len(self),
+            "kind": self.kind,
+            "hours": f"{sum(self.samples) * self.period / 3600.0:.4g}",
+            "period": f"{self.period:g} s",
+            "signals": len(self.signals()),
+        }
+        depth = next((n for n in ("true_depth", "measured_depth") if n in self.signals()), None)
+        picture = ""
+        if depth is not None and len(self):
+            first = self.row(depth, 0)[: int(self.samples[0])].tolist()
+            time = [k * self.period for k in range(len(first))]
+            picture = line(time, first, "depth of mission 0 [m]", down=True)
+        return card(str(self.path), rows, picture)
+
     def close(self) -> None:
         """Let go of the files."""
         self.dataset.close()

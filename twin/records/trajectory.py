@@ -78,6 +78,21 @@ class Trajectory(Mapping[str, Array]):
             parts.append(f"ended: {self.provenance['ended']}")
         return f"<Trajectory: {', '.join(filter(None, parts))}>"
 
+    def _repr_html_(self) -> str:
+        """A table and the depth over time, for notebooks."""
+        from twin.notebook import card, line
+
+        time, depth = self.time.tolist(), self.signals.get("true_depth", self.time[:0]).tolist()
+        rows: dict[str, object] = {
+            name: self.provenance[name]
+            for name in ("vehicle", "mission", "ended")
+            if self.provenance.get(name)
+        }
+        rows |= {"samples": len(time), "signals": len(self)}
+        if time:
+            rows["duration"] = f"{time[-1] - time[0]:g} s"
+        return card("Trajectory", rows, line(time, depth, "depth [m]", down=True) if depth else "")
+
     @property
     def actuators(self) -> tuple[str, ...]:
         """The vehicle's moving parts: X of each true_X that has a commanded_X."""

@@ -170,6 +170,19 @@ class Vehicle:
         if not condition:
             raise VehicleError(f"vehicle {self.name!r} ({self.path}): {name} must be {rule}")
 
+    def _repr_html_(self) -> str:
+        """A table and the hull from the side, for notebooks."""
+        from twin.notebook import card, hull
+
+        rows = {
+            "vehicle": self.summary or self.name,
+            "mass": f"{self.mass:.4g} kg",
+            "hull law": self.law.kind,
+            "parts": ", ".join(self.part_names),
+        }
+        places = {p.name: (p.position[0], p.position[2]) for p in self.parts}
+        return card(self.name, rows, hull(self.hull_length, self.hull_diameter, places))
+
     @property
     def physics_version(self) -> int:
         """Version of the physics by which it flies: the latest of what it is made of."""

@@ -83,7 +83,7 @@ class Importer:
     takes_cache: bool = False
     """Whether the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
-    """Whether the reader needs `ReadOptions.mapping`: its files have no names of their own."""
+    """Whether the reader uses `ReadOptions.mapping`: its files have names of their own choice."""
     held: frozenset[str] = frozenset()
     """Channels that the logs give only when they change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
@@ -123,9 +123,11 @@ class Importer:
 class WrongFormat(OtherKind):
     """A file is not a log of the kind that is read; `names` are the columns or variables in it."""
 
-    def __init__(self, path: Path, names: Iterable[str]):
+    def __init__(self, path: Path, names: Iterable[str], kind: str | None = None):
         self.path = path
         self.names = tuple(names)
+        self.kind = kind
+        """What it is by its first bytes"""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
 
     @property
@@ -152,6 +154,17 @@ def likely_kind(names: Iterable[str]) -> str | None:
     return best if scores[best] else None
 
 
+def kinds_by_bytes(path: Path) -> list[str]:
+    """The kinds whose own binary files begin as this one does."""
+    with path.open("rb") as file:
+        start = file.read(64)
+    return [
+        importer.name
+        for importer in IMPORTERS.values()
+        if any(start.startswith(first) for first in importer.first_bytes)
+    ]
+
+
 def sniff(path: str | Path) -> str | None:
     """The kind of log that a file looks like by what is in it; None when it looks like none.
 
@@ -166,9 +179,7 @@ def sniff(path: str | Path) -> str | None:
         check_regular(path)
     except OddFile as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    with path.open("rb") as file:
-        start = file.read(64)
-    for importer in IMPORTERS.values():
-        if any(start.startswith(first) for first in importer.first_bytes):
-            return importer.name
+    begins = kinds_by_bytes(path)
+    if begins:
+        return begins[0]
     return likely_kind(variable_names(path) if holds_arrays(path) else column_names(path))

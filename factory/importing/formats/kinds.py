@@ -6,6 +6,9 @@ Readers are imported when they read: help texts and documents need these rows al
 from factory.importing.formats.base import TABLES, Importer
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 
+DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
+"""What gliders have and most other vehicles lack."""
+
 SLOCUM = Importer(
     name="slocum",
     vehicle="Slocum glider",
@@ -137,8 +140,57 @@ CSV = Importer(
     period=1.0,
     read="factory.importing.formats.csv.table_reader:read_tables",
     takes_mapping=True,
-    lacks=frozenset(
-        {"measured_pump", "measured_shift", "measured_rotation", "measured_density"}
-    ),
-)  # fmt: skip
+    lacks=DRIVEN,
+)
 """Tables of any vehicle, read by a mapping file that says what their columns are."""
+
+MCAP = Importer(
+    name="mcap",
+    vehicle="any vehicle with ROS 2",
+    files="MCAP files with ROS 2 messages, also what `factory export --to mcap` writes",
+    channels="of standard messages: attitude, rates and accelerations (Imu), depth and track "
+    "(Odometry), pressure, temperature, fixes, DVL by its topic; of other topics what a --mapping "
+    "file names",
+    suffixes=frozenset({".mcap"}),
+    marks=frozenset(),
+    first_bytes=(b"\x89MCAP0\r\n",),
+    period=0.2,
+    read="factory.importing.formats.mcap_reader:read_mcap",
+    extra="mcap",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Recordings of ROS 2 in one file."""
+
+ROSBAG2 = Importer(
+    name="rosbag2",
+    vehicle="any vehicle with ROS 2",
+    files="folders of rosbag2: metadata.yaml with .db3 or .mcap",
+    channels="as `mcap`",
+    suffixes=frozenset({".db3", ".mcap"}),
+    marks=frozenset(),
+    first_bytes=(b"SQLite format 3\0", b"\x89MCAP0\r\n"),
+    period=0.2,
+    read="factory.importing.formats.rosbag2_reader:read_rosbag2",
+    extra="mcap",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Recordings of ROS 2 as its own tools write them."""
+
+ARDUSUB = Importer(
+    name="ardusub",
+    vehicle="vehicles with ArduSub",
+    files="dataflash logs .BIN of ArduPilot",
+    channels="attitude, rates and accelerations, depth, the filter's track, fixes, battery; of "
+    "other messages, such as RCOU, what a --mapping file names",
+    suffixes=frozenset({".bin"}),
+    marks=frozenset(),
+    first_bytes=(b"\xa3\x95\x80",),
+    period=0.1,
+    read="factory.importing.formats.ardusub_reader:read_ardusub",
+    extra="ardupilot",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""ArduPilot's logs of vehicles under water."""

@@ -30,6 +30,7 @@ from logs import (
     write_spray,
     write_table,
 )
+from message_logs import topics_of, write_ardusub, write_mcap, write_rosbag2
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
 from factory.importing.columns import column_names
@@ -57,15 +58,23 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
         lambda folder, flight: [write_mat(folder / "log.mat", flight)],
         lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],
     ),
+    "mcap": (write_mcap,),
+    "rosbag2": (write_rosbag2,),
+    "ardusub": (write_ardusub,),
     "csv": (lambda folder, flight: write_table(folder, flight, TABLES),),
 }
 """Logs of an imaginary flight in each layout of each kind."""
+MESSAGES = ("mcap", "rosbag2", "ardusub")
+"""Kinds whose files hold messages by topic."""
 LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
 
 
 def write(kind: str, layout: int, folder: Path) -> list[Path]:
-    if (kind, layout) == ("slocum", 1):
-        pytest.importorskip("dbdreader")
+    for one, library in ((("slocum", 1), "dbdreader"), (("ardusub", 0), "pymavlink")):
+        if (kind, layout) == one:
+            pytest.importorskip(library)
+    if kind in MESSAGES:
+        pytest.importorskip("rosbags")
     folder.mkdir(exist_ok=True)
     return WRITERS[kind][layout](folder, FLIGHT)
 
@@ -120,6 +129,8 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
 
 def names_in(path: Path) -> set[str]:
     """Every name of a file, found without the importers."""
+    if path.suffix in (".mcap", ".db3", ".BIN"):
+        return topics_of(path)
     if path.suffix == ".dbd":
         lines = path.with_name("0badcafe.cac").read_text().splitlines()
         return {line.split()[5] for line in lines}

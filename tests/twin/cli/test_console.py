@@ -299,10 +299,10 @@ def test_every_number_is_asked_for_in_plain_words(
         for field in fields:
             if number_kind(hints[field.name]) is not None:
                 flag = f"--{field.name.replace('_', '-')}"
-                assert program.main([command.name, *needed, flag, "1h"]) == 2
+                assert program.main([command.name, *needed, flag, "1x"]) == 2
                 error = capsys.readouterr().err
                 assert f"{flag} needs a " in error
-                assert "number, got '1h'" in error
+                assert "number, got '1x'" in error
                 asked += 1
     assert asked >= 6
 
@@ -310,7 +310,7 @@ def test_every_number_is_asked_for_in_plain_words(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("twin simulate --durations 3", "did you mean --duration (seconds to simulate)?"),
+        ("twin simulate --durations 3", "did you mean --duration (time to simulate, such as"),
         ("twin simulate --time-step 3", "did you mean --timestep"),
         ("factory generate --worker 3", "did you mean --workers"),
         ("factory import slocum a --output b", "did you mean --out"),

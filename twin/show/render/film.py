@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
 from twin.faults.base import Fault
+from twin.numbers import processors
 from twin.records.storage.whole import check_file_target, whole_file
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
@@ -125,7 +126,7 @@ def save_video(
 
 def default_workers() -> int:
     """One painter per core that this process may use: Mesa's own threads gain less."""
-    return max(1, len(os.sched_getaffinity(0)))
+    return processors()
 
 
 def _painter(subject: Subject, shot: Shot, times: Array) -> Painter:

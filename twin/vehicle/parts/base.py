@@ -253,6 +253,12 @@ class Part:
         return min(max(0.0, self.low), self.high)
 
     @property
+    def failsafe(self) -> float:
+        """The position that it takes when nobody commands any more: one that brings the vehicle up,
+        or rest."""
+        return self.rest
+
+    @property
     def working(self) -> float:
         """The position about which it works while the vehicle goes ahead."""
         return self.rest

@@ -70,6 +70,11 @@ class DropWeight(Part):
         return 1.0
 
     @property
+    def failsafe(self) -> float:
+        """Let go, so that the vehicle rises."""
+        return self.low
+
+    @property
     def rest(self) -> float:
         """Held."""
         return 1.0

@@ -71,6 +71,11 @@ class Pump(Part):
         return ("buoyancy",)
 
     @property
+    def failsafe(self) -> float:
+        """Full out, so that the vehicle rises."""
+        return self.high
+
+    @property
     def rest(self) -> float:
         """The neutral volume [cm3]."""
         return self.neutral

@@ -43,6 +43,8 @@ HEADINGS = frozenset({"measured_heading", "commanded_heading", "true_heading"})
 LOG_ONLY: dict[str, tuple[str, str]] = {
     "latitude": ("degree", "the vehicle's own track"),
     "longitude": ("degree", "the vehicle's own track"),
+    "onboard_north": ("m", "the vehicle's own track, from any origin"),
+    "onboard_east": ("m", "the vehicle's own track, from any origin"),
     "gps_latitude": ("degree", "GPS fixes; a position that repeats is one fix"),
     "gps_longitude": ("degree", "GPS fixes"),
     "conductivity": ("S m-1", "of the CTD; salinity and density are made of it"),

@@ -112,8 +112,12 @@ def shipped_names() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
-def load_mapping(name: str | Path) -> Mapping:
+def load_mapping(name: str | Path, *, timed: bool = False) -> Mapping:
     """A mapping by the path of its file, or by the name of one that is shipped.
+
+    Args:
+      timed: whether the log has times of its own, as messages have: [time] is then no key, and rows
+        end at gaps where the mapping does not say otherwise.
 
     Raises:
       InputError: no such file; not TOML; an unknown or wrong key, signal, unit or reason.
@@ -127,16 +131,17 @@ def load_mapping(name: str | Path) -> Mapping:
             f"{unknown_name('shipped mapping', str(name), shipped_names())}; "
             "docs/howto/import_tables.md shows how to write one"
         )
-    return parse_mapping(read_toml(path, "mapping"), path.name)
+    return parse_mapping(read_toml(path, "mapping"), path.name, timed=timed)
 
 
-def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
+def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> Mapping:
     """A mapping from what its TOML file says; errors as `load_mapping`."""
     label = f"mapping {label}"
-    keys = ("vehicle", "frame", "dvl_lock", "model", "deployment", "rows", "gap_s", "period_s",
-            "time", "signals", "ignored", "corrections")  # fmt: skip
+    keys = ["vehicle", "frame", "dvl_lock", "model", "rows", "gap_s", "period_s", "signals",
+            "ignored"]  # fmt: skip
+    keys += ["start"] if timed else ["time", "deployment", "corrections"]
     known_keys(label, data, keys)
-    for key in ("vehicle", "time", "signals"):
+    for key in ("vehicle", "signals") if timed else ("vehicle", "time", "signals"):
         if key not in data:
             raise InputError(
                 f"{label}: {key} is missing; docs/howto/import_tables.md shows a whole mapping"
@@ -148,8 +153,11 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
         name: _signal(f"{label}, signals.{name}", name, entry, model)
         for name, entry in table(label, "signals", data["signals"]).items()
     }
-    for name in ("latitude", "gps_latitude"):
-        other = name.replace("latitude", "longitude")
+    for name, other in (
+        ("latitude", "longitude"),
+        ("gps_latitude", "gps_longitude"),
+        ("onboard_north", "onboard_east"),
+    ):
         if (name in signals) != (other in signals):
             raise InputError(f"{label}: {name} and {other} belong together; map both or neither")
     ignored = table(label, "ignored", data.get("ignored", {}))
@@ -170,8 +178,8 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
         if "measured_dvl_surge" not in signals:
             raise InputError(f"{label}: dvl_lock needs measured_dvl_surge; map it, or leave it out")
     deployment, word = _deployment(label, data.get("deployment", "file"))
-    rows, minutes = _rows(label, data.get("rows", "dives"))
-    if rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
+    rows, minutes = _rows(label, data.get("rows", "gaps" if timed else "dives"))
+    if not timed and rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
         raise InputError(
             f'{label}: rows = "dives" needs measured_depth or measured_pressure; map one, or write '
             'rows = "file", rows = "gaps" or a number of minutes'
@@ -179,7 +187,7 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
     return Mapping(
         name=label,
         vehicle=text(label, "vehicle", data["vehicle"]),
-        time=_clock(label, data["time"]),
+        time=Clock(column="", start=_start(label, data)) if timed else _clock(label, data["time"]),
         signals=signals,
         ignored=ignored,
         corrections=tuple(
@@ -196,6 +204,10 @@ def parse_mapping(data: Dict[str, Any], label: str) -> Mapping:
         gap_s=positive(label, "gap_s", data.get("gap_s", Mapping.gap_s)),
         period_s=positive(label, "period_s", data["period_s"]) if "period_s" in data else None,
     )
+
+
+def _start(label: str, data: Dict[str, Any]) -> float | None:
+    return moment(label, data["start"]) if "start" in data else None
 
 
 def signal_names() -> list[str]:

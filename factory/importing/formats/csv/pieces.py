@@ -48,7 +48,7 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Log
     _account(path, present, mapping, signals, tally)
     time = _times(table, mapping.time, path, tally)
     columns = {
-        name: _values(table, name, signal, why, mapping, tally)
+        name: values_of(table, name, signal, why, mapping, tally)
         for name, (signal, why) in signals.items()
         if signal.column in present
     }
@@ -168,7 +168,7 @@ def _start_by_name(path: Path, pattern: str) -> float:
     return moment.timestamp()
 
 
-def _values(
+def values_of(
     table: Table, name: str, signal: Signal, why: str, mapping: Mapping, tally: Tally
 ) -> Array:
     """One column in the unit and axes of the store; sentinels are NaN, counted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -83,6 +84,27 @@ def _log(
     names = [name for name in mapping.signals if any(name in p.columns for p in pieces)]
     together = stacked([{"time": p.time, **p.columns} for p in pieces], ["time", *names])
     time, columns = tidy(together.pop("time"), together, deployment, tally)
+    return mapped_log(
+        deployment,
+        channels_of(deployment, time, columns, mapping, tally),
+        mapping,
+        variation_deg,
+        tally,
+        time=time,
+        files=[piece.time for piece in pieces],
+        names=[piece.path.name for piece in pieces],
+    )
+
+
+def channels_of(
+    deployment: str, time: Array, columns: Dict[str, Array], mapping: Mapping, tally: Tally
+) -> dict[str, Channel]:
+    """The possible values of columns with one clock, as channels by their signals.
+
+    Args:
+      time: [s] unix, increasing.
+      columns: by signal, in the store's units and axes, NaN without a value.
+    """
     channels: dict[str, Channel] = {}
     for name, values in columns.items():
         signal = mapping.signals[name]
@@ -91,6 +113,32 @@ def _log(
             channels[name] = channel
         elif np.isfinite(values).any() or not signal.optional:
             tally.add("missing", name, 1, f"{deployment} has no value of it")
+    return channels
+
+
+def mapped_log(
+    deployment: str,
+    channels: dict[str, Channel],
+    mapping: Mapping,
+    variation_deg: float | None,
+    tally: Tally,
+    *,
+    time: Array,
+    files: Sequence[Array],
+    names: Sequence[str],
+) -> DeploymentLog:
+    """The log of mapped channels: true north, fixes, rows, water.
+
+    Args:
+      channels: by signal; changed in place.
+      variation_deg: [degree] magnetic variation, instead of the log's own.
+      time: [s] every time of the deployment, increasing.
+      files: [s] times of each file.
+      names: of the files.
+
+    Raises:
+      InputError: a magnetic heading without a variation; a velocity that is none.
+    """
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
         has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
@@ -107,8 +155,8 @@ def _log(
         fixes=fixes,
         magnetic_variation=variation,
         auxiliary={n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
-        files=tuple(piece.path.name for piece in pieces),
-        pieces=row_times(mapping, time, [piece.time for piece in pieces]),
+        files=tuple(names),
+        pieces=row_times(mapping, time, files),
         period=mapping.period_s or _spacing(time),
         held=frozenset(n for n, s in mapping.signals.items() if s.held or _commands(n)),
         model=mapping.model,

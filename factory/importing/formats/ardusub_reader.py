@@ -1,0 +1,131 @@
+"""Reader of ArduPilot's dataflash logs (.BIN), as ArduSub writes them.
+
+Body axes are forward, starboard, down. Depth is the barometric altitude of CTUN with its sign
+turned. Attitude is the filter's (ATT), whose heading counts from true north where ArduPilot knows
+the declination. The track is the first filter core's position from its origin.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from factory.importing.deployment_log import DeploymentLog, each_file
+from factory.importing.formats.base import ReadOptions
+from factory.importing.formats.csv.mapping import Signal
+from factory.importing.formats.csv.mapping_file import declare_model
+from factory.importing.messages import (
+    MessageTable,
+    log_of_messages,
+    mapping_of,
+    wanted_fields,
+    with_standard,
+)
+from factory.importing.tally import Tally, note_unread
+from twin.errors import InputError
+
+GAP = 10.0
+"""[s] Longer between two samples, the vehicle was switched off"""
+STANDARD = {
+    "measured_depth": Signal(column="CTUN BAlt", unit="m", sign=-1.0),
+    "measured_roll": Signal(column="ATT Roll", unit="deg"),
+    "measured_pitch": Signal(column="ATT Pitch", unit="deg"),
+    "measured_heading": Signal(column="ATT Yaw", unit="deg"),
+    "measured_roll_rate": Signal(column="IMU GyrX", unit="rad/s"),
+    "measured_pitch_rate": Signal(column="IMU GyrY", unit="rad/s"),
+    "measured_yaw_rate": Signal(column="IMU GyrZ", unit="rad/s"),
+    "measured_specific_force_x": Signal(column="IMU AccX", unit="m/s2"),
+    "measured_specific_force_y": Signal(column="IMU AccY", unit="m/s2"),
+    "measured_specific_force_z": Signal(column="IMU AccZ", unit="m/s2"),
+    "measured_voltage": Signal(column="BAT Volt", unit="V"),
+    "measured_battery_current": Signal(column="BAT Curr", unit="A"),
+    "measured_charge": Signal(column="BAT CurrTot", unit="mAh"),
+    "gps_latitude": Signal(column="GPS Lat", unit="deg"),
+    "gps_longitude": Signal(column="GPS Lng", unit="deg"),
+    "onboard_north": Signal(column="XKF1 PN", unit="m"),
+    "onboard_east": Signal(column="XKF1 PE", unit="m"),
+}
+"""What ArduPilot's fields are, in the units that its format descriptions give"""
+FIRST = ("I", "Instance", "C")
+"""Fields that number sensors and filter cores: the first of them is read"""
+FIXED = 3
+"""Least status of a GPS message with a position"""
+
+
+def read_ardusub(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each file.
+
+    Raises:
+      ModuleNotFoundError: pymavlink is not installed.
+      InputError: no dataflash log, without a known message, or not as the mapping says.
+    """
+    import pymavlink.DFReader  # noqa: F401  (what is missing is told before any file is blamed)
+
+    return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
+
+
+def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    from pymavlink.DFReader import DFReader_binary
+
+    mapping = mapping_of(options, "ArduSub", None, GAP)
+    if mapping.model is not None:
+        declare_model(mapping.model)
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):  # it prints each byte of a damaged end
+            log = DFReader_binary(str(path))
+    except Exception as error:
+        raise InputError(
+            f"{path.name} is no dataflash log of ArduPilot: {' '.join(str(error).split())}"
+        ) from error
+    formats = {one.name: one.columns for one in log.formats.values() if one.name != "FMT"}
+    standard = {
+        name: signal
+        for name, signal in STANDARD.items()
+        if (said := signal.column.split())[1] in formats.get(said[0], ())
+    }
+    mapping = with_standard(mapping, standard, tally)
+    wanted = {t: f for t, f in wanted_fields(mapping).items() if t in formats}
+    rows: dict[str, list[list[float]]] = {topic: [] for topic in wanted}
+    present: dict[str, None] = {}
+    with contextlib.redirect_stderr(io.StringIO()):
+        while (message := log.recv_msg()) is not None:
+            kind = message.get_type()
+            present.setdefault(kind)
+            if kind in wanted and _is_first(message, formats[kind]):
+                rows[kind].append([message._timestamp, *_values(message, kind, wanted[kind])])
+    log.close()
+    note_unread("dataflash log", present, wanted, tally)
+    tables = {}
+    for kind, every in rows.items():
+        if every:
+            values = np.array(every, float).T
+            tables[kind] = MessageTable(values[0], dict(zip(wanted[kind], values[1:], strict=True)))
+    signals = {
+        name: signal
+        for name, signal in mapping.signals.items()
+        if name not in standard or signal.column.split()[0] in tables
+    }
+    mapping = type(mapping)(**{**vars(mapping), "signals": signals})
+    return log_of_messages(
+        path, path.name.partition(".")[0], list(present), tables, mapping, options, tally
+    )
+
+
+def _is_first(message: Any, fields: Sequence[str]) -> bool:
+    return all(getattr(message, name) == 0 for name in FIRST if name in fields)
+
+
+def _values(message: Any, kind: str, fields: Sequence[str]) -> list[float]:
+    """Numbers of a message; NaN where it lacks one, and for a GPS without a fix."""
+    if kind == "GPS" and getattr(message, "Status", FIXED) < FIXED:
+        return [np.nan] * len(fields)
+    found = []
+    for name in fields:
+        value = getattr(message, name, None)
+        found.append(float(value) if isinstance(value, int | float) else np.nan)
+    return found

@@ -1,0 +1,328 @@
+"""Reader of ROS 2 recordings: MCAP files, and what is the same in rosbag2's folders.
+
+Units and axes of standard messages are those of REP 103: metre, radian, second; the body is
+forward, left, up, the world is east, north, up. `factory export --to mcap` writes the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.deployment_log import DeploymentLog, each_file
+from factory.importing.formats.base import ReadOptions
+from factory.importing.formats.csv.mapping import Mapping, Signal
+from factory.importing.formats.csv.mapping_file import declare_model, signal_names
+from factory.importing.messages import (
+    EARLIEST,
+    MessageTable,
+    log_of_messages,
+    mapping_of,
+    wanted_fields,
+    with_standard,
+)
+from factory.importing.tally import Tally, note_unread
+from twin.errors import InputError
+from twin.frames import quaternion_to_euler
+from twin.records.attributes import SAMPLE_PERIOD
+from twin.records.schema import VARIABLES
+from twin.vehicle.presets import shipped_files
+
+Array = NDArray[np.float64]
+
+KIND = "recording"
+"""What the report calls the files"""
+GAP = 60.0
+"""[s] A longer hole in all topics ends a row"""
+AIR = 101_325.0
+"""[Pa] of the air, which FluidPressure contains and stores do not"""
+ANGLES = {"roll": 0, "pitch": 1, "yaw": 2}
+GROUPS = {"truth": "true", "measured": "measured", "commanded": "commanded"}
+"""First word of our own topics, and of the signals that they become"""
+SI = {"degree": "rad", "cm3": "m3", "dbar": "Pa"}
+"""Unit of a bare number where it is not the store's"""
+OWN = "glider-twin"
+"""Name of the metadata that our own files have"""
+
+
+def read_mcap(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each file.
+
+    Raises:
+      ModuleNotFoundError: rosbags is not installed.
+      InputError: damaged, without a message that is known, or not as the mapping says.
+    """
+    return read_recordings(paths, options, tally)
+
+
+def read_recordings(
+    paths: Sequence[Path], options: ReadOptions, tally: Tally
+) -> list[DeploymentLog]:
+    """One log for each MCAP file or folder of rosbag2."""
+    import rosbags.highlevel  # noqa: F401  (what is missing is told before any file is blamed)
+
+    return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
+
+
+def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    said = _metadata(path)
+    model = said.get("vehicle") if said.get("vehicle") in shipped_files() else None
+    mapping = mapping_of(options, said.get("vehicle", "ROS 2 vehicle"), model, GAP)
+    if mapping.model is not None:
+        declare_model(mapping.model)
+    try:
+        topics, tables, mapping = _tables(path, mapping, tally)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file fails anywhere in another's parser
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(
+            f"{path.name} cannot be read as a ROS 2 recording: {words}; `mcap recover` or "
+            "`ros2 bag reindex` repairs one that was cut off"
+        ) from error
+    log = log_of_messages(
+        path, path.name.partition(".")[0], topics, tables, mapping, options, tally
+    )
+    period = float(said[SAMPLE_PERIOD]) if SAMPLE_PERIOD in said else log.period
+    return dataclasses.replace(log, period=period, simulated="data" in said)
+
+
+def _metadata(path: Path) -> dict[str, str]:
+    """What a file of ours says of itself; empty of another's."""
+    from mcap.reader import make_reader
+
+    if path.is_dir():
+        return {}
+    try:
+        with path.open("rb") as stream:
+            for one in make_reader(stream).iter_metadata():
+                if one.name == OWN:
+                    return dict(one.metadata)
+    except Exception as error:
+        raise InputError(
+            f"{path.name} is damaged or no MCAP file: {' '.join(str(error).split())}; "
+            "`mcap recover` repairs one that was cut off"
+        ) from error
+    return {}
+
+
+def _tables(
+    path: Path, mapping: Mapping, tally: Tally
+) -> tuple[list[str], dict[str, MessageTable], Mapping]:  # fmt: skip
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        kinds = {one.topic: str(one.msgtype) for one in reader.connections}
+        mapping = with_standard(mapping, _standard(kinds, tally), tally)
+        wanted = wanted_fields(mapping)
+        used = [one for one in reader.connections if _merged(one.topic) in wanted]
+        note_unread(KIND, kinds, [one.topic for one in used], tally)
+        times: dict[str, list[float]] = {}
+        rows: dict[str, list[tuple[Any, ...]]] = {}
+        raw = {topic: sorted({r for f in fs for r in _raw(f)}) for topic, fs in wanted.items()}
+        taken: dict[str, Callable[[Any], tuple[Any, ...]]] = {}
+        for connection, moment, data in reader.messages(connections=used):
+            topic = _merged(connection.topic)
+            message: Any = reader.deserialize(data, connection.msgtype)
+            if connection.topic not in taken:
+                taken[connection.topic] = _getter(
+                    [f for f in raw[topic] if _has(message, f) or f == "mode"], connection.topic
+                )
+                raw[topic] = [f for f in raw[topic] if _has(message, f) or f == "mode"]
+            times.setdefault(topic, []).append(_moment(message, moment))
+            rows.setdefault(topic, []).append(taken[connection.topic](message))
+    tables = {}
+    for topic, every in rows.items():
+        values = np.array(every, float).reshape(len(every), -1)
+        found = dict(zip(raw[topic], values.T, strict=True))
+        columns = {f: _column(f, found) for f in wanted[topic] if set(_raw(f)) <= set(found) | _NO}
+        tables[topic] = MessageTable(np.array(times[topic]), columns)
+    return sorted(kinds), tables, mapping
+
+
+def _moment(message: Any, logged: int) -> float:
+    """[s] when a message was true: its stamp, or when it was logged where it has none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is not None and stamp.sec > EARLIEST:
+        return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+    return logged * 1e-9
+
+
+def _merged(topic: str) -> str:
+    """The two references of a Doppler log are one topic; what a message is against is its mode."""
+    head, _, last = topic.rpartition("/")
+    return head if head.endswith("dvl") and last in ("bottom", "water") else topic
+
+
+def _standard(kinds: dict[str, str], tally: Tally) -> dict[str, Signal]:
+    """Signals of the standard messages of a recording; of several sources one, the rest told."""
+    found: dict[str, Signal] = {}
+    rank = list(_KINDS)
+    known = set(signal_names())
+    for topic in sorted(kinds, key=lambda t: (not _ours(t), _rank(kinds[t], rank), t)):
+        for name, signal in _signals(topic, kinds[topic]):
+            if name not in known:
+                continue
+            taken = found.setdefault(name, signal)
+            if taken.column != signal.column and not _ours(topic):
+                tally.add("left out", topic, 1, f"{name} is taken from {taken.column}")
+    return found
+
+
+def _rank(kind: str, rank: list[str]) -> int:
+    return rank.index(kind) if kind in rank else len(rank)
+
+
+def _ours(topic: str) -> bool:
+    return topic.split("/")[1:2] != [] and topic.split("/")[1] in GROUPS
+
+
+def _signals(topic: str, kind: str) -> Iterator[tuple[str, Signal]]:
+    """What the fields of a standard message are."""
+    group = GROUPS.get(topic.split("/")[1] if topic.startswith("/") else "", "measured")
+    name = _merged(topic)
+    if kind in _BARE:
+        rest = topic.rpartition("/")[2]
+        signal = f"{group}_{rest}"
+        if _ours(topic) and signal in VARIABLES and signal in signal_names():
+            units = VARIABLES[signal].units
+            yield signal, Signal(column=f"{name} data", unit=SI.get(units, units), frame="FRD")
+        return
+    for signal, field, unit, changes in _KINDS.get(kind, ()):
+        if kind.startswith("geometry_msgs/msg/Twist"):
+            through = topic == "/truth/velocity_through_water"
+            if through == signal.startswith("dvl") or not (through or "dvl" in topic.lower()):
+                continue
+        if signal == "current_north" and not topic.endswith("/current"):
+            return
+        if kind == "sensor_msgs/msg/NavSatFix":
+            if group == "true":
+                return  # a store makes the true track of its own start
+            if topic == "/measured/track":
+                signal = signal.removeprefix("gps_")
+            yield signal, Signal(column=f"{name} {field}", unit=unit)
+        elif signal.startswith("onboard"):
+            if group == "measured":
+                yield signal, Signal(column=f"{name} {field}", unit=unit)
+        else:
+            yield (
+                f"{group}_{signal}",
+                Signal(column=f"{name} {field}", unit=unit, **{"frame": "FLU", **changes}),
+            )
+
+
+def _pose(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
+    east = {"zero": "east", "turns": "counterclockwise"}
+    return [
+        ("depth", f"{prefix}position.z", "m", {"sign": -1.0}),
+        ("onboard_north", f"{prefix}position.y", "m", {}),
+        ("onboard_east", f"{prefix}position.x", "m", {}),
+        ("roll", f"{prefix}orientation.roll", "rad", {}),
+        ("pitch", f"{prefix}orientation.pitch", "rad", {}),
+        ("heading", f"{prefix}orientation.yaw", "rad", east),
+    ]
+
+
+def _twist(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
+    axes = dict(zip(("surge", "sway", "heave"), "xyz", strict=True))
+    return [
+        *((f"dvl_{name}", f"{prefix}linear.{axis}", "m/s", {}) for name, axis in axes.items()),
+        ("dvl_mode", "mode", "1", {"held": True}),
+        *((name, f"{prefix}linear.{axis}", "m/s", {}) for name, axis in axes.items()),
+    ]
+
+
+_BARE = frozenset(f"std_msgs/msg/{name}" for name in ("Float64", "Float32", "Int32", "UInt8"))
+_KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
+    "sensor_msgs/msg/Imu": [
+        *_pose("")[3:],
+        *(
+            (f"{name}_rate", f"angular_velocity.{axis}", "rad/s", {})
+            for name, axis in (("roll", "x"), ("pitch", "y"), ("yaw", "z"))
+        ),
+        *((f"specific_force_{a}", f"linear_acceleration.{a}", "m/s2", {}) for a in "xyz"),
+    ],
+    "nav_msgs/msg/Odometry": _pose("pose.pose."),
+    "geometry_msgs/msg/PoseStamped": _pose("pose."),
+    "sensor_msgs/msg/FluidPressure": [("pressure", "fluid_pressure.gauge", "Pa", {})],
+    "sensor_msgs/msg/Temperature": [("temperature", "temperature", "degC", {})],
+    "sensor_msgs/msg/NavSatFix": [
+        ("gps_latitude", "latitude", "deg", {}),
+        ("gps_longitude", "longitude", "deg", {}),
+    ],
+    "geometry_msgs/msg/TwistWithCovarianceStamped": _twist("twist.twist."),
+    "geometry_msgs/msg/TwistStamped": _twist("twist."),
+    "geometry_msgs/msg/Vector3Stamped": [
+        ("current_north", "vector.y", "m/s", {}),
+        ("current_east", "vector.x", "m/s", {}),
+        ("current_down", "vector.z", "m/s", {"sign": -1.0}),
+    ],
+}
+"""What fields of standard messages are: signal without its first word, field, unit, and how it
+differs. Of two sources of a signal the earlier kind is taken."""
+_NO = frozenset({"orientation_covariance.0", "angular_velocity_covariance.0",
+                 "linear_acceleration_covariance.0", "status.status"})  # fmt: skip
+"""Fields that say that others are no measurement, where a message has them"""
+
+
+def _raw(field: str) -> tuple[str, ...]:
+    """The fields of a message that a column is made of."""
+    prefix, _, last = field.rpartition(".")
+    if prefix.endswith("orientation") and last in ANGLES:
+        raw = tuple(f"{prefix}.{axis}" for axis in "wxyz")
+        return (*raw, "orientation_covariance.0") if prefix == "orientation" else raw
+    if field == "fluid_pressure.gauge":
+        return ("fluid_pressure",)
+    if prefix in ("angular_velocity", "linear_acceleration"):
+        return (field, f"{prefix}_covariance.0")
+    return (field, "status.status") if field in ("latitude", "longitude") else (field,)
+
+
+def _column(field: str, found: dict[str, Array]) -> Array:
+    """A column from the fields of its messages."""
+    raw = _raw(field)
+    if raw[0].endswith("orientation.w"):
+        values = quaternion_to_euler(np.stack([found[name] for name in raw[:4]], axis=-1))
+        column = values[ANGLES[field.rpartition(".")[2]]]
+    else:
+        column = found[raw[0]] - (AIR if field == "fluid_pressure.gauge" else 0.0)
+    for name in _NO & set(raw) & set(found):
+        low = found[name] < 0.0  # -1: no such measurement, or no fix
+        column = np.where(low, np.nan, column)
+    return column
+
+
+def _has(message: Any, field: str) -> bool:
+    try:
+        float(_value(message, field))
+    except (AttributeError, IndexError, TypeError, ValueError):
+        return False
+    return True
+
+
+def _value(message: Any, field: str) -> Any:
+    for word in field.split("."):
+        message = message[int(word)] if word.isdigit() else getattr(message, word)
+    return message
+
+
+def _getter(fields: Sequence[str], topic: str) -> Callable[[Any], tuple[Any, ...]]:
+    """Takes the fields of a message, as `_value` does and quicker; `mode` is the topic's own."""
+    mode = 2.0 if topic.rpartition("/")[2] == "water" else 1.0
+
+    def one(field: str) -> Callable[[Any], Any]:
+        if field == "mode":
+            return lambda _: mode
+        if any(word.isdigit() for word in field.split(".")):
+            return lambda message: _value(message, field)
+        return attrgetter(field)
+
+    takers = [one(field) for field in fields]
+    return lambda message: tuple(take(message) for take in takers)

@@ -1,0 +1,151 @@
+"""Messages: logs of topics, each with its own clock, whose fields become signals by a mapping.
+
+A column is a topic and a field of its messages, with a blank between: `/imu angular_velocity.z`,
+`ATT Roll`. A reader says what the fields of standard messages are, and a mapping file adds to that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection
+from collections.abc import Mapping as Dict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.columns import Table, tidy
+from factory.importing.deployment_log import Channel, DeploymentLog
+from factory.importing.formats.base import ReadOptions
+from factory.importing.formats.csv.mapping import Clock, Mapping, Signal
+from factory.importing.formats.csv.mapping_file import load_mapping, signal_names
+from factory.importing.formats.csv.pieces import values_of
+from factory.importing.formats.csv.table_reader import channels_of, mapped_log
+from factory.importing.tally import Tally
+from twin.errors import InputError, unknown_name
+from twin.vehicle.vehicle import load_vehicle
+
+Array = NDArray[np.float64]
+
+EARLIEST = 315_532_800.0
+"""[s] 1980: a clock that says less was never set"""
+TURNING = 1.0
+"""[rad/s] A screw that turns faster drives"""
+
+
+@dataclasses.dataclass(frozen=True)
+class MessageTable:
+    """The messages of one topic."""
+
+    time: Array
+    """[s] unix, as written."""
+    columns: Dict[str, Array]
+    """Numbers by field, NaN where a message has none."""
+
+
+def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: float) -> Mapping:
+    """What the user says of the messages; without a file, nothing but the vehicle.
+
+    Args:
+      vehicle: what the log calls its vehicle.
+      model: vehicle file that the log names.
+      gap_s: [s] a longer hole ends a row.
+    """
+    if options.mapping is not None:
+        found = load_mapping(options.mapping, timed=True)
+        return found if found.model or not model else dataclasses.replace(found, model=model)
+    return Mapping(
+        name="standard messages", vehicle=vehicle, time=Clock(column=""), signals={}, rows="gaps",
+        model=model, gap_s=gap_s,
+    )  # fmt: skip
+
+
+def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -> Mapping:
+    """The mapping with signals of standard messages, where it does not map them itself."""
+    known = set(signal_names())
+    added = {n: s for n, s in standard.items() if n in known and n not in mapping.signals}
+    for name in added:
+        if mapping.reason(added[name].column) is not None:
+            tally.add("left out", name, 1, str(mapping.reason(added[name].column)))
+    kept = {n: s for n, s in added.items() if mapping.reason(s.column) is None}
+    return dataclasses.replace(mapping, signals={**kept, **mapping.signals})
+
+
+def wanted_fields(mapping: Mapping) -> dict[str, list[str]]:
+    """The fields that a mapping reads, by topic."""
+    found: dict[str, list[str]] = {}
+    for signal in mapping.signals.values():
+        topic, _, field = signal.column.partition(" ")
+        fields = found.setdefault(topic, [])
+        if field not in fields:
+            fields.append(field)
+    return found
+
+
+def log_of_messages(
+    path: Path,
+    deployment: str,
+    topics: Collection[str],
+    tables: Dict[str, MessageTable],
+    mapping: Mapping,
+    options: ReadOptions,
+    tally: Tally,
+) -> DeploymentLog:
+    """The log of the topics of one recording.
+
+    Args:
+      path: of the recording, for errors.
+      topics: all that it has.
+      tables: those that are read, by topic.
+
+    Raises:
+      InputError: a mapped column is missing, or the vehicle's clock was never set.
+    """
+    channels: dict[str, Channel] = {}
+    times = []
+    for name, signal in mapping.signals.items():
+        topic, _, field = signal.column.partition(" ")
+        table = tables.get(topic)
+        if table is None or field not in table.columns:
+            if signal.optional:
+                continue
+            wrong = unknown_name("topic", topic, topics)
+            if topic in topics:
+                wrong = f"{topic} has no number {field!r} in every message"
+            raise InputError(
+                f"{path.name}: {name}: {wrong}; correct {mapping.name}, or write optional = true"
+            )
+        clock = table.time + (mapping.time.start or 0.0)
+        if len(clock) and np.nanmax(clock) < EARLIEST:
+            raise InputError(
+                f"{path.name}: times run from {np.nanmin(clock):g} s: the vehicle's clock was not "
+                "set; give what it began at in a --mapping, start = 2026-06-25T08:00:00Z"
+            )
+        one = Table(Path(path.name), {signal.column: table.columns[field]})
+        values = values_of(one, name, signal, "", mapping, tally)
+        time, columns = tidy(clock, {name: values}, name, tally)
+        channels |= channels_of(deployment, time, columns, mapping, tally)
+        times.append(time)
+    if not channels:
+        raise InputError(
+            f"{path.name}: no topic of it is known; it has {', '.join(topics) or 'none'}. Name "
+            "topics and fields in a --mapping (docs/howto/import_messages.md)"
+        )
+    log = mapped_log(
+        deployment, channels, mapping, options.variation_deg, tally,
+        time=np.unique(np.concatenate(times)), files=times, names=[path.name],
+    )  # fmt: skip
+    return dataclasses.replace(
+        log, period=mapping.period_s, auxiliary={**_driven(log), **log.auxiliary}
+    )
+
+
+def _driven(log: DeploymentLog) -> dict[str, Channel]:
+    """When a screw of the vehicle that stands for the log's turned, as `thruster`."""
+    if log.model is None:
+        return {}
+    for part in load_vehicle(log.model).parts:
+        spin = log.channel(f"measured_{part.name}")
+        if part.spins and len(spin):
+            return {"thruster": Channel(spin.time, (np.abs(spin.values) > TURNING).astype(float))}
+    return {}

@@ -1,0 +1,176 @@
+"""Logs of topics: recordings of ROS 2 by the library `rosbags`, and ArduPilot's dataflash logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from logs import example
+from message_logs import circles, write_bag, write_dataflash
+
+import twin
+from factory.exporting import EXPORTERS
+from factory.generation.generated_store import open_exportable
+from factory.importing import import_logs
+from twin.errors import InputError
+from twin.records.attributes import VEHICLE_MJCF
+from twin.vehicle.vehicle import load_vehicle
+
+rosbags = pytest.importorskip("rosbags.rosbag2")
+ROOT = Path(__file__).resolve().parents[3]
+THRUSTER = example((ROOT / "docs" / "howto" / "import_messages.md").read_text(), "mine.toml")
+"""The mapping of the page"""
+
+
+def values(dataset: xr.Dataset, name: str) -> np.ndarray:
+    return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A propelled vehicle with field sensors, recorded."""
+    path = tmp_path_factory.mktemp("flown") / "run.zarr"
+    run = twin.simulate(
+        vehicle="tethys", duration=200.0, sensors="field", seed=3, current="uniform:0.1,-0.05"
+    )
+    run.save(path)
+    return path
+
+
+def test_what_was_exported_comes_back(flown: Path, tmp_path: Path) -> None:
+    store = open_exportable(flown)
+    (path,) = EXPORTERS["mcap"].export(store, [0], tmp_path / "bags")
+    dataset, report = import_logs("mcap", [path])
+    assert report.rows == 1
+    assert report.period == store.period
+    assert "SIMULATED" in path.read_bytes().decode("latin1")
+    assert "simulated" in dataset.attrs["comment"]
+    count = int(store.samples[0])
+    assert int(dataset["n_samples"][0]) == count
+    made = {"north", "east", "velocity_north", "velocity_east", "velocity_down"}  # of the map
+    # shifted to the row's start or zeroed at the surface, as the import does to any log; depth is
+    # TEOS-10's of the pressure, and the simulated vehicle's is its own
+    shifted = {
+        f"measured_{name}_{axis}" for name in ("gps", "onboard") for axis in ("north", "east")
+    }
+    shifted |= {"measured_pressure", "measured_depth"}
+    compared = 0
+    for name in store.signals():
+        if name.removeprefix("true_") in made:
+            assert name not in dataset
+            continue
+        then = store.row(name, 0)[:count].astype(float)
+        if not np.isfinite(then).any():
+            continue
+        now = values(dataset, name)
+        if name in shifted:
+            away = (then - now)[:-1]  # an import leaves the place where a fix may correct it out
+            most = 0.1 if name == "measured_depth" else 0.01
+            assert np.nanmax(away) - np.nanmin(away) < most, name
+            continue
+        there = np.isfinite(then)
+        np.testing.assert_allclose(now[there], then[there], rtol=1e-6, atol=1e-5, err_msg=name)
+        compared += 1
+    assert compared > 40
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_recording_of_the_library_of_ros(storage: str, tmp_path: Path) -> None:
+    time, state = circles()
+    bag = write_bag(tmp_path / "run_7", state, time, storage)
+    mapping = tmp_path / "mine.toml"
+    mapping.write_text(THRUSTER)
+    dataset, report = import_logs("rosbag2", [bag], mapping=mapping)
+    assert report.deployments == ("run_7",)
+    assert report.rows == 1
+    assert report.period == 0.2
+    for name in ("pitch", "roll", "yaw_rate"):
+        np.testing.assert_allclose(
+            values(dataset, f"measured_{name}"), state[name], atol=1e-4, err_msg=name
+        )
+    turned = (values(dataset, "measured_heading") - state["heading"] + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(turned, 0.0, atol=1e-3)
+    np.testing.assert_allclose(values(dataset, "measured_depth"), state["depth"], atol=0.02)
+    np.testing.assert_allclose(values(dataset, "measured_dvl_surge"), state["surge"], atol=1e-5)
+    np.testing.assert_allclose(values(dataset, "measured_dvl_sway"), state["sway"], atol=1e-5)
+    assert set(values(dataset, "measured_dvl_mode")) == {1.0}
+    spin = state["rpm"] * 2.0 * np.pi / 60.0
+    np.testing.assert_allclose(values(dataset, "measured_propeller"), spin, rtol=1e-5)
+    assert float(dataset["thruster_fraction"][0]) == 1.0
+    assert "measured_specific_force_x" not in dataset  # the message says that it has none
+    assert dataset.attrs[VEHICLE_MJCF] == load_vehicle("remus").xml
+
+
+def test_a_hole_in_all_topics_ends_a_row(tmp_path: Path) -> None:
+    time, state = circles()
+    time = np.where(np.arange(len(time)) < 700, time, time + 90.0)
+    bag = write_bag(tmp_path / "run", state, time)
+    _, report = import_logs("rosbag2", [bag])
+    assert report.rows == 2
+    assert report.hours == pytest.approx(2 * 150.0 / 3600.0, rel=0.1)
+
+
+def test_what_is_wrong_with_a_recording_is_told(tmp_path: Path) -> None:
+    time, state = circles(100.0)
+    bag = write_bag(tmp_path / "run", state, time)
+    mapping = tmp_path / "mine.toml"
+    mapping.write_text(THRUSTER.replace("/thruster/rpm", "/thruster/rpn"))
+    with pytest.raises(InputError, match=r"unknown topic '/thruster/rpn'.*/thruster/rpm"):
+        import_logs("rosbag2", [bag], mapping=mapping)
+    mapping.write_text(THRUSTER.replace("rpm data", "rpm speed"))
+    with pytest.raises(InputError, match="/thruster/rpm has no number 'speed'"):
+        import_logs("rosbag2", [bag], mapping=mapping)
+    mapping.write_text(THRUSTER + '[time]\ncolumn = "t"\n')
+    with pytest.raises(InputError, match="unknown key 'time'"):
+        import_logs("rosbag2", [bag], mapping=mapping)
+    inside = bag / "run.db3"
+    whole = inside.read_bytes()
+    (bag / "metadata.yaml").rename(tmp_path / "kept.yaml")
+    with pytest.raises(InputError, match=r"run\.db3 has no metadata\.yaml.*ros2 bag reindex"):
+        import_logs("rosbag2", [bag])
+    (tmp_path / "kept.yaml").rename(bag / "metadata.yaml")
+    inside.write_bytes(whole[: len(whole) // 3])
+    with pytest.raises(InputError, match="run cannot be read as a ROS 2 recording"):
+        import_logs("rosbag2", [bag])
+
+
+def test_a_file_that_was_cut_off(flown: Path, tmp_path: Path) -> None:
+    (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError, match=r"mission_000000\.mcap.*mcap recover"):
+        import_logs("mcap", [path])
+
+
+def test_a_dataflash_log(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink")
+    time, state = circles()
+    fix = {"latitude": np.full(len(time), 49.5), "longitude": np.full(len(time), -58.0)}
+    log = write_dataflash(tmp_path / "00000012.BIN", time, {**state, **fix})
+    dataset, report = import_logs("ardusub", [log], period=0.2)
+    assert report.rows == 1
+    np.testing.assert_allclose(
+        float(dataset["start_time"].values.astype(float)[0]), time[0], atol=0.3
+    )
+    for name in ("pitch", "heading"):
+        np.testing.assert_allclose(
+            values(dataset, f"measured_{name}")[5:-5], state[name][5:-5], atol=1.2, err_msg=name
+        )
+    assert np.ptp(values(dataset, "measured_depth") - state["depth"]) < 0.1
+    np.testing.assert_allclose(values(dataset, "measured_yaw_rate"), 0.01, atol=1e-6)  # the first
+    assert any(
+        entry.subject == "dataflash log" and "RCOU" in entry.detail for entry in report.entries
+    )
+
+
+def test_a_vehicle_that_never_met_a_satellite_needs_a_start(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink")
+    time, state = circles(120.0)
+    log = write_dataflash(tmp_path / "00000012.BIN", time, state, clock=False)
+    with pytest.raises(InputError, match=r"clock was not set.*start = 2026-06-25"):
+        import_logs("ardusub", [log])
+    mapping = tmp_path / "mine.toml"
+    mapping.write_text('vehicle = "our ROV"\nstart = 2026-06-25T08:00:00Z\n[signals]\n')
+    dataset, _ = import_logs("ardusub", [log], mapping=mapping)
+    assert str(dataset["start_time"].values[0]).startswith("1782374401")

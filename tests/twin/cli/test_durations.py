@@ -1,0 +1,46 @@
+"""Durations: one way to write them in every option that is a time."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from factory.commands.generate import Generate
+from twin.cli.durations import duration
+from twin.cli.options import parse_options
+from twin.commands.forecast import ForecastSurfacings
+from twin.commands.simulate import Simulate
+from twin.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [("6h", "s", 21600.0), ("90min", "h", 1.5), ("90 MIN", "s", 5400.0), ("2d", "h", 48.0),
+     ("12", "h", 12.0), ("1e3", "s", 1000.0), ("0.1", "h", 0.1), (".5h", "min", 30.0)],
+)  # fmt: skip
+def test_units(text: str, unit: str, expected: float) -> None:
+    assert duration(text, unit) == expected
+
+
+@pytest.mark.parametrize("text", ["", "h", "6 weeks", "1h30", "six", "nan", "inf", "1e999h"])
+def test_what_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is no duration: give a number with s, min, h or d"):
+        duration(text, "s")
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "hour", "bare"),
+    [(Simulate, "duration", 3600.0, 90.0), (ForecastSurfacings, "hours", 1.0, 90.0),
+     (Generate, "hours", 1.0, 90.0)],
+)  # fmt: skip
+def test_options_take_both(command: type, option: str, hour: float, bare: float) -> None:
+    for word, expected in (("60min", hour), ("90", bare)):
+        found = parse_options(command, prog="x", words=[f"--{option}", word, *NEEDED[command]])
+        assert found is not None
+        assert dataclasses.asdict(found)[option] == expected
+    with pytest.raises(InputError, match=rf"--{option}.*'6 weeks'"):
+        parse_options(command, prog="x", words=[f"--{option}", "6 weeks", *NEEDED[command]])
+
+
+NEEDED: dict[type, list[str]] = {Simulate: [], ForecastSurfacings: [], Generate: []}

@@ -1,0 +1,244 @@
+"""ArduPilot's JSON interface for SITL: servo pulses in by UDP, the vehicle's state out as JSON.
+
+The protocol: ArduPilot, libraries/SITL/examples/JSON/readme.md. A packet has a magic number, the
+frame rate [Hz], a counter and the pulses [us] of 16 or 32 channels. The answer is a line with time,
+gyroscope, accelerometer, position, quaternion and velocity, north-east-down and
+forward-starboard-down. The vehicle flies one frame for each packet, however long the client takes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import json
+import math
+import socket
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from twin.errors import InputError, unknown_name
+from twin.frames import euler_to_quaternion
+from twin.mission.controller import Command
+from twin.serve.stepped_vehicle import SteppedVehicle
+from twin.vehicle.vehicle import Vehicle
+
+PACKETS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
+"""By magic number: layout of a packet"""
+PORT = 9002
+"""Where ArduPilot looks for the physics"""
+LOW, MIDDLE, HIGH = 1000.0, 1500.0, 2000.0
+"""[us] of a pulse: the ends of a part's travel, and its rest"""
+LISTENS = 0.5
+"""[s] for which it waits for a packet before it looks whether it is to end"""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Which part each channel moves."""
+
+    vehicle: Vehicle
+    parts: tuple[str, ...]
+    """Names of parts, the first for channel 1."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, names: Sequence[str] = ()) -> Channels:
+        """The channels of a vehicle; without names, its parts in the order of its file.
+
+        Raises:
+          InputError: an unknown part, or one twice.
+        """
+        for name in names:
+            if name not in vehicle.part_names:
+                what = f"channel: part of vehicle {vehicle.name!r}"
+                raise InputError(unknown_name(what, name, vehicle.part_names))
+            if list(names).count(name) > 1:
+                raise InputError(f"channel: the part {name!r} has two channels; give it one")
+        return cls(vehicle, tuple(names) or tuple(vehicle.part_names))
+
+    def command(self, pulses: Sequence[int]) -> Command:
+        """Positions of the parts: 1500 us is rest, 1000 and 2000 us are the ends of the travel. A
+        pulse of 0, which is no pulse, is rest."""
+        positions = {}
+        for name, pulse in zip(self.parts, pulses, strict=False):
+            part = self.vehicle.part(name)
+            if pulse == 0:
+                positions[name] = part.rest
+                continue
+            way = (min(max(float(pulse), LOW), HIGH) - MIDDLE) / (HIGH - MIDDLE)
+            end = part.high if way > 0.0 else part.low
+            positions[name] = part.rest + abs(way) * (end - part.rest)
+        return Command(**positions)
+
+
+@dataclass
+class Served:
+    """What a server did."""
+
+    frames: int = 0
+    repeated: int = 0
+    """Packets whose frame was flown already: answered again, not flown again."""
+    skipped: int = 0
+    """Frames that never came."""
+    refused: int = 0
+    """Packets that were none, or of another client than the one that drives."""
+    restarts: int = 0
+    lost: int = 0
+    """Times that the client fell silent and the vehicle went into its failsafe."""
+
+
+class ArduPilotServer:
+    """Answers one client at a time; a context manager that holds the socket."""
+
+    def __init__(
+        self,
+        flown: SteppedVehicle,
+        channels: Channels,
+        *,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        silence: float = 2.0,
+        exposed: bool = False,
+        telemetry: Callable[[SteppedVehicle], None] | None = None,
+    ) -> None:
+        """Bind the socket.
+
+        Args:
+          flown: the vehicle.
+          channels: of its parts.
+          host, port: where packets arrive; port 0 takes a free one.
+          silence: [s] without a packet after which the client is lost: the vehicle then flies its
+            failsafe in real time until a client comes back.
+          exposed: allow a host that other machines reach. The protocol has no password.
+          telemetry: called after each frame.
+
+        Raises:
+          InputError: a host that other machines reach without `exposed`, or the port is taken.
+        """
+        if not exposed and not _own_machine(host):
+            raise InputError(
+                f"{host} can be reached by other machines, and the protocol has no password: serve "
+                "on 127.0.0.1, or say --exposed on a network that you trust"
+            )
+        if not silence > 0.0:
+            raise InputError(f"silence must be above 0 s, not {silence:g}")
+        self.flown, self.channels, self.silence = flown, channels, silence
+        self.served = Served()
+        self._telemetry = telemetry
+        self._client: tuple[str, int] | None = None
+        self._frame, self._answer, self._heard = -1, b"", 0.0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise InputError(f"cannot serve on {host}:{port}: {error.strerror}") from error
+
+    def __enter__(self) -> ArduPilotServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        host, port = self._socket.getsockname()
+        return str(host), int(port)
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> Served:
+        """Serve until the flight ends or `until` says so; what was served."""
+        while not self.flown.ended and not until():
+            self._socket.settimeout(min(self.silence, LISTENS))
+            try:
+                data, sender = self._socket.recvfrom(1024)
+            except TimeoutError:
+                silent = time.monotonic() - self._heard >= self.silence
+                if self._client is not None and silent:
+                    self._drift(until)
+                continue
+            self._take(data, sender)
+        return self.served
+
+    def _take(self, data: bytes, sender: tuple[str, int]) -> None:
+        """Fly the frame of a packet and answer it."""
+        packet = _unpack(data)
+        if packet is None or self._client not in (None, sender):
+            self.served.refused += 1
+            return
+        rate, frame, pulses = packet
+        self._client, self._heard = sender, time.monotonic()
+        if frame == self._frame:
+            self.served.repeated += 1
+        else:
+            if frame < self._frame:  # ArduPilot was started again
+                self.flown.reset()
+                self.served.restarts += 1
+            elif self._frame >= 0:
+                self.served.skipped += frame - self._frame - 1
+            self._frame = frame
+            self.flown.step(self.channels.command(pulses), 1.0 / rate)
+            self._answer = answer(self.flown)
+            self.served.frames += 1
+            if self._telemetry is not None:
+                self._telemetry(self.flown)
+        with contextlib.suppress(ConnectionError):  # a client that has just gone
+            self._socket.sendto(self._answer, sender)
+
+    def _drift(self, until: Callable[[], bool]) -> None:
+        """The client is lost: fly the failsafe in real time until a packet comes."""
+        self.served.lost += 1
+        self._client = None
+        command, begun, first = self.flown.failsafe(), time.monotonic(), self.flown.time
+        while not self.flown.ended and not until():
+            self.flown.step(command)
+            if self._telemetry is not None:
+                self._telemetry(self.flown)
+            ahead = (self.flown.time - first) - (time.monotonic() - begun)
+            self._socket.settimeout(max(ahead, 1e-3))
+            try:
+                data, sender = self._socket.recvfrom(1024)
+            except TimeoutError:
+                continue
+            self._take(data, sender)
+            if self._client is not None:
+                return
+
+
+def _own_machine(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _unpack(data: bytes) -> tuple[float, int, tuple[int, ...]] | None:
+    """Frame rate [Hz], counter and pulses [us] of a packet; None where it is none."""
+    if len(data) < 2:
+        return None
+    layout = PACKETS.get(int.from_bytes(data[:2], "little"))
+    if layout is None or len(data) != layout.size:
+        return None
+    _, rate, frame, *pulses = layout.unpack(data)
+    return (float(rate), frame, tuple(pulses)) if rate > 0 else None
+
+
+def answer(flown: SteppedVehicle) -> bytes:
+    """The state as the protocol has it."""
+    now = flown.state()
+    angles = (math.radians(now[f"true_{name}"]) for name in ("roll", "pitch", "heading"))
+    fields = {
+        "timestamp": flown.time,
+        "imu": {
+            "gyro": [now[f"true_{name}_rate"] for name in ("roll", "pitch", "yaw")],
+            "accel_body": [now[f"true_specific_force_{axis}"] for axis in "xyz"],
+        },
+        "position": [now["true_north"], now["true_east"], now["true_depth"]],
+        "quaternion": euler_to_quaternion(*angles).tolist(),
+        "velocity": [now[f"true_velocity_{axis}"] for axis in ("north", "east", "down")],
+    }
+    altitude = now.get("true_altitude", math.inf)
+    if math.isfinite(altitude):
+        fields["rng_1"] = altitude
+    return b"\n" + json.dumps(fields, separators=(",", ":")).encode() + b"\n"
