@@ -14,7 +14,6 @@ from pathlib import Path
 
 from factory.generation.generated_store import open_missions
 from twin.records.storage.checksums import array_checksums
-from twin.version import PHYSICS_VERSION
 
 
 def main(store: Path, out: Path) -> None:
@@ -22,7 +21,7 @@ def main(store: Path, out: Path) -> None:
     made = open_missions(store)
     entry = {
         **{name: made.attributes[name] for name in ("preset", "hours", "seed")},
-        "physics": PHYSICS_VERSION,
+        "physics": int(made.settings["versions"]["physics"]),
         "arrays": array_checksums(store),
     }
     out.write_text(json.dumps(entry, indent=1) + "\n")

@@ -40,18 +40,19 @@ class WriteReference(JsonOption):
         """Generate, compare, and say what differs."""
         import_numpy_with_one_thread()
         from factory.sampling import reference_set
+        from twin import load_vehicle
         from twin.records.storage import array_checksums
-        from twin.version import PHYSICS_VERSION
 
         wanted = reference_set(self.name)
         if self.compare and (self.overwrite or self.resume or self.workers is not None):
             raise InputError(
                 "--compare does not fly: leave out --workers, --resume and --overwrite"
             )
-        if wanted.physics != PHYSICS_VERSION:
+        physics = load_vehicle().physics_version
+        if wanted.physics != physics:
             raise InputError(
                 f"the checksums of {wanted.name} are of physics {wanted.physics}, this is physics "
-                f"{PHYSICS_VERSION}: install the version of glider-twin that has them"
+                f"{physics}: install the version of glider-twin that has them"
             )
         if not self.compare:
             self._generate(console)

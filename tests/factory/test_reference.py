@@ -14,7 +14,7 @@ from factory.commands import reference
 from factory.sampling import presets as sets
 from twin.errors import InputError
 from twin.records.storage.checksums import array_checksums
-from twin.version import PHYSICS_VERSION
+from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_a_changed_array_is_named(store: Path, tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize("name", sets.reference_names())
 def test_the_lists_are_of_this_physics_and_whole(name: str, store: Path) -> None:
     listed = sets.reference_set(name)
-    assert (listed.preset, listed.physics) == ("field", PHYSICS_VERSION)
+    assert (listed.preset, listed.physics) == ("field", load_vehicle().physics_version)
     assert listed.hours == float(name.removeprefix("field-").removesuffix("h"))
     assert set(listed.arrays) == set(array_checksums(store))
     assert all(len(value) == 64 for value in listed.arrays.values())
@@ -58,6 +58,10 @@ def test_missing_and_unlisted_arrays_differ() -> None:
     assert listed.differences(found) == {"new": "is not listed", "true_sway": "is missing"}
 
 
+def listed_physics() -> int:
+    return sets.reference_set("field-2h").physics
+
+
 def test_unusable_requests_say_what_to_do(tmp_path: Path, monkeypatch) -> None:
     with pytest.raises(InputError, match="did you mean 'field-2h'"):
         sets.reference_set("field-2")
@@ -67,6 +71,6 @@ def test_unusable_requests_say_what_to_do(tmp_path: Path, monkeypatch) -> None:
         there.run(console)
     with pytest.raises(InputError, match=r"leave out --workers, --resume and --overwrite"):
         dataclasses.replace(there, overwrite=True).run(console)
-    monkeypatch.setattr("twin.version.PHYSICS_VERSION", PHYSICS_VERSION + 1)
+    monkeypatch.setattr("twin.vehicle.vehicle.PHYSICS_VERSION", listed_physics() + 1)
     with pytest.raises(InputError, match=r"install the version of glider-twin that has them"):
         there.run(console)
