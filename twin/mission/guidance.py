@@ -202,14 +202,15 @@ def _leave_surface(gains: Array, command: Array) -> None:
 
 
 @jit
-def _turns_otherwise(row: Array, phase: float, depth_rate: float) -> bool:
+def _turns_otherwise(row: Array, gains: Array, phase: float, depth_rate: float) -> bool:
     """Whether a vehicle that rolls to turn does not yet go the way that its phase turns it in.
 
     In an inflection, and where it slides off the surface, its lift is that of the other way, or of
     none: a loop closed with the phase's sign would turn it away from its heading. As real ones do,
     it keeps the roll that flies straight until it is under way.
     """
-    if phase == g.ON_LEVEL or not row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0:
+    opposite = row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0
+    if gains[g.TURNS_BY_ROLL] == 0.0 or phase == g.ON_LEVEL or not opposite:
         return False
     return (depth_rate if phase == g.DIVE else -depth_rate) < UNDER_WAY
 
@@ -318,7 +319,7 @@ def _steer(
         heading_rate -= row[g.TURN_RATE]
     if not abs(turn) > 0.0:
         return
-    if _turns_otherwise(row, phase, depth_rate):
+    if _turns_otherwise(row, gains, phase, depth_rate):
         error, heading_rate = 0.0, 0.0
     limit = row[g.TURN_LIMIT] / abs(turn)
     command[part] = turn * pid(

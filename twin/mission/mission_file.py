@@ -83,7 +83,8 @@ FOLLOWER_COLUMNS = 6
 # [rad] that iron of the vehicle's own adds to the compass, times sine and cosine of the heading
 IRON_SINE = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 IRON_COSINE = IRON_SINE + 1
-GAINS = IRON_COSINE + 1
+TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery turns it by its roll, dives and climbs apart
+GAINS = TURNS_BY_ROLL + 1
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown

@@ -17,7 +17,7 @@ from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
 from twin.numbers import Array
-from twin.vehicle.parts import BatterySlide
+from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 AT_END = ("surface", "hold")
@@ -313,4 +313,5 @@ def _gains(vehicle: Vehicle) -> Array:
             *(lead.rest, part.low, part.high),
         )
     gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
+    gains[g.TURNS_BY_ROLL] = float(isinstance(vehicle.steered("heading"), BatteryHinge))
     return gains

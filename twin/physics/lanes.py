@@ -295,7 +295,8 @@ class LaneBlock:
         # rows are copied as plain numbers: field by field it takes an eighth of the flight
         words = np.concatenate([np.arange(at // 8, (at + of.itemsize) // 8) for of, at in fields])
         take: Any = words if lean else slice(None)
-        found = [np.zeros((lane.samples, len(words))) for lane in self.lanes]
+        # only rows that were flown are given back
+        found = [np.empty((lane.samples, len(words))) for lane in self.lanes]
         size = min(CHUNK, max(lane.samples for lane in self.lanes))
         log = np.zeros((self.width, size, first.row.itemsize // 8))
         look = max(1, round(END_CHECK_PERIOD / first.timestep))

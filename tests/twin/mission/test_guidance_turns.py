@@ -10,6 +10,7 @@ import pytest
 from twin.mission import Mission, SawTooth, Spiral
 from twin.mission import mission_file as g
 from twin.mission.guidance import guidance_step, new_state
+from twin.mission.shipped_missions import load_mission_for
 from twin.vehicle.vehicle import load_vehicle
 
 KP, KI, KD = 2.0, 0.01, 30.0
@@ -127,10 +128,11 @@ def test_a_dive_stays_a_dive_in_the_next_segment():
     assert flight.state[g.YO_COUNT] == 0.0
 
 
-def rotation_in_a_climb(turns, *, rising, hand_over=60):
+def rotation_in_a_climb(turns, *, rising, hand_over=60, by_roll=1.0):
     """Rotation commanded at an error of 10 deg after some seconds of a climb at a depth rate."""
     flight = Flight(SawTooth(max_depth_m=100, min_depth_m=10, heading_deg=0, pitch_deg=30, yos=2))
     flight.table[:, g.DIVE_TURN], flight.table[:, g.CLIMB_TURN] = turns
+    flight.gains[g.TURNS_BY_ROLL] = by_roll
     flight.tick(depth=101.0)
     for k in range(hand_over):
         depth = 101.0 - rising * k * TICK
@@ -144,5 +146,17 @@ def test_a_battery_that_turns_it_otherwise_in_climbs_waits_for_the_climb():
     assert rotation_in_a_climb((1.0, -1.0), rising=-0.05) == 0.0
     assert rotation_in_a_climb((1.0, -1.0), rising=0.01) == 0.0
     assert rotation_in_a_climb((1.0, -1.0), rising=0.1) < -0.3
-    # a rudder turns it alike in both
+    # a rudder turns it alike in both, and one that is in reversed flow waits for nothing
     assert rotation_in_a_climb((1.0, 1.0), rising=-0.05) > 0.3
+    assert rotation_in_a_climb((1.0, -1.0), rising=-0.05, by_roll=0.0) < -0.3
+
+
+def test_a_battery_turns_a_vehicle_by_its_roll_and_a_rudder_does_not():
+    for name, by_roll in (
+        ("seaglider", 1.0),
+        ("glider", 1.0),
+        ("slocum-200", 0.0),
+        ("tethys", 0.0),
+    ):
+        _, gains = load_mission_for(load_vehicle(name)).compile(load_vehicle(name))
+        assert gains[g.TURNS_BY_ROLL] == by_roll
