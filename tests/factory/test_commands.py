@@ -157,7 +157,7 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
         ),
         (["generate", "--preset", "paper-test", "--hours", "3"], "leave --hours out"),
         (["generate", "--config", "none.toml"], "cannot read parameter file none.toml"),
-        (["generate", "--hour", "3"], "did you mean --hours (simulated hours"),
+        (["generate", "--hour", "3"], "did you mean --hours (simulated time"),
         (["replay", "none.zarr"], "no store at none.zarr"),
         (["verify", "none.zarr"], "no store at none.zarr"),
         (["info", "none.zarr"], "no store at none.zarr"),

@@ -21,7 +21,7 @@ from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import SIMULATED
 from twin.records.store import read_trajectory
-from twin.version import PHYSICS_VERSION
+from twin.vehicle.vehicle import load_vehicle
 
 KEPT = Path(__file__).resolve().parents[1] / "data" / "e2ff189"
 SIMULATED_STORE, LOG_STORE, RUN = KEPT / "simulated.zarr", KEPT / "logged.zarr", KEPT / "run"
@@ -42,7 +42,7 @@ def test_the_simulated_store_is_read_whole() -> None:
 
 
 def test_its_missions_of_another_physics_are_refused_with_both_versions() -> None:
-    refused = rf"version 1 of the physics.* flies version {PHYSICS_VERSION}"
+    refused = rf"version 1 of the physics.* flies version {load_vehicle().physics_version}"
     with pytest.raises(StoreError, match=refused):
         replay_mission(GeneratedStore(SIMULATED_STORE), 0)
 

@@ -12,6 +12,8 @@ from twin.errors import InputError
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 """[s] of each unit that can stand behind a number"""
+NOT_FINITE = ("nan", "inf", "-inf")
+"""Numbers that no duration is, as they are written"""
 _WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
 
 
@@ -48,6 +50,8 @@ def _read(text: str, unit: str) -> float | None:
 
 def _typed(words: list[str], unit: str) -> float:
     found = _read(words[0], unit)
+    if found is None and words[0].strip().lower() in NOT_FINITE:
+        return float(words[0])  # whoever takes the duration says what it may be
     if found is None:  # the parser's own message names the option
         raise ValueError(f"{words[0]!r} {_NONE} {unit}")
     return found

@@ -34,6 +34,8 @@ CHANNELS = tuple(steady_mission(2))
 class Oracle:
     """Stands for an ensemble: the truth of each mission, scaled and shifted."""
 
+    start = None
+
     def __init__(self, target, truth, scale=1.0, shift=0.0, spread=0.0):
         self.members = (SimpleNamespace(features=("sin_pitch", "depth_rate")),)
         self.target, self.truth = target, truth

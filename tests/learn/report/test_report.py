@@ -31,6 +31,8 @@ from twin.show.figures.page_layout import Page
 class Constant:
     """Stands for an ensemble that always says the same."""
 
+    start = None
+
     def __init__(self, value):
         self.members = (SimpleNamespace(features=("sin_pitch",)),)
         self.value = value
