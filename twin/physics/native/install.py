@@ -62,8 +62,8 @@ def install() -> None:
     After a kind of current, part or hull law was registered they are compiled again with it.
 
     The clock of MuJoCo's own timers, `data.timer`, which Python's bindings put in, is taken out: it
-    is read some twenty times a step, which for one free body costs as much as the physics. A clock
-    that was given with `mujoco.set_mjcb_time` stays, and the timers with it.
+    is read some twenty times a step, a quarter of a glider's bare step. A clock that was given with
+    `mujoco.set_mjcb_time` stays, and the timers with it.
 
     Raises:
       LayoutError: MuJoCo's structs are not where the callbacks would look.
