@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher
     from factory.sampling import Recipe
 
-DEPLOYMENTS = "faulty"
-"""Begins the names of presets of deployments"""
+DEPLOYMENTS, SENT = "faulty", "faulty-satellite"
+"""Presets of deployments; the first begins both names"""
 DEFAULT_OUT = Path("data/missions.zarr")
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
@@ -184,8 +184,11 @@ class Generate(EngineOption, JsonOption):
         return 0
 
     def _recipe(self) -> Recipe:
-        from factory.sampling import check_room, make_recipe, read_changes
+        from factory.sampling import PRESETS, check_room, make_recipe, read_changes
+        from twin.errors import InputError, unknown_name
 
+        if self.preset not in PRESETS:
+            raise InputError(unknown_name("preset", self.preset, [*PRESETS, DEPLOYMENTS, SENT]))
         # what is to be resumed may be nearly complete; an object storage has room
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)

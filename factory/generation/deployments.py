@@ -32,6 +32,7 @@ from factory.sampling.deployment import (
     fly_deployments,
 )
 from factory.sampling.distribution import Distribution
+from factory.sampling.mission_kind import propelled
 from factory.sampling.parameters import Table, declared, override, parameter_table
 from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
@@ -88,6 +89,12 @@ class DeploymentPlan:
     def __post_init__(self) -> None:
         if self.preset not in PERIODS:
             raise InputError(f"preset {self.preset!r} is none of {', '.join(PERIODS)}")
+        if propelled(self.vehicle):
+            raise InputError(
+                f"preset {self.preset!r} flies dives of a glider, and vehicle "
+                f"{self.vehicle.name!r} has a propeller; choose a glider, such as slocum-200, or "
+                "fly it with `twin simulate --fault`"
+            )
         object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds))
 
     @property

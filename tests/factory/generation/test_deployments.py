@@ -114,3 +114,9 @@ def test_echoes_that_are_missing_stay_missing_in_the_log():
     under = np.isfinite(dives["measured_depth"].values)
     told = np.isfinite(dives["measured_altitude"].values)[under].mean()
     assert told == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_propelled_vehicle_has_no_deployments_of_a_glider(tmp_path):
+    with pytest.raises(InputError, match="'remus' has a propeller; choose a glider"):
+        deployments.make_deployments(tmp_path / "none.zarr", vehicle="remus", hours=2.0)
+    assert not list(tmp_path.iterdir())
