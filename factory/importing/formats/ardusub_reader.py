@@ -8,6 +8,7 @@ the declination. The track is the first filter core's position from its origin.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -110,7 +111,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         for name, signal in mapping.signals.items()
         if name not in standard or signal.column.split()[0] in tables
     }
-    mapping = type(mapping)(**{**vars(mapping), "signals": signals})
+    mapping = dataclasses.replace(mapping, signals=signals)
     return log_of_messages(
         path, path.name.partition(".")[0], list(present), tables, mapping, options, tally
     )

@@ -112,6 +112,7 @@ def start_timers() -> None:
         clock.value = _stopped.pop()
 
 
+@functools.cache
 def _clock() -> ctypes.c_void_p:
     """MuJoCo's pointer to the clock of its timers; no clock, no timers."""
     return ctypes.c_void_p.in_dll(ctypes.CDLL(str(at.library_path())), "mjcb_time")
