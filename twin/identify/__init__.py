@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from twin.identify.speed import motion_of as motion_of
     from twin.identify.start_values import other_kind as other_kind
     from twin.identify.start_values import start_vehicle as start_vehicle
+    from twin.identify.translation import AttitudeFlight as AttitudeFlight
     from twin.identify.translation import Translation as Translation
     from twin.identify.translation import fly as fly
     from twin.identify.unknowns import NAMES as NAMES

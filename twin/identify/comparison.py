@@ -18,7 +18,7 @@ from __future__ import annotations
 import abc
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -120,6 +120,10 @@ class Comparison(abc.ABC):
           InputError: nothing flies there.
         """
 
+    def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
+        """`missed` at one place after the other."""
+        return map(self.missed, places)
+
     @property
     def size(self) -> int:
         """Number of unknowns."""
@@ -150,8 +154,10 @@ class Comparison(abc.ABC):
 
     def weighted(self, x: Array) -> Array:
         """Residuals in independent deviations, channel by channel."""
+        return self._weighted(self.missed(x))
+
+    def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
-            found = self.missed(x)
             parts = [
                 series * weight
                 for name, weights in self.weights.items()
@@ -170,10 +176,9 @@ class Comparison(abc.ABC):
 
     def slopes(self, x: Array) -> Array:
         """Forward differences of the weighted residuals, (residuals, unknowns)."""
-        base = self.weighted(x)
-        columns = [
-            (self.weighted(x + self.step * unit) - base) / self.step for unit in np.eye(len(x))
-        ]
+        places = [x, *(x + self.step * unit for unit in np.eye(len(x)))]
+        base, *moved = map(self._weighted, self.missed_at(places))
+        columns = [(one - base) / self.step for one in moved]
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
     def jacobian(self, x: Array) -> Array:

@@ -7,7 +7,7 @@ attack or compass makes jump as the vehicle turns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison
 from twin.identify.logged_missions import Log
-from twin.identify.speed import FlightModel, horizontal, motion_of, steady_parts
-from twin.identify.translation import Translation
+from twin.identify.speed import FlightModel, horizontal, motions_of, steady_parts
+from twin.identify.translation import ABREAST, Translation
 from twin.identify.unknowns import UnknownParameter
 
 Array = NDArray[np.float64]
@@ -66,35 +66,52 @@ class DepthRates(Comparison):
             "depth_rate": [np.full(int(m.sum()), 1.0 / FIRST_DEVIATION) for m in self.masks],
             "current": [np.full(2, 1.0 / LEAST_CURRENT_CHANGE) for _ in self.pairs],
         }
-        self._kept: tuple[tuple[UnknownParameter, ...], bytes, list[Translation]] | None = None
+        self._kept: dict[tuple[tuple[UnknownParameter, ...], bytes], list[Translation]] = {}
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
         """Model less log."""
-        calibration = self.calibration(x)
-        motions = self._motions(calibration, x)
-        return {
-            "depth_rate": self.depth_rates(calibration, motions),
-            "current": self.current_changes(calibration, motions),
-        }
+        return next(self.missed_at([x]))
 
-    def _motions(self, calibration: Calibration, x: Array) -> list[Translation]:
-        """Of the logs; the compass changes no motion, only where it leads."""
+    def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
+        """`missed` at each place; `ABREAST` of them fly side by side."""
+        for k in range(0, len(places), ABREAST):
+            some = [(x, self.calibration(x)) for x in places[k : k + ABREAST]]
+            keys = [self._key(x) for x, _ in some]
+            new = {
+                key: calibration
+                for key, (_, calibration) in zip(keys, some, strict=True)
+                if key not in self._kept
+            }
+            motions = motions_of(self.logs, list(new.values()), self.model)
+            flown = self._kept | dict(zip(new, motions, strict=True))
+            if k == 0:
+                self._kept = {keys[0]: flown[keys[0]]}
+            pairs = [
+                (calibration, flown[key]) for key, (_, calibration) in zip(keys, some, strict=True)
+            ]
+            for rates, pair in zip(self._depth_rates(pairs), pairs, strict=True):
+                yield {"depth_rate": rates, "current": self._current_changes(*pair)}
+
+    def _key(self, x: Array) -> tuple[tuple[UnknownParameter, ...], bytes]:
+        """Of the motions; the compass changes none, only where it leads."""
         moving = [not p.name.startswith("heading") for p in self.parameters]
-        key = x[np.array(moving, bool)].tobytes()
-        if self._kept is None or self._kept[:2] != (self.parameters, key):
-            motions = [motion_of(log, calibration, self.model) for log in self.logs]
-            self._kept = (self.parameters, key, motions)
-        return self._kept[2]
+        return self.parameters, x[np.array(moving, bool)].tobytes()
 
-    def depth_rates(self, calibration: Calibration, motions: list[Translation]) -> list[Array]:
-        """Model less measured [m/s] at the used samples of each log."""
-        out = []
-        for log, mask, motion in zip(self.logs, self.masks, motions, strict=True):
-            sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
-            out.append((log.filtered(sink) - log.depth_rate)[mask])
+    def _depth_rates(
+        self, pairs: Sequence[tuple[Calibration, list[Translation]]]
+    ) -> list[list[Array]]:
+        """Model less measured [m/s] at the used samples of each log, by each calibration."""
+        out: list[list[Array]] = [[] for _ in pairs]
+        for k, (log, mask) in enumerate(zip(self.logs, self.masks, strict=True)):
+            sinks = [
+                motions[k].sink_rate(log.roll, calibration.true_pitch(log.pitch))
+                for calibration, motions in pairs
+            ]
+            for found, rates in zip(out, log.filtered(np.stack(sinks)), strict=True):
+                found.append((rates - log.depth_rate)[mask])
         return out
 
-    def current_changes(self, calibration: Calibration, motions: list[Translation]) -> list[Array]:
+    def _current_changes(self, calibration: Calibration, motions: list[Translation]) -> list[Array]:
         """North and east change of the depth-averaged current [m/s] of each pair."""
         if not self.pairs:
             return []

@@ -93,7 +93,7 @@ class Log:
         return self.period * (len(self.depth) - 1)
 
     def filtered(self, values: Array) -> Array:
-        """Values (time,) through the same filter as the depth rate, without the derivative."""
+        """Values (..., time) through the same filter as the depth rate, without the derivative."""
         return savgol_filter(values, self.window, 2)
 
     def hull_warming(self, lag: float) -> Array:

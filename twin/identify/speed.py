@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.start_values import balance
-from twin.identify.translation import Translation, fly
+from twin.identify.translation import AttitudeFlight, Translation, fly
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -92,36 +93,71 @@ def motion_of(
     Args:
       start: velocity [m/s] at the first sample, which the steady model does not know; by default
         that of `start_of`.
+
+    Raises:
+      InputError: an unknown model, or a speed beyond every bound.
     """
     if model not in MODELS:
         raise InputError(unknown_name("flight model", model, MODELS))
-    vehicle = calibration.vehicle
-    net = calibration.net_mass(
+    if model == "steady":
+        return _steady_motion(log, calibration)
+    return fly([_flight(log, calibration, start)])[0]
+
+
+def motions_of(
+    logs: Sequence[Log], calibrations: Sequence[Calibration], model: FlightModel = "flight"
+) -> list[list[Translation]]:
+    """`motion_of` every log by every calibration, side by side: of each calibration, of each log.
+
+    Raises:
+      InputError: as `motion_of`.
+    """
+    if model != "flight":
+        return [[motion_of(log, one, model) for log in logs] for one in calibrations]
+    flown = fly([_flight(log, one) for one in calibrations for log in logs])
+    return [flown[k : k + len(logs)] for k in range(0, len(flown), max(len(logs), 1))]
+
+
+def _net_mass(log: Log, calibration: Calibration) -> Array:
+    """Net buoyancy mass [kg], + = heavy, fully immersed, (time,)."""
+    return calibration.net_mass(
         density_of(log, calibration),
         np.maximum(log.depth, 0.0),
         log.pump,
         log.hull_warming(calibration.thermal_lag),
     )
+
+
+def _steady_motion(log: Log, calibration: Calibration) -> Translation:
+    """Forces in balance at each sample."""
     pitch = calibration.true_pitch(log.pitch)
-    if model == "steady":
-        half = max(round(STEADY_WINDOW / log.period), 1)
-        roll, pitch = (uniform_filter1d(a, half) for a in (log.roll, pitch))
-        rates = np.stack([uniform_filter1d(rate, half) for rate in log.rates])
-        speed, alpha, beta, gliding = balance(vehicle, net, roll, pitch, rates)
-        speed = np.where(gliding & (log.depth > AFLOAT), speed, 0.0)
-        return Translation(
-            surge=speed * np.cos(alpha) * np.cos(beta),
-            sway=speed * np.sin(beta),
-            heave=speed * np.sin(alpha) * np.cos(beta),
-        )
+    half = max(round(STEADY_WINDOW / log.period), 1)
+    roll, pitch = (uniform_filter1d(a, half) for a in (log.roll, pitch))
+    rates = np.stack([uniform_filter1d(rate, half) for rate in log.rates])
+    net = _net_mass(log, calibration)
+    speed, alpha, beta, gliding = balance(calibration.vehicle, net, roll, pitch, rates)
+    speed = np.where(gliding & (log.depth > AFLOAT), speed, 0.0)
+    return Translation(
+        surge=speed * np.cos(alpha) * np.cos(beta),
+        sway=speed * np.sin(beta),
+        heave=speed * np.sin(alpha) * np.cos(beta),
+    )
+
+
+def _flight(
+    log: Log, calibration: Calibration, start: tuple[float, float, float] | None = None
+) -> AttitudeFlight:
+    """What the log says of how it flew."""
+    vehicle = calibration.vehicle
+    pitch = calibration.true_pitch(log.pitch)
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
     immersion = np.maximum(x * x * (3.0 - 2.0 * x), LEAST_IMMERSION)
     # nose down, as a Seaglider waits at the surface, the tail is out of the water for longer
     tail = vehicle.hull_length * np.maximum(-np.sin(pitch), 0.0)
-    return fly(
-        vehicle,
+    return AttitudeFlight(
+        vehicle=vehicle,
         period=log.period,
-        net_mass=np.where(log.depth < AFLOAT + tail, 0.0, net),
+        net_mass=np.where(log.depth < AFLOAT + tail, 0.0, _net_mass(log, calibration)),
         immersion=immersion,
         roll=log.roll,
         pitch=pitch,

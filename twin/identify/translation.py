@@ -19,18 +19,26 @@ centre of buoyancy, the coupling of added mass between translation and rotation.
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import inline, jit
+from twin.compiled import jit
+from twin.compiled.elementary import scalar, sincos
 from twin.errors import InputError
-from twin.vehicle.laws.flow_frame import K_ALPHA, K_BETA, K_D0, native_wrench
+from twin.numbers import processors
+from twin.vehicle.laws.flow_frame import K_ALPHA, K_BETA, K_D0, fossen_wrench
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
+ABREAST = 8
+"""Flights of one loop: their steps fill the vector registers, and a step waits for none before"""
 LONGEST_STEP = 1.0
 """[s] of one Runge-Kutta step."""
 LONGEST_DECAY = 0.7
@@ -72,115 +80,197 @@ class Translation:
         )
 
 
-def fly(
-    vehicle: Vehicle,
-    *,
-    period: float,
-    net_mass: Array,
-    immersion: Array,
-    roll: Array,
-    pitch: Array,
-    rates: Array,
-    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Translation:
-    """Velocity through the water of a vehicle with this attitude.
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class AttitudeFlight:
+    """A vehicle, and the attitude and the weight that it flew with."""
 
-    Args:
-      period: [s] between samples.
-      net_mass: mass less that of the displaced water, as far as immersed [kg], (time,).
-      immersion: part of the hull that the water acts on, 0 to 1, (time,).
-      roll, pitch: [rad], (time,).
-      rates: roll, pitch and yaw rate, body FRD [rad/s], (3, time).
-      start: surge, sway and heave [m/s] at the first sample; at rest by default.
+    vehicle: Vehicle
+    period: float
+    """[s] between samples"""
+    net_mass: Array
+    """Mass less that of the displaced water, as far as immersed [kg], (time,)"""
+    immersion: Array
+    """Part of the hull that the water acts on, 0 to 1, (time,)"""
+    roll: Array
+    """[rad], (time,)"""
+    pitch: Array
+    """[rad], (time,)"""
+    rates: Array
+    """Roll, pitch and yaw rate, body FRD [rad/s], (3, time)"""
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Surge, sway and heave [m/s] at the first sample; at rest by default"""
+
+    def __len__(self) -> int:
+        return len(self.pitch)
+
+
+def fly(flights: Sequence[AttitudeFlight]) -> list[Translation]:
+    """Velocity through the water of vehicles with these attitudes.
+
+    Each has the same bits, whatever flies beside it.
 
     Raises:
-      InputError: the speed leaves every bound: the parameters or the inputs are wrong.
+      InputError: a speed leaves every bound: the parameters or the inputs are wrong.
     """
-    mass = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
-    coefficients = vehicle.flow_frame.values()
-    inputs = np.stack([vehicle.gravity * net_mass, immersion, roll, pitch, *rates], axis=1)
-    velocity = _integrate(
-        mass, np.linalg.inv(mass), coefficients, inputs, period, np.asarray(start, float)
-    )
-    if not (np.abs(velocity) < FASTEST).all():
-        raise InputError(
-            f"vehicle {vehicle.name!r} flies faster than {FASTEST:g} m/s in this log: its drag or "
-            "its trim is far off, or the log is in other units"
-        )
-    return Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
+    order = sorted(range(len(flights)), key=lambda k: len(flights[k]))
+    blocks = [order[k : k + ABREAST] for k in range(0, len(order), ABREAST)]
+    found: dict[int, Array] = {}
+    with concurrent.futures.ThreadPoolExecutor(processors()) as pool:
+        for block, flown in zip(
+            blocks, pool.map(_flown, ([flights[k] for k in block] for block in blocks)), strict=True
+        ):
+            found |= zip(block, flown, strict=True)
+    for k, one in enumerate(flights):
+        if not (np.abs(found[k]) < FASTEST).all():
+            raise InputError(
+                f"vehicle {one.vehicle.name!r} flies faster than {FASTEST:g} m/s in this log: its "
+                "drag or its trim is far off, or the log is in other units"
+            )
+    velocities = (found[k] for k in range(len(flights)))
+    return [Translation(surge=v[:, 0], sway=v[:, 1], heave=v[:, 2]) for v in velocities]
 
 
-@inline
-def _acceleration(mass, inverse, c, weight, immersion, roll, pitch, p, q, r, u, v, w):  # type: ignore[no-untyped-def]
-    """d(u, v, w)/dt [m/s2] from the weight [N], the attitude and the rates; no allocation."""
-    fx, fy, fz, _, _, _ = native_wrench(c, 0.0, u, v, w, 0.0, 0.0, 0.0)
-    # momentum, whose turning with the body is a force
-    hu = mass[0, 0] * u + mass[0, 1] * v + mass[0, 2] * w
-    hv = mass[1, 0] * u + mass[1, 1] * v + mass[1, 2] * w
-    hw = mass[2, 0] * u + mass[2, 1] * v + mass[2, 2] * w
-    level = weight * np.cos(pitch)
-    x = immersion * fx - weight * np.sin(pitch) - (q * hw - r * hv)
-    y = immersion * fy + level * np.sin(roll) - (r * hu - p * hw)
-    z = immersion * fz + level * np.cos(roll) - (p * hv - q * hu)
+def _flown(flights: Sequence[AttitudeFlight]) -> list[Array]:
+    """Velocities [m/s] of up to `ABREAST` flights, (time, 3) each."""
+    longest = max(map(len, flights))
+    inputs = np.zeros((longest, INPUTS, ABREAST))
+    block = np.zeros((ROWS, ABREAST))
+    for lane in range(ABREAST):
+        one = flights[min(lane, len(flights) - 1)]  # empty lanes repeat the last
+        mass = one.vehicle.mass * np.eye(3) + one.vehicle.added_mass[:3, :3]
+        values = one.vehicle.flow_frame.values()
+        given = (one.vehicle.gravity * one.net_mass, one.immersion, one.roll, one.pitch, *one.rates)
+        for k, series in enumerate(given):
+            inputs[: len(one), k, lane] = series
+            inputs[len(one) :, k, lane] = series[-1]
+        block[MASS : MASS + NINE, lane] = mass.ravel()
+        block[INVERSE : INVERSE + NINE, lane] = np.linalg.inv(mass).ravel()
+        block[LAW : LAW + len(values), lane] = values
+        block[STATE : STATE + 3, lane] = one.start
+        block[PERIOD, lane] = one.period
+    found = _integrate(block.ravel(), inputs)
+    return [found[: len(one), :, lane] for lane, one in enumerate(flights)]
+
+
+# --- compiled: rows of a block, each of ABREAST numbers, which loops over the lanes read ---------
+
+NINE = 9
+INPUTS = 7
+"""Weight [N], immersion, roll, pitch [rad], roll, pitch and yaw rate [rad/s]"""
+BEFORE, AFTER, MASS, INVERSE, LAW = 0, NINE, 2 * NINE, 3 * NINE, 4 * NINE
+STATE = LAW + 3 * NINE
+PERIOD, STEP, STEPS, SETTLING = range(STATE + 3, STATE + 7)
+"""Between samples [s], of one step [s], number of these, and the rate at which the force of an
+angle of attack or sideslip dies out, over speed [1/m]"""
+ROWS = SETTLING + 1
+
+
+@scalar
+def _nine(block: Any, row: int, lane: int) -> Any:
+    """Nine rows of a lane."""
+    k = row * ABREAST + lane
     return (
-        inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
-        inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z,
-        inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2] * z,
+        block[k],
+        block[k + ABREAST],
+        block[k + 2 * ABREAST],
+        block[k + 3 * ABREAST],
+        block[k + 4 * ABREAST],
+        block[k + 5 * ABREAST],
+        block[k + 6 * ABREAST],
+        block[k + 7 * ABREAST],
+        block[k + 8 * ABREAST],
     )
 
 
-@jit
-def _rate(mass, inverse, c, inputs, row, part, u, v, w):  # type: ignore[no-untyped-def]
-    """`_acceleration` with the inputs at `part` of the way from sample `row` to the next."""
-    a, b = inputs[row], inputs[row + 1]
-    return _acceleration(
-        mass,
-        inverse,
-        c,
-        a[0] + part * (b[0] - a[0]),
-        a[1] + part * (b[1] - a[1]),
-        a[2] + part * (b[2] - a[2]),
-        a[3] + part * (b[3] - a[3]),
-        a[4] + part * (b[4] - a[4]),
-        a[5] + part * (b[5] - a[5]),
-        a[6] + part * (b[6] - a[6]),
-        u,
-        v,
-        w,
+@scalar
+def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ignore[no-untyped-def]
+    """d(u, v, w)/dt [m/s2], with the inputs at `part` of the way from one sample to the next."""
+    weight = before[0] + part * (after[0] - before[0])
+    immersion = before[1] + part * (after[1] - before[1])
+    sin_roll, cos_roll = sincos(before[2] + part * (after[2] - before[2]))
+    sin_pitch, cos_pitch = sincos(before[3] + part * (after[3] - before[3]))
+    p = before[4] + part * (after[4] - before[4])
+    q = before[5] + part * (after[5] - before[5])
+    r = before[6] + part * (after[6] - before[6])
+    fx, fy, fz, _, _, _ = fossen_wrench(law, 0.0, u, v, w, 0.0, 0.0, 0.0)
+    # momentum, whose turning with the body is a force
+    hu = mass[0] * u + mass[1] * v + mass[2] * w
+    hv = mass[3] * u + mass[4] * v + mass[5] * w
+    hw = mass[6] * u + mass[7] * v + mass[8] * w
+    level = weight * cos_pitch
+    x = immersion * fx - weight * sin_pitch - (q * hw - r * hv)
+    y = immersion * fy + level * sin_roll - (r * hu - p * hw)
+    z = immersion * fz + level * cos_roll - (p * hv - q * hu)
+    return (
+        inverse[0] * x + inverse[1] * y + inverse[2] * z,
+        inverse[3] * x + inverse[4] * y + inverse[5] * z,
+        inverse[6] * x + inverse[7] * y + inverse[8] * z,
     )
 
 
-@jit
-def _integrate(mass, inverse, c, inputs, period, start):  # type: ignore[no-untyped-def]
-    """Classical RK4 with the inputs linear between samples; velocities (time, 3) from `start`."""
+@jit(nogil=True)
+def _step(block, number):  # type: ignore[no-untyped-def]
+    """Classical RK4, step `number` of those between two samples; lanes with fewer rest."""
+    for lane in range(ABREAST):
+        before, after = _nine(block, BEFORE, lane), _nine(block, AFTER, lane)
+        mass, inverse = _nine(block, MASS, lane), _nine(block, INVERSE, lane)
+        law = _nine(block, LAW, lane)
+        law = law + _nine(block, LAW + NINE, lane) + _nine(block, LAW + 2 * NINE, lane)
+        u = block[STATE * ABREAST + lane]
+        v = block[(STATE + 1) * ABREAST + lane]
+        w = block[(STATE + 2) * ABREAST + lane]
+        h, steps = block[STEP * ABREAST + lane], block[STEPS * ABREAST + lane]
+        t0, t1, t2 = number / steps, (number + 0.5) / steps, (number + 1.0) / steps
+        a, b = 0.5 * h, h / 6.0
+        u1, v1, w1 = _acceleration(mass, inverse, law, before, after, t0, u, v, w)
+        u2, v2, w2 = _acceleration(
+            mass, inverse, law, before, after, t1, u + a * u1, v + a * v1, w + a * w1
+        )
+        u3, v3, w3 = _acceleration(
+            mass, inverse, law, before, after, t1, u + a * u2, v + a * v2, w + a * w2
+        )
+        u4, v4, w4 = _acceleration(
+            mass, inverse, law, before, after, t2, u + h * u3, v + h * v3, w + h * w3
+        )
+        moving = number < steps
+        surge = max(u + b * (u1 + 2.0 * u2 + 2.0 * u3 + u4), 0.0)
+        sway = v + b * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
+        heave = w + b * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
+        block[STATE * ABREAST + lane] = surge if moving else u
+        block[(STATE + 1) * ABREAST + lane] = sway if moving else v
+        block[(STATE + 2) * ABREAST + lane] = heave if moving else w
+
+
+@jit(nogil=True)
+def _integrate(block, inputs):  # type: ignore[no-untyped-def]
+    """Velocities (time, 3, lane) from the block's, with the inputs linear between samples."""
     samples = inputs.shape[0]
-    out = np.zeros((samples, 3))
-    # rate at which the force of an angle of attack or sideslip dies out, over speed [1/m]
-    settling = max(
-        (c[K_D0] + c[K_ALPHA]) * inverse[2, 2], (c[K_D0] + abs(c[K_BETA])) * inverse[1, 1]
-    )
-    u, v, w = start[0], start[1], start[2]
-    out[0, 0], out[0, 1], out[0, 2] = u, v, w
+    out = np.zeros((samples, 3, ABREAST))
+    for lane in range(ABREAST):
+        law, inverse = _nine(block, LAW, lane), _nine(block, INVERSE, lane)
+        block[SETTLING * ABREAST + lane] = max(
+            (law[K_D0] + law[K_ALPHA]) * inverse[8], (law[K_D0] + abs(law[K_BETA])) * inverse[4]
+        )
+        for k in range(3):
+            out[0, k, lane] = block[(STATE + k) * ABREAST + lane]
     for row in range(samples - 1):
-        speed = np.sqrt(u * u + v * v + w * w)
-        shortest = min(LONGEST_STEP, LONGEST_DECAY / max(settling * speed, 1e-12))
-        steps = max(1, min(MOST_STEPS, int(np.ceil(period / shortest - 1e-9))))
-        h = period / steps
-        for step in range(steps):
-            t0, t1, t2 = step / steps, (step + 0.5) / steps, (step + 1.0) / steps
-            a, b = 0.5 * h, h / 6.0
-            u1, v1, w1 = _rate(mass, inverse, c, inputs, row, t0, u, v, w)
-            u2, v2, w2 = _rate(
-                mass, inverse, c, inputs, row, t1, u + a * u1, v + a * v1, w + a * w1
-            )
-            u3, v3, w3 = _rate(
-                mass, inverse, c, inputs, row, t1, u + a * u2, v + a * v2, w + a * w2
-            )
-            u4, v4, w4 = _rate(
-                mass, inverse, c, inputs, row, t2, u + h * u3, v + h * v3, w + h * w3
-            )
-            u = max(u + b * (u1 + 2.0 * u2 + 2.0 * u3 + u4), 0.0)
-            v += b * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
-            w += b * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
-        out[row + 1, 0], out[row + 1, 1], out[row + 1, 2] = u, v, w
+        most = 1.0
+        for lane in range(ABREAST):
+            speed2 = 0.0
+            for k in range(3):
+                speed2 += block[(STATE + k) * ABREAST + lane] ** 2
+            settling = block[SETTLING * ABREAST + lane] * math.sqrt(speed2)
+            period = block[PERIOD * ABREAST + lane]
+            shortest = min(LONGEST_STEP, LONGEST_DECAY / max(settling, 1e-12))
+            steps = max(1.0, min(float(MOST_STEPS), math.ceil(period / shortest - 1e-9)))
+            block[STEPS * ABREAST + lane], block[STEP * ABREAST + lane] = steps, period / steps
+            most = max(most, steps)
+            for k in range(INPUTS):
+                block[(BEFORE + k) * ABREAST + lane] = inputs[row, k, lane]
+                block[(AFTER + k) * ABREAST + lane] = inputs[row + 1, k, lane]
+        for number in range(int(most)):
+            _step(block, float(number))
+        for lane in range(ABREAST):
+            for k in range(3):
+                out[row + 1, k, lane] = block[(STATE + k) * ABREAST + lane]
     return out

@@ -240,19 +240,24 @@ def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
 
 @jit
 def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
-    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows)."""
+    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows).
+
+    Number by number: numba takes seconds to compile what puts one array into another.
+    """
     samples, windows, n = driven.shape
     out = np.empty((samples + 1, windows))
     x, y = np.empty(n), np.empty(n)
     for w in range(windows):
-        x[:] = state[w]
+        for i in range(n):
+            x[i] = state[w, i]
         out[0, w] = x[which]
         for k in range(samples):
             for i in range(n):
                 y[i] = driven[k, w, i]
                 for j in range(n):
                     y[i] += step[i, j] * x[j]
-            x[:] = y
+            for i in range(n):
+                x[i] = y[i]
             out[k + 1, w] = x[which]
     return out
 

@@ -245,7 +245,8 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried,
         if steady and carried[SINCE_UPDATE] > EVERY_S:
             carried[SINCE_UPDATE] = 0.0
             if corrections < learned.shape[0]:
-                learned[corrections, :7] = x
+                for i in range(7):
+                    learned[corrections, i] = x[i]
                 learned[corrections, RATE] = rate
                 learned[corrections, PLACE] = k
             corrections += 1

@@ -25,7 +25,7 @@ FLY = """
 import json
 import numpy as np
 from twin.navigation.estimators.ekf import Ekf
-from twin.identify.translation import fly
+from twin.identify.translation import AttitudeFlight, fly
 from twin.vehicle.vehicle import load_vehicle
 
 vehicle = load_vehicle("glider")
@@ -38,8 +38,9 @@ names = ("roll", "heading", "roll_rate", "pitch_rate", "yaw_rate", "shift", "rot
 signals = {f"measured_{name}": level for name in names}
 signals |= {"measured_pitch": pitch, "measured_depth": depth, "measured_pump": pump}
 ekf = Ekf(vehicle=vehicle).estimate(signals, 0.5).surge[-1]
-motion = fly(vehicle, period=0.5, net_mass=np.full(n, 0.2), immersion=np.ones(n), roll=level,
-             pitch=pitch, rates=np.zeros((3, n)))
+(motion,) = fly([AttitudeFlight(
+    vehicle=vehicle, period=0.5, net_mass=np.full(n, 0.2), immersion=np.ones(n), roll=level,
+    pitch=pitch, rates=np.zeros((3, n)))])
 print(json.dumps({"ekf": ekf, "identify": motion.surge[-1]}))
 """
 

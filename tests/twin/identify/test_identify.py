@@ -17,6 +17,7 @@ from twin.cli.progress import Progress
 from twin.commands.identify import _Stages
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import (
+    AttitudeFlight,
     estimate_speed,
     fly,
     identify,
@@ -112,8 +113,8 @@ def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run)
 @pytest.mark.parametrize(("net", "pitch"), [(0.3, -0.6), (-0.3, 0.5), (0.15, -0.3)])
 def test_flight_settles_into_the_balance_of_forces(net, pitch):
     rates = np.zeros((3, 400))
-    motion = fly(
-        VEHICLE,
+    flight = AttitudeFlight(
+        vehicle=VEHICLE,
         period=0.5,
         net_mass=level(net),
         immersion=level(1),
@@ -121,6 +122,7 @@ def test_flight_settles_into_the_balance_of_forces(net, pitch):
         pitch=level(pitch),
         rates=rates,
     )
+    (motion,) = fly([flight])
     speed, alpha, beta, gliding = balance(VEHICLE, level(net), level(0.05), level(pitch), rates)
     assert gliding.all()
     # the balance is a fixed point iteration that ends with this error at 17 degrees of pitch
@@ -134,8 +136,8 @@ def test_flight_gives_the_velocities_of_the_twin(run):
     vehicle = simulated.changed(VEHICLE, drag=1.3)
     signals = {name: run[f"true_{name}"] for name in ("roll", "pitch", "depth", "net_mass")}
     rates = np.stack([run[f"true_{n}_rate"] for n in ("roll", "pitch", "yaw")])
-    motion = fly(
-        vehicle,
+    flight = AttitudeFlight(
+        vehicle=vehicle,
         period=simulated.PERIOD,
         net_mass=np.where(signals["depth"] < 0.5, 0.0, signals["net_mass"]),
         immersion=np.clip(run["true_immersion"], 0.3, 1.0),
@@ -143,6 +145,7 @@ def test_flight_gives_the_velocities_of_the_twin(run):
         pitch=np.deg2rad(signals["pitch"]),
         rates=rates,
     )
+    (motion,) = fly([flight])
     deep = signals["depth"] > 10.0
     for name, most in (("surge", 0.004), ("sway", 0.002), ("heave", 0.004)):
         error = (getattr(motion, name) - run[f"true_{name}"])[deep]

@@ -165,7 +165,11 @@ def filtered(  # type: ignore[no-untyped-def]
             states[k, i] = x[i]
         innovations[k] = innovation
         expected[k] = np.sqrt(variance)
-    carried[:7] = before
-    carried[7:12] = x
-    carried[12:37] = cov.ravel()
+    # number by number: numba takes seconds to compile what puts one array into another
+    for i in range(7):
+        carried[i] = before[i]
+    for i in range(5):
+        carried[7 + i] = x[i]
+        for j in range(5):
+            carried[12 + 5 * i + j] = cov[i, j]
     return states, covariances, innovations, expected
