@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -43,11 +44,17 @@ class HindcastSurfacings(JsonOption):
     """forecast of the current that is known ahead: a file (CF netCDF or zarr) that covers the
     deployments, or any other text that `twin simulate --current` takes; what it is worth is learned
     on the way. Default: none"""
+    members: int | None = None
+    """fly so many members for every scored surfacing too, as `twin forecast` does, and score where
+    they come up; by --vehicle, or the shipped one of the log's kind. Default: none"""
+    engine: Literal["lanes", "mujoco"] = "lanes"
+    """what flies --members; of lanes one member is flown in MuJoCo too and the difference said"""
     out: Path | None = None
     """folder for a page with a map, index.html, that opens without a network"""
 
     def run(self, console: Console) -> int:
         """Walk, score, say."""
+        from twin.errors import InputError
         from twin.forecast import hindcast
         from twin.records import LogStore
 
@@ -55,6 +62,8 @@ class HindcastSurfacings(JsonOption):
             from twin.show.figures import check_page_target
 
             check_page_target(self.out)
+        if self.engine != "lanes" and self.members is None:
+            raise InputError("--engine is for --members, which is not given: leave it out")
         field = None
         if self.current is not None:
             from twin.water.current import parse_field
@@ -70,20 +79,27 @@ class HindcastSurfacings(JsonOption):
                 train_fraction=self.train_fraction,
                 vehicle=self.vehicle,
                 current=field,
+                members=self.members,
+                engine=self.engine,
                 advance=progress.update,
             )
         for which, title in (
             ("surfacing", "where it surfaced: mean error, m per hour under way"),
             ("current", "current alone, way through the water and duration given: the same"),
+            ("members", "where it surfaced, the forecast by members flown: the same"),
         ):
             rows = [(one.name, getattr(one, which)) for one in found.deployments]
-            rows = [(name, scores) for name, scores in rows if scores.segments]
+            rows = [(name, scores) for name, scores in rows if scores and scores.segments]
             if len(rows) > 1:
                 rows.append(("all", getattr(found, which)))
             if rows:
                 console.table(_lines(rows), title=title, digits=3)
         for one in found.deployments:
             console.note(f"{one.name}: {_told(one)}")
+            for mission, why in one.unflown.items():
+                console.warn(f"{one.name}: members tell nothing of row {mission}: {why}")
+            if one.beside_mujoco is not None:
+                console.note(f"{one.name}: last dive, first member: {one.beside_mujoco.text}")
         if self.out is not None:
             from twin.show import write_hindcast
 
@@ -93,10 +109,13 @@ class HindcastSurfacings(JsonOption):
                 command += f" --train-fraction {self.train_fraction:g}"
             if self.current is not None:
                 command += f" --current {self.current}"
+            if self.members is not None:
+                command += f" --members {self.members}"
             console.say(str(write_hindcast(self.out, found, command)))
         console.answer(
             surfacing=found.surfacing.describe(),
             current=found.current.describe(),
+            **({} if found.members is None else {"members": found.members.describe()}),
             deployments=[
                 {
                     "name": one.name,
@@ -105,11 +124,24 @@ class HindcastSurfacings(JsonOption):
                     "legs": len(one.legs),
                     "surfacing": one.surfacing.describe(),
                     "current": one.current.describe(),
+                    **_members(one),
                 }
                 for one in found.deployments
             ],
         )
         return 0
+
+
+def _members(one: DeploymentHindcast) -> dict[str, object]:
+    """Of members flown, as JSON can hold it."""
+    if one.members is None:
+        return {}
+    beside = one.beside_mujoco
+    return {
+        "members": one.members.describe(),
+        "members_unflown": {str(mission): why for mission, why in one.unflown.items()},
+        "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
+    }
 
 
 def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:

@@ -7,18 +7,23 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.checks.agreement import EndsApart
 from twin.errors import InputError, StoreError
+from twin.forecast.member_hindcast import MemberFlights
+from twin.forecast.request import check_members
 from twin.forecast.scores import Scores, scores_of
 from twin.forecast.walk import FieldMean, HindcastSurfacing, Judged, Pair, Priors, Walked, walk
 from twin.geodesy import to_tangent_plane
+from twin.identify import start_vehicle
 from twin.logs.logged_leg import LoggedLeg, dive_times, flown_velocities, legs_of
 from twin.records.logged import LogStore
+from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 
@@ -89,6 +94,12 @@ class DeploymentHindcast:
     """Of where it surfaced"""
     current: Scores
     """Of the current, the way through the water and the duration given"""
+    members: Scores | None = None
+    """Of where it surfaced by members flown; None where none were"""
+    unflown: Mapping[int, str] = dataclasses.field(default_factory=dict)
+    """Dives that members told nothing of, by row in the store, and why"""
+    beside_mujoco: EndsApart | None = None
+    """The first member of the last dive in lanes"""
 
     @property
     def surfacings(self) -> tuple[HindcastSurfacing, ...]:
@@ -105,6 +116,21 @@ class Hindcast:
     surfacing: Scores
     """of all scored surfacings together"""
     current: Scores
+    members: Scores | None = None
+    """None where no members were flown"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Asked:
+    """What `hindcast` is asked for of every store."""
+
+    train_fraction: float
+    vehicle: str | None
+    current: Current | None
+    priors: Priors | None
+    waypoints: int | None
+    members: int | None
+    engine: str
 
 
 def hindcast(
@@ -115,6 +141,8 @@ def hindcast(
     current: Current | None = None,
     priors: Priors | None = None,
     waypoints: int | None = None,
+    members: int | None = None,
+    engine: str = "lanes",
     advance: Callable[[], object] = lambda: None,
 ) -> Hindcast:
     """Walk through every deployment of some stores of logs.
@@ -128,12 +156,16 @@ def hindcast(
       current: forecast field that is known ahead.
       priors: what is believed before the first dive; by default what deployments have in common.
       waypoints: how many of a dive's waypoints count as known, the first ones; None: all.
+      members: fly so many for each scored surfacing too, as `forecast` does, by `vehicle` or the
+        shipped one of the log's kind; None: none.
+      engine: what flies these, as `Scenario.engine`.
       advance: called once for each deployment that is done.
 
     Raises:
       CurrentError: the field does not cover a deployment.
       StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
-      InputError: a fraction that is not from 0 to below 1, no store, or the same dives twice.
+      InputError: a fraction that is not from 0 to below 1, no store, the same dives twice, or
+        members that are too few or too many.
       VehicleError: no such vehicle.
     """
     if not stores:
@@ -143,13 +175,24 @@ def hindcast(
             f"a training fraction of {train_fraction:g}; it must be from 0 to below 1, so that "
             "some of the dives are left to score"
         )
+    if members is not None:
+        check_members(members, engine)
+    asked = _Asked(
+        train_fraction=train_fraction,
+        vehicle=vehicle,
+        current=current,
+        priors=priors,
+        waypoints=waypoints,
+        members=members,
+        engine=engine,
+    )
     paths = [Path(path) for path in stores]
     for k, path in enumerate(paths):
         if path.resolve() in [before.resolve() for before in paths[:k]]:
             raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
     for path in paths:
-        for one in _store(path, train_fraction, vehicle, current, priors, waypoints, advance):
+        for one in _store(path, asked, advance):
             _check_new(one, found)
             found.append(one)
     return Hindcast(
@@ -157,6 +200,7 @@ def hindcast(
         train_fraction=train_fraction,
         surfacing=scores_of([_scored(one.surfacings, "surfacing") for one in found]),
         current=scores_of([_scored(one.surfacings, "current") for one in found]),
+        members=None if members is None else scores_of([_by_members(one.walked) for one in found]),
     )
 
 
@@ -179,32 +223,33 @@ def _scored(surfacings: Sequence[HindcastSurfacing], which: str) -> list[Judged]
     return [getattr(one, which) for one in surfacings if one.scored]
 
 
-def _store(
-    path: Path,
-    train_fraction: float,
-    vehicle: str | None,
-    current: Current | None,
-    priors: Priors | None,
-    waypoints: int | None,
-    advance: Callable[[], object],
-) -> list[DeploymentHindcast]:
+def _by_members(walked: Walked) -> list[Judged]:
+    return [one.members for one in walked.surfacings if one.members is not None]
+
+
+def _store(path: Path, asked: _Asked, advance: Callable[[], object]) -> list[DeploymentHindcast]:
     with LogStore(path) as logs:
-        flown = None if vehicle is None else flown_velocities(path, vehicle)
+        flown = None if asked.vehicle is None else flown_velocities(path, asked.vehicle)
+        flies = None
+        if asked.members is not None:
+            vehicle = load_vehicle(asked.vehicle) if asked.vehicle else start_vehicle(path)
+            flies = MemberFlights(logs, vehicle, members=asked.members, engine=asked.engine)
         found = []
         for name in dict.fromkeys(logs.deployments):
             legs = [
-                dataclasses.replace(one, targets=one.targets[:waypoints])
+                dataclasses.replace(one, targets=one.targets[: asked.waypoints])
                 for one in legs_of(logs, name, flown)
             ]
             if legs:
-                train = int(train_fraction * len(legs))
+                train = int(asked.train_fraction * len(legs))
                 walked = walk(
                     legs,
                     latitude=float(np.median([one.begin[0] for one in legs])),
                     dives=dive_times(logs, name),
                     train=train,
-                    priors=priors,
-                    field=None if current is None else field_mean(logs, legs, current),
+                    priors=asked.priors,
+                    field=None if asked.current is None else field_mean(logs, legs, asked.current),
+                    flown=None if flies is None else flies.expect,
                 )
                 found.append(
                     DeploymentHindcast(
@@ -216,6 +261,9 @@ def _store(
                         walked=walked,
                         surfacing=scores_of([_scored(walked.surfacings, "surfacing")]),
                         current=scores_of([_scored(walked.surfacings, "current")]),
+                        members=None if flies is None else scores_of([_by_members(walked)]),
+                        unflown={} if flies is None else flies.take_unflown(),
+                        beside_mujoco=None if flies is None else flies.beside_mujoco(),
                     )
                 )
             advance()

@@ -51,19 +51,13 @@ class Request:
     """What flies the members, as `Scenario.engine`."""
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            raise InputError(unknown_name("engine", str(self.engine), ENGINES))
+        check_members(self.members, self.engine)
         for name, least, most in (
             ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4),
         ):  # fmt: skip
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and least < value <= most):
                 raise InputError(f"forecast: {name} = {value:g} must be above 0, at most {most:g}")
-        if not LEAST_MEMBERS <= self.members <= MOST_MEMBERS:
-            raise InputError(
-                f"forecast: members = {self.members} must be from {LEAST_MEMBERS} to "
-                f"{MOST_MEMBERS}: fewer say nothing of an ellipse"
-            )
         if self.seed < 0:
             raise InputError(f"forecast: seed = {self.seed} must be at least 0")
         if self.place.time is None:
@@ -105,6 +99,17 @@ class Request:
         """[s] that members fly: beyond the horizon, until those that are late are up, too."""
         deepest = max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
         return self.horizon + deepest / SLOWEST + LATE * longest_dive(self.mission)
+
+
+def check_members(members: int, engine: str) -> None:
+    """Raise InputError for an unknown engine, and for members that are too few or too many."""
+    if engine not in ENGINES:
+        raise InputError(unknown_name("engine", str(engine), ENGINES))
+    if not LEAST_MEMBERS <= members <= MOST_MEMBERS:
+        raise InputError(
+            f"forecast: members = {members} must be from {LEAST_MEMBERS} to {MOST_MEMBERS}: fewer "
+            "say nothing of an ellipse"
+        )
 
 
 def mission_to(

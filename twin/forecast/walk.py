@@ -29,15 +29,21 @@ from twin.logs.logged_leg import LoggedLeg
 from twin.navigation.current import Leg, Reaches, models
 from twin.navigation.current.models import CurrentPool, TidalFit
 from twin.navigation.current.pool import Prior
-from twin.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array, chi_squared
 
 Pair = tuple[float, float]
 FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
 """North, east [m/s] that a field foretells, mean over a dive: by the leg for its begin, a leg for
 its depths, the way through the water [m] and the duration [s]"""
 
+MembersFlown = Callable[
+    [Sequence[LoggedLeg], LoggedLeg, CurrentPool, float, Pair], tuple[Array, Array] | None
+]
+"""Mean [m] and covariance [m2] of where members come up (`MemberFlights.expect`)"""
+
 HOUR = 3600.0
 """[s]"""
+CHI_SQUARED = chi_squared(0.5), chi_squared(0.9)
 RIVAL_DAYS = 5.0
 """[d] of the rival that fits mean and tide"""
 
@@ -110,6 +116,8 @@ class HindcastSurfacing:
     """North, east [m/s] of the current, mean over the dive"""
     expected: Pair
     """The same as it was forecast"""
+    members: Judged | None = None
+    """Where it surfaced, the forecast by members flown; None where none were"""
 
     @property
     def hours(self) -> float:
@@ -141,6 +149,7 @@ def walk(
     train: int = 0,
     priors: Priors | None = None,
     field: FieldMean | None = None,
+    flown: MembersFlown | None = None,
 ) -> Walked:
     """Forecast every leg's end.
 
@@ -152,6 +161,7 @@ def walk(
       train: legs at the beginning that are not scored.
       priors: what is believed before the first.
       field: what a forecast field foretells of each leg.
+      flown: flies members of each scored leg too.
     """
     priors = priors or Priors()
     if not legs:
@@ -174,7 +184,10 @@ def walk(
             leg = dataclasses.replace(leg, field=told)
         if k:
             judged = _judge(legs[:k], one, leg, (pool, ways, ends, tide), reaches, field)
-            found.append(dataclasses.replace(judged, scored=k >= train))
+            members = None
+            if flown is not None and k >= train:
+                members = _by_members(flown, legs[:k], one, judged.surfacing, (pool, ways, ends))
+            found.append(dataclasses.replace(judged, scored=k >= train, members=members))
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
                 reach.learn(each.distance)
             if k >= train:
@@ -272,6 +285,29 @@ def _judge(
         ),
         found=_pair(leg.current),
         expected=_pair(mixed.mean),
+    )
+
+
+def _by_members(
+    flown: MembersFlown,
+    before: Sequence[LoggedLeg],
+    one: LoggedLeg,
+    surfacing: Judged,
+    known: tuple[CurrentPool, WayPool, SurfacingSchedule],
+) -> Judged | None:
+    """The same surfacing with its forecast by members flown."""
+    pool, ways, ends = known
+    lasts = ends.expect(one.leg.start)
+    duration = middle(lasts)
+    told = flown(before, one, pool, duration, ways.steered(one))
+    if told is None:
+        return None
+    mean, covariance = told
+    # the members know no other duration than the one that is expected
+    late = lasts.covariance[0, 0] * np.outer(mean, mean) / duration**2
+    missed = {**surfacing.missed, "forecast": _pair(np.array(one.leg.over_ground) - mean)}
+    return Judged(
+        hours=surfacing.hours, missed=missed, covariance=covariance + late, reach=CHI_SQUARED
     )
 
 

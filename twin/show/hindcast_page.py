@@ -187,8 +187,14 @@ def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
          "each with a current of its own; on board: that with which the vehicle reckons."),
         ("current", "The current alone: all methods are given the way through the water and the "
          "duration; on board: the vehicle's own track at the end of the dive."),
+        ("members", "Where it surfaced, the forecast by members flown as twin forecast flies them: "
+         "they know the currents, the waypoints and the duration expected, and depth and pitch of "
+         "the dive before."),
     ):  # fmt: skip
         rows = [(one.name, getattr(one, which)) for one in found.deployments]
+        rows = [(name, scores) for name, scores in rows if scores is not None]
+        if not rows:
+            continue
         if len(rows) > 1:
             rows.append(("all", getattr(found, which)))
         partial = [name for name in METHODS if any(name in each.partial for _, each in rows)]

@@ -220,14 +220,48 @@ def test_the_command_says_the_figures_by_their_names(store, tmp_path: Path, caps
     assert page.count("<img") == 3
 
 
+def test_members_are_flown_for_every_scored_surfacing(store, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "page"
+    words = ["hindcast", str(store), "--train-fraction", "0.8", "--members", "20", "--json"]
+    assert PROGRAM.main([*words, "--out", str(out)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["members"]["segments"] == said["surfacing"]["segments"] == 5
+    mean, others = (said[which]["mean_m_per_h"] for which in ("members", "surfacing"))
+    # the same fixes beside the same rivals
+    assert {**mean, "forecast": 0.0} == {**others, "forecast": 0.0}
+    assert 0.0 < mean["forecast"] < 0.5 * mean["persistence"]
+    assert "by members flown" in (out / "index.html").read_text()
+    assert said["deployments"][0]["beside_mujoco"]["position_m"] < 50.0
+
+
+def test_members_know_nothing_of_what_comes_after(store, tmp_path: Path) -> None:
+    """The last fix is where the members' own forecast cannot see it."""
+    whole = hindcast([store], train_fraction=0.9, members=10).deployments[0].surfacings[-1]
+    with LogStore(store) as logs:
+        legs = legs_of(logs, logs.deployments[0])
+    flights = {}
+
+    def flown(before, one, pool, duration, steered):
+        flights[one.mission] = len(before), pool.filtered.filter_.time, duration
+        return np.zeros(2), np.eye(2)
+
+    walk(legs, latitude=36.0, train=len(legs) - 1, flown=flown)
+    (told,) = flights.values()
+    assert told[:2] == (len(legs) - 1, legs[-2].leg.end)
+    assert whole.members is not None
+    assert whole.members.missed["forecast"] != whole.surfacing.missed["forecast"]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["--members", "3"], "members = 3 must be from 10"),
+        (["--engine", "mujoco"], "--engine is for --members"),
         (["--train-fraction", "1"], "must be from 0 to below 1"),
         (["--train-fraction", "-0.1"], "must be from 0 to below 1"),
     ],
 )
-def test_a_fraction_that_leaves_nothing_is_refused(store, words, message, capsys) -> None:
+def test_what_leaves_nothing_to_score_is_refused(store, words, message, capsys) -> None:
     assert PROGRAM.main(["hindcast", str(store), *words]) == 2
     assert message in capsys.readouterr().err
 
