@@ -14,6 +14,7 @@ from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.leg import Leg
 from twin.navigation.current.models import FILTER, CurrentPool
 from twin.navigation.current.modes import passage
+from twin.navigation.current.pool import Mixture
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -124,6 +125,26 @@ def draw_models(
     apart = np.array([courses[name][0] for name in known]) - course[0, 0]
     total = part @ (variance + 0.5 * (apart**2).sum(axis=1))
     return dataclasses.replace(drawn, current=course), math.sqrt(float(total))
+
+
+def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generator) -> Array:
+    """By how much the water seems to move faster, as a vehicle does not go as it was sent, north
+    and east [m/s], (member, 2).
+
+    Each member takes one kind of way by its weight, and an error of its scale that lasts. The first
+    one has the mean of all.
+
+    Args:
+      ahead: what a pool of ways expects; the members fly the first kind that it knows.
+      freedom: [1] of the pool's Student's t.
+    """
+    taken = rng.choice(len(ahead.weights), size=count, p=ahead.weights)
+    heavy = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, count))
+    roots = np.linalg.cholesky(ahead.covariances)
+    error = np.einsum("mij,mj->mi", roots[taken], rng.standard_normal((count, 2)))
+    off = ahead.means[taken] - ahead.means[0] + heavy[:, None] * error
+    off[0] = ahead.mean - ahead.means[0]
+    return np.asarray(off)
 
 
 def _around(time: float) -> Leg:

@@ -16,16 +16,20 @@ import numpy as np
 
 from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
+from twin.forecast.walk import walk
+from twin.forecast.way_pool import WayPool
 from twin.geodesy import great_circle, position
 from twin.logs.logged_leg import (
     MODEL,
     LoggedLeg,
+    dive_times,
     flown_velocities,
     legs_of,
     why_no_legs,
 )
 from twin.navigation.current import CurrentFilter
 from twin.navigation.current.models import CurrentPool
+from twin.navigation.dead_reckoning import chi_squared
 from twin.physics.start import parse_place, utc_text
 from twin.records.coordinates import unix_seconds
 from twin.records.logged import LogStore
@@ -56,6 +60,11 @@ class Known:
     """In words."""
     legs: int = 0
     """Dives that told it."""
+    ways: WayPool | None = None
+    """How the vehicle went beside how it was sent; None without logs."""
+    reach: float = chi_squared(0.9)
+    """[1] squared distance within which nine of ten surfacings of the log were of what would have
+    been forecast for them."""
     by_model: bool = False
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
@@ -136,10 +145,12 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
                 f"store {path}: {why_no_legs(logs, deployment)}; nothing is known of the current: "
                 "give --from, and leave --logs out"
             )
+        dives = dive_times(logs, deployment)
     latitude = float(np.median([one.begin[0] for one in legs]))
-    pool = CurrentPool(latitude=latitude, time=legs[0].leg.start)
+    pool, ways = CurrentPool(latitude=latitude, time=legs[0].leg.start), WayPool()
     for one in legs:
         pool.learn(one.leg)
+        ways.learn(one)
     last = legs[-1]
     return Known(
         pool=pool,
@@ -149,6 +160,8 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         source=f"{counted(len(legs), 'dive')} of {deployment} (way through the water: "
         f"{last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
         legs=len(legs),
+        ways=ways,
+        reach=walk(legs, latitude=latitude, dives=dives).reach[1],
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 

@@ -21,6 +21,7 @@ from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, members_of
 from twin.forecast.request import Request
 from twin.forecast.surfacing import surfacings_of
+from twin.forecast.way_pool import WayPool
 from twin.logs.logged_leg import MODEL, LoggedLeg
 from twin.mission import Mission, Waypoint
 from twin.navigation.current.models import CurrentPool
@@ -36,8 +37,8 @@ AHEAD = 2e5
 """[m] of the course beyond the last waypoint: farther than a dive goes"""
 ARRIVAL = 20.0
 """[m] at which a waypoint is reached, as the walk's own ways have it"""
-UNDER, FLATTEST = 5.0, 5.0
-"""[m] of depth and [degree] of pitch from which on a sample tells of a glide"""
+UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
+"""[m] of depth from which on, and [degree] of pitch between which, a sample tells of a glide"""
 SHALLOWEST = 10.0
 """[m] of a dive"""
 
@@ -67,17 +68,18 @@ class MemberFlights:
         before: Sequence[LoggedLeg],
         one: LoggedLeg,
         pool: CurrentPool,
+        ways: WayPool,
         duration: float,
-        steered: tuple[float, float],
+        reach: tuple[float, float],
     ) -> tuple[Array, Array] | None:
         """Fly the members of a dive.
 
         Args:
           before: the dives so far, at least one.
           one: of it are read the begin and the waypoints.
-          pool: of the current, after the last of `before`.
+          pool, ways: of the current and of ways, after the last of `before`.
           duration: [s] expected.
-          steered: north, east [m/s] of the current that the vehicle steers against.
+          reach: [1] squared distances of the ellipses by the dives so far, as `Walked` has them.
 
         Returns:
           Mean of where they come up, north and east [m] from the begin, (2,), and covariance of
@@ -92,7 +94,7 @@ class MemberFlights:
         try:
             request = Request(
                 vehicle=self._vehicle,
-                mission=self._mission(before[-1], one, duration, steered),
+                mission=self._mission(before[-1], one, duration, ways.steered(one)),
                 place=place,
                 hours=duration / HOUR,
                 members=self._members,
@@ -102,7 +104,7 @@ class MemberFlights:
         except MissionError as error:
             self._unflown[one.mission] = str(error)
             return None
-        members = members_of(request, self._known(before, one, pool))
+        members = members_of(request, self._known(before, one, pool, ways, reach[1]))
         found = [
             flight for some in fly(members.scenarios, threads=self._threads) for flight in some
         ]
@@ -129,7 +131,14 @@ class MemberFlights:
         taken, self._unflown = self._unflown, {}
         return taken
 
-    def _known(self, before: Sequence[LoggedLeg], one: LoggedLeg, pool: CurrentPool) -> Known:
+    def _known(
+        self,
+        before: Sequence[LoggedLeg],
+        one: LoggedLeg,
+        pool: CurrentPool,
+        ways: WayPool,
+        reach: float,
+    ) -> Known:
         last = before[-1].leg
         return Known(
             pool=copy.deepcopy(pool),
@@ -138,6 +147,8 @@ class MemberFlights:
             last_current=(float(last.current[0]), float(last.current[1])),
             source=f"{len(before)} dives",
             legs=len(before),
+            ways=ways,
+            reach=reach,
             by_model=all(each.method == MODEL for each in before),
         ).at(one.leg.start)
 
@@ -156,6 +167,7 @@ class MemberFlights:
             max_depth_m=depth,
             pitch_deg=pitch,
             surface_after_s=duration,
+            surface_at_target=False,
             arrival_radius_m=ARRIVAL,
             current_north_m_s=steered[0],
             current_east_m_s=steered[1],
@@ -172,5 +184,5 @@ class MemberFlights:
         if "measured_pitch" not in self._logs:
             return deepest, usual
         pitch = np.abs(self._logs.signal("measured_pitch", last.mission).astype(float))
-        glides = pitch[(depth > UNDER) & (pitch > FLATTEST)]
+        glides = pitch[(depth > UNDER) & (pitch > FLATTEST) & (pitch < STEEPEST)]
         return deepest, float(np.median(glides)) if glides.size else usual

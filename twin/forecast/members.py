@@ -25,15 +25,18 @@ from twin.forecast.draws import (
     draw_field_error,
     draw_models,
     draw_water,
+    draw_ways,
     scaled_speed,
 )
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
+from twin.forecast.way_pool import WayPool
 from twin.fossen.lane_block import LANES
 from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
-from twin.mission import Mission
+from twin.mission import Mission, Waypoint
 from twin.mission.segments.base import SURFACED_MARGIN_M
 from twin.navigation.current import CurrentParameters
+from twin.navigation.dead_reckoning import chi_squared
 from twin.physics.fleet import Fleet
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.mujoco_model import quiet_mujoco
@@ -54,6 +57,8 @@ STEPS, SETTLED = 2.0, 0.75
 """In MuJoCo, times the vehicle file's physics step: in six hours the end moves by less than 5 m.
 Where such a step times the vehicle's fastest rate is above `SETTLED` the file's own is flown:
 members differ by a fifth, and at 1 they would be unstable. Lanes fly the file's own"""
+STRAIGHT = 5e5
+"""[m] farther than a glider goes in a forecast"""
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -88,6 +93,8 @@ def members_of(request: Request, known: Known) -> Members:
     if not told:
         deviation = CurrentParameters.speed_scale
         scale, source = _normal(rng, count, deviation), "assumed"
+        if known.ways is not None and (slower := _beside_log(request, known.ways)) is not None:
+            scale, source = scale + slower, "as recent dives"
     if told or not set(drawn) & set(SPEED):
         vehicles = [
             scaled_speed(one, float(part)) for one, part in zip(vehicles, scale, strict=True)
@@ -99,6 +106,12 @@ def members_of(request: Request, known: Known) -> Members:
     )
     mission = believing(request.mission, known.last_current)
     nominal = _scenario(request, mission)
+    if known.ways is not None and isinstance(mission.segments[0], Waypoint):
+        off, spread["way"] = _ways(request, mission, known.ways, rng)
+        course = water.current + off[:, None, :]
+        wider = math.sqrt(known.reach / chi_squared(0.9))
+        water = dataclasses.replace(water, current=course[:1] + wider * (course - course[:1]))
+        spread["both"] = f"times {wider:.2f}, as surfacings so far were off"
     scenarios = tuple(
         dataclasses.replace(
             nominal,
@@ -110,6 +123,36 @@ def members_of(request: Request, known: Known) -> Members:
         for vehicle, offset, course in zip(vehicles, compass, water.current, strict=True)
     )
     return Members(scenarios=scenarios, spread=spread)
+
+
+def _beside_log(request: Request, ways: WayPool) -> float | None:
+    """[1] level speed of recent dives over the vehicle's, less 1; None where it makes no way."""
+    first = request.mission.segments[0]
+    if ways.speed is None or not isinstance(first, Waypoint):
+        return None
+    straight = dataclasses.replace(
+        first, targets=({"north_m": STRAIGHT, "east_m": 0.0},), surface_at_target=False
+    )
+    (flight,) = fly_nominal(request, [dataclasses.replace(request.mission, segments=(straight,))])
+    if isinstance(flight, SimulationUnstable) or not len(flight.time):
+        return None
+    nominal = float(np.hypot(*flight.place[0])) / float(flight.time[0])
+    return ways.speed / nominal - 1.0 if nominal > 0.0 else None
+
+
+def _ways(
+    request: Request, mission: Mission, ways: WayPool, rng: np.random.Generator
+) -> tuple[Array, str]:
+    """Draws of how the vehicle will not go as it is sent, (member, 2) [m/s], and in words."""
+    place = request.place
+    first = mission.placed(place.latitude_deg, place.longitude_deg).segments[0]
+    assert isinstance(first, Waypoint)
+    targets = [(one["north_m"], one["east_m"]) for one in first.targets]
+    steered = (first.current_north_m_s or 0.0, first.current_east_m_s or 0.0)
+    ahead = ways.toward(targets, steered, longest_dive(mission))
+    off = draw_ways(ahead, ways.pool.freedom, request.members, rng)
+    deviation = math.sqrt(0.5 * float(np.trace(ahead.covariance)))
+    return off, f"as dives so far went beside how they were sent: {deviation:.2f} m/s each way"
 
 
 def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:

@@ -37,7 +37,8 @@ FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
 its depths, the way through the water [m] and the duration [s]"""
 
 MembersFlown = Callable[
-    [Sequence[LoggedLeg], LoggedLeg, CurrentPool, float, Pair], tuple[Array, Array] | None
+    [Sequence[LoggedLeg], LoggedLeg, CurrentPool, WayPool, float, Pair],
+    tuple[Array, Array] | None,
 ]
 """Mean [m] and covariance [m2] of where members come up (`MemberFlights.expect`)"""
 
@@ -137,6 +138,8 @@ class Walked:
     """of each model's errors at the end, in the pool's own unit"""
     now: dict[str, float]
     """[1] weights of the current's models after the last dive"""
+    reach: Pair
+    """[1] squared distances within which the two ellipses of the next surfacing lie"""
     singles: dict[str, float]
     """[m/h] mean error of each model of the current alone, over the scored dives"""
 
@@ -165,7 +168,14 @@ def walk(
     """
     priors = priors or Priors()
     if not legs:
-        return Walked(surfacings=(), weights={}, scales={}, now={}, singles={})
+        return Walked(
+            surfacings=(),
+            weights={},
+            scales={},
+            now={},
+            reach=priors.surfacing_reach,
+            singles={},
+        )
     pool = CurrentPool(
         latitude=latitude, time=legs[0].leg.start, field=field is not None, priors=priors.current
     )
@@ -207,6 +217,7 @@ def walk(
         },
         scales={name: one.scales for name, one in pools.items()},
         now=pool.pool.weights,
+        reach=reaches[0].now,
         singles=dict(zip(pool.models, errors.tolist(), strict=True)),
     )
 
@@ -299,7 +310,7 @@ def _by_members(
     pool, ways, ends = known
     lasts = ends.expect(one.leg.start)
     duration = middle(lasts)
-    told = flown(before, one, pool, duration, ways.steered(one))
+    told = flown(before, one, pool, ways, duration, surfacing.reach)
     if told is None:
         return None
     mean, covariance = told

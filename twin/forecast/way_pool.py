@@ -116,6 +116,11 @@ class WayPool:
         self._speeds: list[float] = []
         self._last: LoggedLeg | None = None
 
+    @property
+    def speed(self) -> float | None:
+        """[m/s] level, of recent dives; None before the first."""
+        return float(np.median(self._speeds[-RECENT:])) if self._speeds else None
+
     def steered(self, one: LoggedLeg) -> Place:
         """The current that a vehicle steers against, north and east [m/s]: what it believes, where
         on the last dive its own track held that."""
@@ -131,11 +136,15 @@ class WayPool:
           one: of it are read the waypoints and what the vehicle believes.
           duration: [s] expected.
         """
+        return self.toward(one.targets, self.steered(one), duration)
+
+    def toward(self, targets: Sequence[Place], steered: Place, duration: float) -> Mixture:
+        """The same to targets, north and east [m] from its begin, leaning into the current
+        `steered` [m/s]."""
         said = np.full((3, 2), np.nan)
         said[2] = 0.0
-        if self._last is not None:
-            speed = float(np.median(self._speeds[-RECENT:]))
-            guided = guided_way(one.targets, speed, self.steered(one), duration)
+        if self._last is not None and self.speed is not None:
+            guided = guided_way(targets, self.speed, steered, duration)
             if guided is not None:
                 said[0] = np.array(guided) / duration
             said[1] = _velocity(self._last)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from twin.errors import VehicleError
-from twin.forecast.draws import INTERVAL, draw_field_error, draw_water, scaled_speed
+from twin.forecast.draws import INTERVAL, draw_field_error, draw_water, draw_ways, scaled_speed
 from twin.identify.calibration import load_calibration
 from twin.identify.vehicle_draws import draw_vehicles, identified
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import steady_glide
 from twin.navigation.current import CurrentFilter
+from twin.navigation.current.pool import Mixture
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 MEMBERS = 4000
@@ -133,3 +134,18 @@ def test_a_scaled_speed_is_the_speed_of_the_same_glide(scale) -> None:
     )
     assert scaled.speed / plain.speed == pytest.approx(1.0 + scale, rel=1e-3)
     assert scaled.angle_of_attack == pytest.approx(plain.angle_of_attack, abs=1e-3)
+
+
+def test_members_go_as_dives_so_far_went_beside_how_they_were_sent() -> None:
+    """Of two kinds of way, by weight; about the mean of all, which the first member has."""
+    apart, scale, freedom, count = np.array([0.1, -0.2]), 0.03, 5.0, 200_000
+    ahead = Mixture(
+        names=("to its waypoints", "as the last dive"),
+        weights=np.array([0.75, 0.25]),
+        means=np.array([[0.3, 0.0], [0.3, 0.0]]) + np.array([[0.0, 0.0], apart]),
+        covariances=np.tile(scale**2 * freedom / (freedom - 2.0) * np.eye(2), (2, 1, 1)),
+    )
+    off = draw_ways(ahead, freedom, count, np.random.default_rng(3))
+    assert off[0] == pytest.approx(0.25 * apart)
+    assert off[1:].mean(axis=0) == pytest.approx(0.25 * apart, abs=1e-3)
+    assert np.cov(off[1:], rowvar=False) == pytest.approx(ahead.covariance, rel=0.05)

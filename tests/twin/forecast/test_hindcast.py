@@ -235,19 +235,19 @@ def test_members_are_flown_for_every_scored_surfacing(store, tmp_path: Path, cap
 
 
 def test_members_know_nothing_of_what_comes_after(store, tmp_path: Path) -> None:
-    """The last fix is where the members' own forecast cannot see it."""
+    """What they are given ends where the dive begins."""
     whole = hindcast([store], train_fraction=0.9, members=10).deployments[0].surfacings[-1]
     with LogStore(store) as logs:
         legs = legs_of(logs, logs.deployments[0])
     flights = {}
 
-    def flown(before, one, pool, duration, steered):
+    def flown(before, one, pool, ways, duration, reach):
         flights[one.mission] = len(before), pool.filtered.filter_.time, duration
         return np.zeros(2), np.eye(2)
 
     walk(legs, latitude=36.0, train=len(legs) - 1, flown=flown)
     (told,) = flights.values()
-    assert told[:2] == (len(legs) - 1, legs[-2].leg.end)
+    assert told[:2] == (len(legs) - 1, legs[-1].leg.start)
     assert whole.members is not None
     assert whole.members.missed["forecast"] != whole.surfacing.missed["forecast"]
 
