@@ -54,9 +54,10 @@ Array = NDArray[np.float64]
 SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
 STEPS, SETTLED = 2.0, 0.75
-"""In MuJoCo, times the vehicle file's physics step: in six hours the end moves by less than 5 m.
-Where such a step times the vehicle's fastest rate is above `SETTLED` the file's own is flown:
-members differ by a fifth, and at 1 they would be unstable. Lanes fly the file's own"""
+"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m, in lanes by
+about 1 m (`python -m benchmarks.forecast_speed`). Where such a step times the vehicle's fastest
+rate is above `SETTLED` the file's own is flown: members differ by a fifth, and at 1 they would be
+unstable"""
 STRAIGHT = 5e5
 """[m] farther than a glider goes in a forecast"""
 FASTEST = 3.0
@@ -194,14 +195,14 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
         },
         current=request.field,
         engine=request.engine,
-        timestep=None if request.engine == "lanes" else _step(request.vehicle),
+        timestep=_step(request.vehicle),
         sample_period=SAMPLE_PERIOD,
     )
     return in_water(scenario, request.density)
 
 
 def _step(vehicle: Vehicle) -> float:
-    """[s] of the physics in MuJoCo, which is explicit in what is not rotary damping."""
+    """[s] of the physics, which is explicit in what is not rotary damping."""
     own, stiff = file_timestep(vehicle), stiffness_of(vehicle)
     return own if stiff is not None and STEPS * own * stiff.rest > SETTLED else STEPS * own
 
@@ -310,12 +311,12 @@ def fly(
 def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | SimulationUnstable]:
     """One fleet."""
     results: list[Trajectory | SimulationUnstable]
-    if scenarios[0].engine == "lanes":
-        results = fly_in_lanes(scenarios, threads=threads, lean=True)
-    else:
-        with quiet_mujoco(), warnings.catch_warnings():
-            # a millimetre per second is little beside what is not known of the current
-            warnings.simplefilter("ignore", InaccurateStep)
+    with quiet_mujoco(), warnings.catch_warnings():
+        # a millimetre per second is little beside what is not known of the current
+        warnings.simplefilter("ignore", InaccurateStep)
+        if scenarios[0].engine == "lanes":
+            results = fly_in_lanes(scenarios, threads=threads, lean=True)
+        else:
             results = Fleet(scenarios, threads=threads).run()
     return [
         result if isinstance(result, SimulationUnstable) else told(result, scenario)
