@@ -10,6 +10,11 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+# Two processes test and start others: were each thread of a matrix library to wait for its like on
+# a processor that another process has, small matrices would take ten times the time and more.
+# Libraries read it when they are imported, and commands that a test starts inherit it.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 from twin.extras import preload_triton
 
 
