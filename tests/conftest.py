@@ -15,6 +15,10 @@ import pytest
 # Libraries read it when they are imported, and commands that a test starts inherit it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# Hundreds of commands are started, each of which would compile the packages' Python again where
+# the environment says that nothing of it is kept. An empty word is none.
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""
+
 from twin.extras import preload_triton
 
 
