@@ -49,8 +49,7 @@ def deployment(tmp_path: Path, source: Path, **settings: object) -> WatchedDeplo
     made = WatchedDeployment(
         folder=tmp_path / "calypso",
         source=str(source),
-        # eight fly abreast, in one block
-        **{"vehicle": "seaglider", "members": 8, "hours": 2.0, **settings},  # type: ignore[arg-type]
+        **{"vehicle": "seaglider", "members": 10, "hours": 2.0, **settings},  # type: ignore[arg-type]
     )
     made.write()
     return made
