@@ -10,6 +10,15 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+# Two processes test and start others: were each thread of a matrix library to wait for its like on
+# a processor that another process has, small matrices would take ten times the time and more.
+# Libraries read it when they are imported; the test processes, and what they start, inherit it.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# Hundreds of commands are started, each of which would compile the packages' Python again where
+# the environment says that nothing of it is kept. An empty word is none.
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""
+
 from twin.extras import preload_triton
 
 

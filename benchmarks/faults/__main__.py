@@ -18,6 +18,7 @@ import dataclasses
 import json
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,16 +33,22 @@ MEMORY = Path("/dev/shm")
 
 def inject(campaign: Campaign) -> dict[str, Any]:
     """What one writer went through, see `benchmarks.faults.campaign.Outcome`."""
+    return inject_all([campaign])[0]
+
+
+def inject_all(campaigns: Sequence[Campaign]) -> list[dict[str, Any]]:
+    """What each writer went through, one after the other in one process, which imports once."""
     place = MEMORY if MEMORY.is_dir() else None
     with tempfile.TemporaryDirectory(dir=place) as folder, tempfile.TemporaryDirectory() as made:
-        asked = json.dumps(dataclasses.asdict(campaign))
+        asked = json.dumps([dataclasses.asdict(campaign) for campaign in campaigns])
         ended = run_injected(
             *("-m", "benchmarks.faults.campaign", asked, f"{folder}/work"), folder=Path(made)
         )
+    outcomes = [json.loads(line) for line in ended.stdout.splitlines() if line.startswith("{")]
     if ended.returncode:
-        raise RuntimeError(f"the campaign of {campaign.writer} failed:\n{ended.stderr}")
-    found: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
-    return {**found, "trace": ended.stderr}
+        writer = campaigns[len(outcomes)].writer
+        raise RuntimeError(f"the campaign of {writer} failed:\n{ended.stderr}")
+    return [{**found, "trace": ended.stderr} for found in outcomes]
 
 
 def main() -> int:

@@ -213,5 +213,6 @@ def _child(work: Callable[[], object]) -> int:
 
 
 if __name__ == "__main__":
-    asked = Campaign(**json.loads(sys.argv[1]))
-    print(json.dumps(dataclasses.asdict(run(asked, Path(sys.argv[2])))))
+    for number, asked in enumerate(json.loads(sys.argv[1])):
+        outcome = run(Campaign(**asked), Path(sys.argv[2]) / str(number))
+        print(json.dumps(dataclasses.asdict(outcome)), flush=True)

@@ -112,6 +112,7 @@ def _trajectory(inputs: Path) -> Write:
     return write
 
 
+@functools.cache
 def _flights() -> dict[str, Trajectory]:
     """A shallow dive from fix to fix, sampled differently."""
     import twin

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 from collections.abc import Mapping
@@ -48,7 +47,6 @@ class Evaluate(JsonOption):
 
     def run(self, console: Console) -> int:
         """Evaluate, print, write what was asked for."""
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn import evaluate
         from learn.evaluation import TrackCollector, check_target, sentences
         from learn.files import check_file, check_folder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +39,6 @@ class ExportNetwork(JsonOption):
 
     def run(self, console: Console) -> int:
         """Export, check, say where."""
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn import export
 
         folder = self.run_folder or newest_run().folder

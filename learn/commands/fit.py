@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
 import sys
 from collections.abc import Mapping
@@ -146,8 +145,6 @@ class Fit(JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, judge, report."""
-        # must be said before numpy is imported: each network trains in one thread
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
         from learn.api import train_and_finish
         from learn.run_folder import training_folder
         from learn.training import fit_settings

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from benchmarks.faults.__main__ import inject
+from benchmarks.faults.__main__ import inject, inject_all
 from benchmarks.faults.campaign import Campaign
 from benchmarks.faults.injector import FAULTS, Fault, compiler
 from benchmarks.faults.writers import WRITERS
@@ -19,16 +19,25 @@ EVERY = {"whole_folder": 7, "whole_file": 2, "write_whole": 1, "fit-network": 7}
 LONG = ("simulate", "import", "save", "generate", "fit", "export-og1")
 
 
+@pytest.fixture(scope="module")
+def outcomes():
+    """What each writer went through."""
+    asked = [Campaign(name, every) for name, every in EVERY.items()]
+    for name in sorted({*WRITERS} - {*EVERY}):
+        asked.append(Campaign(name, 400 if name in LONG else 60, (Fault.KILL.name,)))
+    return {found["writer"]: found for found in inject_all(asked)}
+
+
 @pytest.mark.parametrize("name", EVERY)
-def test_no_fault_loses_anything(name):
-    found = inject(Campaign(name, EVERY[name]))
+def test_no_fault_loses_anything(name, outcomes):
+    found = outcomes[name]
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= len(FAULTS)
 
 
 @pytest.mark.parametrize("name", sorted({*WRITERS} - {*EVERY}))
-def test_a_kill_leaves_the_old_content_or_the_new(name):
-    found = inject(Campaign(name, 400 if name in LONG else 60, (Fault.KILL.name,)))
+def test_a_kill_leaves_the_old_content_or_the_new(name, outcomes):
+    found = outcomes[name]
     assert found["lost"] == [], found["trace"]
     assert found["survived"] == found["injected"] >= 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -41,7 +40,6 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path, tutorials: ModuleType) -> N
     done = subprocess.run(
         [sys.executable, "scripts/tutorials.py", "--only", page.stem, "--folder", str(tmp_path)],
         cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         timeout=HANG_S,

@@ -107,6 +107,9 @@ class Program:
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Run the command line (default: the process's own) and return the exit code."""
         words = list(sys.argv[1:] if arguments is None else arguments)
+        # Read when numpy and torch are imported. Matrices here are small, networks train in one
+        # thread each, and threads that wait for each other cost many times what they bring.
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
         _open_missing_streams()
         # Bad options are reported before they are parsed, so --json is looked for in the raw words.
         console = Console(self.name, json="--json" in words)

@@ -1,9 +1,10 @@
-"""Content: one hash of all source that a module's compiled functions are made from.
+"""Content: one hash of all source that a compiled function is made from.
 
 Compiled code holds copies of what it calls and of every constant it reads. Its content is
-therefore the module, every module that one imports, and so on; the kernels of dispatch tables built
-in one of these; and the versions of the compiler. The standard library and other packages in
-site-packages are left out. Imports are found in the text, nothing is run for it.
+therefore its module, every module that one imports, and so on; the dispatch tables that it calls,
+whatever calls lie between, with the modules of their kernels; and the versions of the compiler. A
+new kind in a table makes anew what calls that table and nothing else. The standard library and
+other packages in site-packages are left out. Imports are found in the text, nothing is run for it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, NamedTuple
 
 OURS = frozenset({"twin", "factory", "learn"})
 """Packages that are followed wherever they are installed."""
@@ -35,8 +37,12 @@ _ALIAS = re.compile(rb"[ \t]as[ \t]+\w+")
 
 TableText = Callable[[], tuple[str, tuple[str, ...]]]
 """Generated text of a dispatch table, and the modules of its kernels."""
+Table = tuple[str, str]
+"""The module that built a table, and the table's name there"""
 
 _tables: dict[str, dict[str, TableText]] = defaultdict(dict)
+_called: dict[Any, tuple[Any, ...]] = {}
+"""What each compiled function calls, of this generation"""
 _generation = 0
 
 
@@ -49,28 +55,101 @@ def changed() -> None:
     """Tell that a dispatch table has other kernels now; whoever registers a kind calls this."""
     global _generation
     _generation += 1
+    _called.clear()
 
 
-def add_table(module: str, name: str, text: TableText) -> None:
-    """Make a generated function part of the content of the `module` that built it."""
+def add_table(module: str, name: str, text: TableText) -> Table:
+    """Make a generated function part of the content of what calls it."""
     _tables[module][name] = text
     _stamp.cache_clear()
+    return module, name
 
 
-def stamp(module: str) -> str | None:
-    """Hash, 32 hexadecimal digits, of what the module's functions are compiled from.
+def stamp(module: str, function: Any = None) -> str | None:
+    """Hash, 32 hexadecimal digits, of what a function of a module is compiled from.
 
     None when that cannot be told: source that is in no file (a notebook), or that was changed after
     this process began and may not be what it runs. Such code is not kept.
+
+    Args:
+      module: its name.
+      function: one made by `jit` or `generate`, or the Python function of a callback; None: one
+        that calls no dispatch table.
     """
-    return _stamp(module, _generation)
+    return _stamp(module, frozenset() if function is None else tables_of(function), _generation)
+
+
+def tables_of(function: Any) -> frozenset[Table]:
+    """Dispatch tables that a function is or calls, itself or through what it calls."""
+    seen, waiting, found = {function}, [function], set()
+    while waiting:
+        one = waiting.pop()
+        if (table := getattr(one, "table", None)) is not None:
+            found.add(table)
+        for other in _calls(one):
+            if other not in seen:
+                seen.add(other)
+                waiting.append(other)
+    return frozenset(found)
+
+
+def _calls(function: Any) -> tuple[Any, ...]:
+    """Functions among what a function's code names: its globals, closure and defaults."""
+    if isinstance(function, FunctionType):
+        return tuple(filter(_is_function, _values(function)))
+    if function not in _called:
+        _called[function] = tuple(filter(_is_function, _values(function.py_func)))
+    return _called[function]
+
+
+def _is_function(value: Any) -> bool:
+    """Plain Python, which a compiler may inline, or compiled."""
+    if isinstance(value, FunctionType):
+        return True
+    return not isinstance(value, type) and (
+        hasattr(type(value), "py_func") or hasattr(value, "py_func")
+    )
+
+
+def _values(function: FunctionType) -> Iterator[Any]:
+    """What a function's code may name; of modules, tuples and lists what is in them."""
+    names = names_of(function.__code__)
+    waiting = [value for name, value in function.__globals__.items() if name in names]
+    waiting += [cell.cell_contents for cell in function.__closure__ or ()]
+    waiting += function.__defaults__ or ()
+    modules: set[str] = set()
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, tuple | list):
+            waiting += value
+        elif isinstance(value, ModuleType):
+            if value.__name__ not in modules:
+                modules.add(value.__name__)
+                waiting += [vars(value)[name] for name in names if name in vars(value)]
+        else:
+            yield value
+
+
+def names_of(code: CodeType) -> frozenset[str]:
+    """What code and the functions in it call by name, and the attributes that they take."""
+    inner = (names_of(part) for part in code.co_consts if isinstance(part, CodeType))
+    return frozenset(code.co_names).union(*inner)
 
 
 @functools.cache
-def _stamp(module: str, _: int) -> str | None:
+def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
     digest = hashlib.sha256(_compiler().encode())
     own = OURS | {module.partition(".")[0]}
     seen, waiting, parts = {module}, [module], []
+    for table in sorted(tables):
+        generated, kernels = _tables[table[0]][table[1]]()
+        parts.append((":".join(table), generated.encode()))
+        # A kernel without a file cannot be stamped, and nor can what calls it.
+        if any(_file(kernel) is None for kernel in kernels):
+            return None
+        own = own | {kernel.partition(".")[0] for kernel in kernels}
+        waiting.extend({table[0], *kernels} - seen)
+        seen.update({table[0], *kernels})
     while waiting:
         name = waiting.pop()
         path = _file(name)
@@ -88,16 +167,7 @@ def _stamp(module: str, _: int) -> str | None:
         if state.st_mtime > _STARTED:
             return None
         parts.append((name, source.digest))
-        found = list(_names(name, path, source.imports))
-        for table, text in _tables.get(name, {}).items():
-            generated, kernels = text()
-            parts.append((f"{name}:{table}", generated.encode()))
-            # A kernel without a file cannot be stamped, and nor can what calls it.
-            if any(_file(kernel) is None for kernel in kernels):
-                return None
-            own = own | {kernel.partition(".")[0] for kernel in kernels}
-            found.extend(kernels)
-        for other in found:
+        for other in _names(name, path, source.imports):
             if other not in seen:
                 seen.add(other)
                 waiting.append(other)

@@ -7,6 +7,7 @@ content is that text and the content of every kernel's module.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType
 from typing import Any
@@ -35,7 +36,7 @@ def dispatch(
       kernels: functions made by `jit`, by code, all returning a float, or tuples of one length;
         or a function that returns them, for a registry that grows: call `changed()` when it did.
       fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
-      module: `__name__` of the caller; the function is part of that module's content.
+      module: `__name__` of the caller; the function is part of the content of what calls it.
       options: of `numba.njit`, such as inline="always" for what runs at every step.
 
     Raises:
@@ -86,14 +87,21 @@ def generate(
         written = "\n".join([_source(name, arguments, body), *used, repr(constants)])
         return written, tuple(kernel.__module__ for kernel in kernels.values())
 
-    def make() -> FunctionType:
+    @functools.lru_cache(maxsize=1)
+    def made(_: int) -> FunctionType:
         body, names = write()
         space = {"__name__": module, **names}
         exec(compile(_source(name, arguments, body), f"<generated {name}>", "exec"), space)
         return space[name]
 
-    content.add_table(module, name, text)
-    return Compiled(make, name, module, **{"error_model": "numpy", **options})
+    table = content.add_table(module, name, text)
+    return Compiled(
+        lambda: made(content.generation()),
+        name,
+        module,
+        table,
+        **{"error_model": "numpy", **options},
+    )
 
 
 def _source(name: str, arguments: Sequence[str], body: str) -> str:

@@ -19,9 +19,18 @@ class Compiled:
     if anything in its content (`content.stamp`) is different.
     """
 
-    def __init__(self, make: Callable[[], FunctionType], name: str, module: str, **options: Any):
+    def __init__(
+        self,
+        make: Callable[[], FunctionType],
+        name: str,
+        module: str,
+        table: content.Table | None = None,
+        **options: Any,
+    ):
         self.__name__ = self.__qualname__ = name
         self.__module__ = module or "<unknown>"  # what exec() makes has none
+        self.table = table
+        """The dispatch table that it is, None: it is none"""
         self._make = make
         self._options = options
         self._generation = -1
@@ -64,7 +73,7 @@ class Compiled:
 
     def _content(self) -> str | None:
         """Hash of what it is compiled from, None when that cannot be told."""
-        return content.stamp(self.__module__)
+        return content.stamp(self.__module__, self)
 
     def _refresh(self) -> None:
         import numba
@@ -133,7 +142,7 @@ def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
             return decorated(
                 lambda cache: numba.cfunc(signature, cache=cache, **settings)(function),
                 module,
-                content.stamp(module),
+                content.stamp(module, function),
             )
 
     return compile_now

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from types import CellType, CodeType, FunctionType, ModuleType
+from types import CellType, FunctionType, ModuleType
 from typing import Any
 
 from twin.compiled import content, elementary
@@ -28,11 +28,13 @@ def portable(function: Any) -> Any:
 class _Portable(Compiled):
     def __init__(self, function: Compiled):
         name = f"portable_{function.__name__}"
-        super().__init__(lambda: _again(function), name, function.__module__, **function._options)
+        super().__init__(
+            lambda: _again(function), name, function.__module__, function.table, **function._options
+        )
         self.__doc__ = function.__doc__
 
     def _content(self) -> str | None:
-        stamps = (content.stamp(self.__module__), content.stamp(__name__))
+        stamps = (content.stamp(self.__module__, self), content.stamp(__name__))
         if None in stamps:
             return None
         return hashlib.sha256("\n".join(map(str, stamps)).encode()).hexdigest()[:32]
@@ -56,7 +58,7 @@ def _elementary(name: str) -> Any:
 def _again(function: Compiled) -> FunctionType:
     """The Python function with other globals: what it calls is what `_other` says."""
     source: Any = function.py_func
-    code, names = source.__code__, _names(source.__code__)
+    code, names = source.__code__, content.names_of(source.__code__)
     space = {
         name: _other(value, names) for name, value in source.__globals__.items() if name in names
     }
@@ -70,12 +72,6 @@ def _again(function: Compiled) -> FunctionType:
     again = FunctionType(code, space, name, source.__defaults__, closure)
     again.__qualname__ = code.co_qualname
     return again
-
-
-def _names(code: CodeType) -> frozenset[str]:
-    """What it and the functions in it call by name, and the attributes that they take."""
-    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
-    return frozenset(code.co_names).union(*inner)
 
 
 def _other(value: Any, names: frozenset[str]) -> Any:
@@ -94,7 +90,7 @@ def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> 
     if function in above or function.__module__ == elementary.__name__:
         return False  # `above`: those that call it
     source: Any = function.py_func
-    names = _names(source.__code__)
+    names = content.names_of(source.__code__)
     used = [value for name, value in source.__globals__.items() if name in names]
     used += [cell.cell_contents for cell in source.__closure__ or ()]
     return any(

@@ -87,8 +87,8 @@ def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> 
         f"    for l in range({lanes}):\n{body}"
     )
     exec(compile(text, "<structure>", "exec"), space)
-    stamps = [content.stamp(__name__)]
-    stamps += [content.stamp(v.__module__) for v in names.values() if isinstance(v, Compiled)]
+    stamps = [content.stamp(__name__, space["rate"])]
+    stamps += [v._content() for v in names.values() if isinstance(v, Compiled)]
     stamp = None
     if keep and None not in stamps:
         joined = "\n".join([text, *map(str, stamps)])

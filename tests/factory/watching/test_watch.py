@@ -62,6 +62,18 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture
+def figures() -> None:
+    """For the tests of what is drawn."""
+
+
+@pytest.fixture(autouse=True)
+def no_figures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing is a third of a pass."""
+    if "figures" not in request.fixturenames:
+        monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+
+
+@pytest.fixture
 def source(tmp_path: Path) -> Path:
     (tmp_path / "arrived").mkdir()
     return tmp_path / "arrived"
@@ -250,7 +262,7 @@ def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
 
 
 def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(
-    tmp_path: Path, base: list[Path], source: Path
+    tmp_path: Path, base: list[Path], source: Path, figures: None
 ) -> None:
     made = deployment(tmp_path, source)
     for path in base:
@@ -270,8 +282,9 @@ def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(
 
 
 def test_a_pass_writes_beliefs_and_a_page_and_a_replay_gives_the_same_bytes(
-    tmp_path: Path, base: list[Path], source: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path: Path, base: list[Path], source: Path, capsys: pytest.CaptureFixture[str],
+    figures: None,
+) -> None:  # fmt: skip
     made = deployment(tmp_path, source)
     for path in base[:-1]:
         shutil.copy(path, source)
@@ -496,7 +509,7 @@ def test_a_real_deployment_of_satellite_files_becomes_a_log(tmp_path: Path, sour
 
 
 def test_beside_the_page_lie_a_picture_and_boxes_that_hold_the_forecast(
-    tmp_path: Path, base: list[Path], source: Path
+    tmp_path: Path, base: list[Path], source: Path, figures: None
 ) -> None:
     made = deployment(tmp_path, source, hours=20.0)
     for path in base:

@@ -63,7 +63,8 @@ def test_a_store_without_a_ctd_is_refused_with_what_to_leave_out(paper):
     assert leave_out(["measured_density"]).endswith("flight_surge flight_sway flight_attack`")
 
 
-def test_a_run_learns_from_it_and_leaves_the_papers_test_out(field, tmp_path):
+def test_a_run_learns_from_it_and_leaves_the_papers_test_out(field, tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     said = []
     run = learn.fit(
         field,

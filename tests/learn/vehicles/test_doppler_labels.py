@@ -52,6 +52,7 @@ def still(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(still: Path, tmp_path_factory: pytest.TempPathFactory) -> learn.Run:
     folder = tmp_path_factory.mktemp("doppler-run")
     words = ["--seconds", "1", "--members", "1", "--name", "dvl", "--hidden", "40", "--json"]
+    words += ["--workers", "1"]
     labels = ["--labels", "dvl", "--known-current", "0,0"]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

@@ -87,7 +87,10 @@ def test_each_run_is_judged_by_networks_of_the_other(store: Path, tmp_path: Path
         read_folds(run)
 
 
-def test_a_log_without_depth_is_evaluated_by_its_velocities(store: Path, tmp_path: Path) -> None:
+def test_a_log_without_depth_is_evaluated_by_its_velocities(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     run = learn.fit(
         store, folder=tmp_path / "run", features=("attitude", "gyroscope"), network="mlp",
         hidden=6, layers=1, epochs=1, members=1, period=1.0, labels="dvl", known_current="0,0",

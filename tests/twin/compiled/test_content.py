@@ -17,7 +17,8 @@ import pytest
 from patience import HANG_S
 from trees import keep_compiled
 
-from twin.compiled import cfunc, content, folder, jit
+from twin.compiled import cfunc, changed, content, dispatch, elementary, folder, jit
+from twin.compiled.portable import portable
 
 ROOT = Path(__file__).parents[3]
 
@@ -173,6 +174,48 @@ def test_a_compiled_function_keeps_its_name_and_can_be_pickled():
 
     assert (half.__name__, half.__doc__, half.__module__) == ("half", "Half of x.", __name__)
     assert pickle.loads(pickle.dumps(wet_section)) is wet_section
+
+
+KERNELS = {1: half}
+_of_kind = dispatch("_of_kind", ("x",), lambda: KERNELS, 0.0, module=__name__)
+
+
+@jit
+def by_kind(code, x):
+    return _of_kind(code, x)
+
+
+@jit
+def by_module(x):
+    return elementary.by_kind_of_a_test(1, x)
+
+
+def closed_over(function):
+    return jit(lambda code, x: function[0](code, x))
+
+
+def test_a_new_kind_counts_for_what_calls_its_table_alone(monkeypatch):
+    monkeypatch.setattr(elementary, "by_kind_of_a_test", by_kind, raising=False)
+
+    def stamps():
+        above = (by_kind, by_module, closed_over((by_kind,)), portable(by_kind), _of_kind)
+        return [one._content() for one in above], [half._content(), portable(half)._content()]
+
+    def plain(code, x):
+        return by_kind(code, x)
+
+    (through, others), callback = stamps(), content.stamp(__name__, plain)
+    assert None not in (*through, *others, callback)
+    monkeypatch.setitem(KERNELS, 2, elementary.sincos)
+    changed()
+    try:
+        (after, same), again = stamps(), content.stamp(__name__, plain)
+    finally:
+        monkeypatch.undo()
+        changed()
+    assert all(one != other for one, other in zip(through, after, strict=True))
+    assert again != callback
+    assert same == others
 
 
 def test_without_a_folder_it_compiles_and_says_so(monkeypatch, tmp_path):
