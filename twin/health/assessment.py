@@ -258,7 +258,7 @@ def _kind(
         settings=settings,
         dives=tuple(int(numbers[d]) for d in look),
         channels=tuple(CHANNELS[c].name for c in by),
-        also=tuple(sorted(groups[name])),
+        also=tuple(sorted(groups[name] - {name})),
         otherwise=kind.otherwise,
         find_out=kind.find_out,
     )
