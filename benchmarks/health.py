@@ -9,7 +9,8 @@ noticed from the first dive in which its expected signature is three deviations 
 they were in the deployment before it; it is noticed in time where the first alarm comes within
 three dives of that dive and not before the onset. Rivals see the same channels: charts with limits
 of three standard deviations, or of as many as give one false alarm in 30 days of the deployments
-that `--taught` names, and a detector that learned from these.
+that `--taught` names, and a detector that learned from these. Tables are printed as
+docs/results/health.md has them.
 """
 
 from __future__ import annotations
@@ -497,14 +498,18 @@ def main() -> None:
         print(of_levels(ones, (3.0, 10.0, 30.0, 100.0, 300.0)))
         return
     level = threshold_of(RATE)
-    for say in (
-        of_kinds(ones, level), of_vehicles(ones, level), of_detectors(ones, teachers, level),
-        of_sizes(ones, level), of_confusion(ones, OURS, level),
-    ):  # fmt: skip
-        print(f"{say}\n")
+    tables = {
+        "kinds": of_kinds(ones, level), "vehicles": of_vehicles(ones, level),
+        "detectors": of_detectors(ones, teachers, level), "sizes": of_sizes(ones, level),
+        "confusion": of_confusion(ones, OURS, level),
+    }  # fmt: skip
     if detector is not None:
-        print(f"{of_rates(ones)}\n")
-        print(of_confusion(ones, LEARNED, level_of(teachers, LEARNED, RATE)))
+        named_at = level_of(teachers, LEARNED, RATE)
+        tables |= {
+            "levels": of_rates(ones), "confusion_learned": of_confusion(ones, LEARNED, named_at)
+        }  # fmt: skip
+    for name, rows in tables.items():
+        print(f"<!-- figures: health.{name} -->\n\n{rows}\n")
 
 
 if __name__ == "__main__":
