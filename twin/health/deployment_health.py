@@ -63,7 +63,7 @@ class DeploymentHealth:
     kinds: tuple[KindVerdict, ...]
     """every kind that the vehicle can have and the log can show, the likeliest first"""
     evidence: Array
-    """log of the odds of a fault after each dive, (dives,)"""
+    """log of the odds of a fault after each dive, see `Verdict`, (dives,)"""
     threshold: float
     levels: Levels
     values: Array
