@@ -11,7 +11,7 @@ from twin.faults import FAULTS
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals
-from twin.health.judgement import FIRST, follow, judge
+from twin.health.judgement import follow, judge
 from twin.health.signatures import confusable, signatures_of, usual_dive
 from twin.health.thresholds import threshold_of
 
