@@ -9,7 +9,8 @@ noticed from the first dive in which its expected signature is three deviations 
 they were in the deployment before it; it is noticed in time where the first alarm comes within
 three dives of that dive and not before the onset. Rivals see the same channels: charts with limits
 of three standard deviations, or of as many as give one false alarm in 30 days of the deployments
-that `--taught` names, and a detector that learned from these.
+that `--taught` names, and a detector that learned from these. Tables are printed as
+docs/results/health.md has them.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import itertools
 import json
 import math
 import tempfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,7 +54,8 @@ from twin.health.deployment_health import DeploymentHealth
 from twin.health.signatures import TypicalDive
 from twin.health.thresholds import threshold_of
 from twin.records.logged import LogStore
-from twin.records.store import write_store
+from twin.records.presence import is_store
+from twin.records.store import read_zarr, write_store
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
@@ -82,15 +85,17 @@ BEFORE = 6
 # --- deployments ----------------------------------------------------------------------------------
 
 
-def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw]]) -> list[Case]:
-    """Some deployments: flown, stored, made to channels."""
-    plan, draws = job
-    dataset = dataset_of_logs(flown_logs(plan, draws), plan)
+def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path | None]) -> list[Case]:
+    """Some deployments: flown, stored, made to channels; a kept store is not flown again."""
+    plan, draws, kept = job
     with tempfile.TemporaryDirectory() as folder:
-        path = write_store(dataset, Path(folder) / "cases.zarr")
+        path = kept or Path(folder) / "cases.zarr"
+        if not is_store(path):
+            write_store(dataset_of_logs(flown_logs(plan, draws), plan), path)
+        dataset = read_zarr(path)
         with LogStore(path) as logs:
             found = [told_by(logs, str(one), plan.vehicle) for one in dataset[NAME].values]
-    labels = (dataset[word].values.tolist() for word in (FAULT_KIND, FAULT_ONSET, LABELS))
+        labels = [dataset[word].values.tolist() for word in (FAULT_KIND, FAULT_ONSET, LABELS)]
     return [
         {
             **one, "values": one["values"].tolist(), "time": one["time"].tolist(),
@@ -103,8 +108,21 @@ def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw]]) -> list[Case]:
     ]  # fmt: skip
 
 
-def fly(plan: DeploymentPlan, *, each: int, sound: int, workers: int = 1) -> Iterator[Case]:
-    """Channels of `each` deployments of every kind of a plan, and of so many sound ones."""
+def _store_name(plan: DeploymentPlan, draws: Sequence[DeploymentDraw]) -> str:
+    """Of the store of some deployments of a plan."""
+    which = repr((plan.kinds, plan.size, [draw.number for draw in draws]))
+    words = (plan.vehicle.name, plan.preset, plan.seed, f"{zlib.crc32(which.encode()):08x}")
+    return "-".join(map(str, words)) + ".zarr"
+
+
+def fly(
+    plan: DeploymentPlan, *, each: int, sound: int, workers: int = 1, stores: Path | None = None
+) -> Iterator[Case]:
+    """Channels of `each` deployments of every kind of a plan, and of so many sound ones.
+
+    Args:
+      stores: folder that keeps the logs: what is there is read and not flown again.
+    """
     lacking = dict.fromkeys(plan.kinds, each) | {HEALTHY: sound}
     draws: list[DeploymentDraw] = []
     for index in itertools.count():
@@ -121,7 +139,8 @@ def fly(plan: DeploymentPlan, *, each: int, sound: int, workers: int = 1) -> Ite
             draws.append(draw)
     # a block flies as long as its longest
     draws.sort(key=lambda draw: draw.scenario.run_time())
-    jobs = [(plan, draws[first : first + CHUNK]) for first in range(0, len(draws), CHUNK)]
+    blocks = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
+    jobs = [(plan, block, stores and stores / _store_name(plan, block)) for block in blocks]
     with local_pool(workers) as pool:
         for cases in pool.map(_flown, jobs):
             yield from cases
@@ -444,6 +463,7 @@ def main() -> None:
     parser.add_argument("--size", type=float, default=None, help="of every fault, in its unit")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="file that channels are added to; judge later")
+    parser.add_argument("--stores", type=Path, help="folder that keeps the logs: none flies twice")
     parser.add_argument(
         "--judge", type=Path, nargs="*", default=[], help="kept files; nothing flies"
     )
@@ -456,7 +476,9 @@ def main() -> None:
             vehicle=_vehicle(vehicle), preset=given.preset, seed=given.seed,
             kinds=tuple(given.kinds), size=given.size,
         )  # fmt: skip
-        for case in fly(plan, each=given.each, sound=given.sound, workers=given.workers):
+        for case in fly(
+            plan, each=given.each, sound=given.sound, workers=given.workers, stores=given.stores
+        ):
             cases.append(case)
             if given.keep is not None:
                 with given.keep.open("a", encoding="utf-8") as file:
@@ -476,14 +498,18 @@ def main() -> None:
         print(of_levels(ones, (3.0, 10.0, 30.0, 100.0, 300.0)))
         return
     level = threshold_of(RATE)
-    for say in (
-        of_kinds(ones, level), of_vehicles(ones, level), of_detectors(ones, teachers, level),
-        of_sizes(ones, level), of_confusion(ones, OURS, level),
-    ):  # fmt: skip
-        print(f"{say}\n")
+    tables = {
+        "kinds": of_kinds(ones, level), "vehicles": of_vehicles(ones, level),
+        "detectors": of_detectors(ones, teachers, level), "sizes": of_sizes(ones, level),
+        "confusion": of_confusion(ones, OURS, level),
+    }  # fmt: skip
     if detector is not None:
-        print(f"{of_rates(ones)}\n")
-        print(of_confusion(ones, LEARNED, level_of(teachers, LEARNED, RATE)))
+        named_at = level_of(teachers, LEARNED, RATE)
+        tables |= {
+            "levels": of_rates(ones), "confusion_learned": of_confusion(ones, LEARNED, named_at)
+        }  # fmt: skip
+    for name, rows in tables.items():
+        print(f"<!-- figures: health.{name} -->\n\n{rows}\n")
 
 
 if __name__ == "__main__":

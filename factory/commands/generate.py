@@ -37,7 +37,8 @@ class Generate(EngineOption, JsonOption):
     """
 
     hours: Hours | None = None
-    """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10]"""
+    """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10];
+    preset faulty makes whole deployments of some days that last so long at least [default: 240]"""
     preset: str = "paper"
     """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
     instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the

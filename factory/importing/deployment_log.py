@@ -6,6 +6,7 @@ One file after the other: what cannot be read is reported and left out, the rest
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -31,7 +32,7 @@ class Channel:
     def __len__(self) -> int:
         return len(self.time)
 
-    @property
+    @functools.cached_property
     def spacing(self) -> float:
         """[s] Median time between samples; NaN for fewer than two."""
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")

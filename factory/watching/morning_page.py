@@ -251,7 +251,7 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                 "since": f"dive {health.since_dive}, noticed after dive {health.noticed_dive}",
                 "seen on dives": ", ".join(str(number) for number in first.dives) or "-",
                 "by": ", ".join(first.channels) or "-",
-                "also possible": ", ".join(k for k in first.also if k != first.kind) or "-",
+                "also possible": ", ".join(first.also) or "-",
                 "or else": first.otherwise,
                 "to find out": first.find_out,
             }

@@ -147,7 +147,6 @@ def judged(
     )
     alarm = bool(rang) and rang[-1][1] == len(values) - 1
     first = kinds[0]
-    odds = float(verdict.evidence[-1])
     return DeploymentHealth(
         **shared,
         alarm=alarm,
@@ -155,7 +154,7 @@ def judged(
         since_dive=first.since_dive if alarm else None,
         noticed_dive=int(numbers[rang[-1][0]]) if alarm else None,
         rang=tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
-        probability=first.probability if alarm else 1.0 / (1.0 + math.exp(-min(odds, 700.0))),
+        probability=first.probability if alarm else float(verdict.probability.sum()),
         kinds=kinds,
         evidence=verdict.evidence,
     )
@@ -258,7 +257,7 @@ def _kind(
         settings=settings,
         dives=tuple(int(numbers[d]) for d in look),
         channels=tuple(CHANNELS[c].name for c in by),
-        also=tuple(sorted(groups[name])),
+        also=tuple(sorted(groups[name] - {name})),
         otherwise=kind.otherwise,
         find_out=kind.find_out,
     )

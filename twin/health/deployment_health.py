@@ -36,7 +36,7 @@ class KindVerdict:
     channels: tuple[str, ...]
     """by which it shows"""
     also: tuple[str, ...]
-    """Kinds that no channel of this log tells from it"""
+    """Other kinds that no channel of this log tells from it"""
     otherwise: str
     find_out: str
 
@@ -63,7 +63,7 @@ class DeploymentHealth:
     kinds: tuple[KindVerdict, ...]
     """every kind that the vehicle can have and the log can show, the likeliest first"""
     evidence: Array
-    """log of the odds of a fault after each dive, (dives,)"""
+    """log of the odds of a fault after each dive, see `Verdict`, (dives,)"""
     threshold: float
     levels: Levels
     values: Array
@@ -106,8 +106,7 @@ class DeploymentHealth:
                 f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{before}"
             )
         first = self.kinds[0]
-        others = [k for k in first.also if k != first.kind]
-        told = f" or {', '.join(others)}" if others else ""
+        told = f" or {', '.join(first.also)}" if first.also else ""
         unit = "" if first.unit == "1" else f" {first.unit}"
         return (
             f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "

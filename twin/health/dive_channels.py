@@ -29,8 +29,10 @@ AFLOAT, FLOATING = 0.5, 0.05
 """[m] below the highest depth of a dive, and [m/s] of rise and fall there, of what floats: waves"""
 LEAST_BINS = 4
 """of a phase: with fewer it says nothing"""
-LEAST_STROKE = 3.0
-"""Samples of a stroke from which on it tells its rate"""
+WHOLE, LEAST_WHOLE = 0.7, 2.0
+"""Part of the highest rate from which on a pump pumps as it can, and samples of that, one after the
+other, from which on a stroke tells its rate: a fast pump's falls off from sample to sample, and how
+high its one highest is depends on when it was sampled"""
 FINEST = 20.0
 """[s] between samples beyond which a pump's moves are not seen"""
 ECHO_REACH = 0.8
@@ -173,10 +175,10 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
     rate, out = strokes.rate, strokes.out
     found: dict[str, float] = {}
     # a valve lets some through, and short strokes have ends alone
-    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
-    if out.sum() >= 5 and float(np.median(np.diff(edges)[::2])) >= LEAST_STROKE:
-        whole = strokes.inner & (rate > 0.5 * float(rate[out].max()))
-        if whole.any():
+    if out.sum() >= 5:
+        whole = strokes.inner & (rate > WHOLE * float(rate[out].max()))
+        lasting = np.diff(np.flatnonzero(np.diff(whole, prepend=False, append=False)))[::2]
+        if whole.any() and float(np.median(lasting)) >= LEAST_WHOLE:
             found["pump_rate"] = math.log(float(np.median(rate[whole])))
     power = dive.get("pump_power")
     if power is not None and out.any():

@@ -114,7 +114,8 @@ class Verdict:
     """What a deployment's dives say, dive after dive."""
 
     evidence: Array
-    """log of the odds of a fault against none after each dive, (dives,)"""
+    """log of the odds of a fault against none after each dive, less what they were before any dive
+    spoke, (dives,); -inf where nothing speaks for one"""
     kinds: tuple[str, ...]
     probability: Array
     """of each kind after the last dive, (kinds,)"""
@@ -193,7 +194,7 @@ def judge(
         if not begun[1:].any():
             continue
         prior = -math.log(RARE) - math.log(size)
-        alive = np.where(begun[1:, None], before + prior, -math.inf)
+        alive = np.where(begun[1:, None], _gained(before) + prior, -math.inf)
         evidence[d] = float(logsumexp(alive))
         running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
     onsets = onsets[1:]
@@ -255,6 +256,16 @@ def _against_standing(ratio: Array, by_dives: NDArray[np.bool_]) -> Array:
         standing = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
         before[:, by_dives] -= np.logaddexp(0.0, standing)
     return before
+
+
+def _gained(ratio: Array) -> Array:
+    """log of by how much likelihood ratios, given by their logs, are above 1; -inf below.
+
+    Dives that say nothing of a fault leave its ratio at 1. A fault that may have begun with any of
+    them would otherwise become likely in a long deployment by their number alone.
+    """
+    more = np.maximum(ratio, 1e-300)
+    return np.where(ratio > 0.0, more + np.log(-np.expm1(-more)), -math.inf)
 
 
 def _half(days: Array, d: int) -> float:

@@ -258,7 +258,7 @@ def flown_logs(calibration: Calibration, dives: Sequence[TypicalDive]) -> list[L
     scenarios, places, lanes = [dive_scenario(calibration.vehicle, one) for one in dives], [], []
     for k, scenario in enumerate(scenarios):
         try:
-            lanes.append(Lane(scenario))
+            lanes.append(Lane(scenario, until_flown=True))
             places.append(k)
         except MissionError:
             continue  # a pitch or a volume that this vehicle does not reach

@@ -208,7 +208,7 @@ def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array]:
     calibration = flight_model(vehicle)
     found = [np.full(len(NAMES), math.nan) for _ in cases]
     try:
-        for k, one in flown_abreast([Lane(scenario) for scenario in scenarios]):
+        for k, one in flown_abreast([Lane(one, until_flown=True) for one in scenarios]):
             if isinstance(one, Trajectory):
                 found[k] = channels_of(told(scenarios[k], one), calibration)
             elif not cases[k][1]:

@@ -1,7 +1,8 @@
 """Thresholds: how much evidence is an alarm, by the false alarms that a pilot bears.
 
 Measured on simulated deployments of preset `faulty` that were sound, and on what came before the
-fault in others: 473 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (seeds 11 and 41), by
+fault in others: 247 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (seed 2003, of each
+vehicle `--each 1 --sound 6`), by
 
     python -m benchmarks.health --judge FILE ... --thresholds
 
@@ -15,11 +16,11 @@ import numpy as np
 from twin.errors import InputError
 
 RATES: tuple[tuple[float, float, int, float], ...] = (
-    (3.0, -4.19, 96, 291.0),
-    (10.0, -3.07, 40, 409.0),
-    (30.0, -1.17, 14, 448.0),
-    (100.0, 0.81, 4, 470.0),
-    (300.0, 7.71, 1, 473.0),
+    (3.0, -6.35, 51, 159.0),
+    (10.0, -4.08, 21, 216.0),
+    (30.0, -2.38, 7, 235.0),
+    (100.0, -0.72, 2, 246.0),
+    (300.0, 0.43, 0, 247.0),
 )
 """[d] of sound vehicles with one false alarm, the log of the odds that is an alarm, how many there
 were, and in how many days [d] until the first of each deployment"""

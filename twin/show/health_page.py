@@ -120,7 +120,7 @@ def _facts(kind: KindVerdict) -> dict[str, object]:
         "dives to look at": ", ".join(map(str, kind.dives)) or "-",
         "what else looks like it": kind.otherwise,
         "to find out": kind.find_out,
-        "not told apart from": ", ".join(k for k in kind.also if k != kind.kind) or "-",
+        "not told apart from": ", ".join(kind.also) or "-",
     }
 
 

@@ -107,6 +107,8 @@ def test_a_fault_that_stays_is_an_alarm_that_stands(attached):
     assert one.rang == ((one.noticed_dive, DIVES),)
     assert one.since_dive <= one.noticed_dive <= one.since_dive + 2
     assert one.describe()["rang"] == [[one.noticed_dive, DIVES]]
+    assert all(kind.kind not in kind.also for kind in one.kinds)
+    assert one.describe()["also"] == list(one.kinds[0].also)
 
 
 def test_what_the_log_cannot_show_is_not_weighed(attached):

@@ -6,7 +6,8 @@ import pytest
 import twin
 from twin.health.channels import CHANNELS, NAMES, PLACE
 from twin.health.disturbances import DIFFERENCE, TIDES, standing, steps_in_shear
-from twin.health.dive_signals import strokes_of
+from twin.health.dive_channels import channels_of
+from twin.health.dive_signals import DiveSignals, strokes_of
 from twin.health.judgement import follow, judge
 from twin.health.signatures import signatures_of, usual_dive
 
@@ -108,3 +109,27 @@ def test_strokes_are_told_with_their_inner_samples():
     assert found.out.tolist() == [False, False, True, True, True, True, True, False, False]
     assert found.inner.tolist() == [False, False, False, True, True, True, False, False, False]
     np.testing.assert_allclose(found.rate[found.inner], 2.0)
+
+
+def pumped(stroke):
+    """The pump's rate that a dive with one stroke [cm3/s at each sample] tells."""
+    depth = np.concatenate([np.linspace(0.0, 100.0, 60), np.linspace(100.0, 0.0, 60)])
+    rate = np.zeros(120)
+    rate[60 : 60 + len(stroke)] = stroke
+    signals = {"measured_depth": depth, "measured_pump": 4.0 * np.cumsum(rate) - 200.0}
+    return channels_of(DiveSignals(period=4.0, signals=signals), None)[PLACE["pump_rate"]]
+
+
+def test_a_pump_that_is_done_between_two_samples_tells_no_rate():
+    even = [3.0, 12.0, 12.0, 11.9, 4.0, 0.5]
+    assert np.exp(pumped(even)) == pytest.approx(12.0, rel=0.01)
+    # the Sea-Wing's, sampled at two places: the highest would differ by 30 %
+    for first in (25.0, 80.0):
+        assert np.isnan(pumped(first * np.exp(-np.arange(8.0))))
+
+
+def test_a_signature_is_of_the_dive_and_not_of_hours_at_the_surface(glider):
+    (drift,) = (h for h in glider.hypotheses if h.kind == "pressure_drift")
+    shown = drift.signature[PLACE["surface_depth"]]
+    # a day after its begin it shows what it has drifted by, in metres of sea water
+    assert shown == pytest.approx(0.99, abs=0.05)

@@ -11,7 +11,7 @@ from twin.faults import FAULTS
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals
-from twin.health.judgement import FIRST, follow, judge
+from twin.health.judgement import follow, judge
 from twin.health.signatures import confusable, signatures_of, usual_dive
 from twin.health.thresholds import threshold_of
 
@@ -63,7 +63,23 @@ def test_a_channel_that_the_log_lacks_is_left_out(hypotheses):
     values[:, NAMES.index("roll_climb")] = math.nan
     levels = follow(values)
     assert np.isnan(levels.innovation[:, NAMES.index("roll_climb")]).all()
-    assert np.isfinite(judge(levels, days(), hypotheses).evidence[FIRST:]).all()
+    assert not np.isnan(judge(levels, days(), hypotheses).evidence).any()
+
+
+def test_a_long_deployment_whose_log_says_little_does_not_ring(hypotheses):
+    """Of satellite logs whose depth at the surface alone is told, those of 160 dives rang."""
+    count, rng = 250, np.random.default_rng(5)
+    hypotheses = [one for one in hypotheses if one.signature.ndim == 1]
+    values = np.full((count, len(NAMES)), math.nan)
+    k = NAMES.index("surface_depth")
+    values[:, k] = NOISE[k] * rng.standard_normal(count)
+    found = judge(follow(values), np.arange(count) / 8.0, hypotheses)
+    assert found.evidence.max() < threshold_of(30.0)
+    # once it drifts it rings all the same
+    values[150:, k] += 0.04 * np.arange(100)
+    found = judge(follow(values), np.arange(count) / 8.0, hypotheses)
+    assert found.evidence.max() > 5.0
+    assert found.running[-1] == "pressure_drift"
 
 
 def test_every_kind_of_the_vehicle_is_weighed(hypotheses):

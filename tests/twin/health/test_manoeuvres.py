@@ -35,6 +35,8 @@ def test_the_way_of_a_dive_turns_with_its_course(alone: Slopes) -> None:
     (log,) = flown_logs(CALIBRATION, [USUAL])
     assert log is not None
     flown = slopes_of(turned(log, 90.0), CALIBRATION, CHOSEN, NOISE)
+    # a flight ends with the dive: at the surface no way is made
+    assert log.depth[-100:].max() > 5.0
     scale = float(np.abs(flown.way).max())
     np.testing.assert_allclose(alone.turned(90.0).way, flown.way, rtol=1e-6, atol=1e-6 * scale)
     # the drag slows it down, and to starboard nothing goes
