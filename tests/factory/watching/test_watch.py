@@ -10,12 +10,22 @@ import shutil
 import urllib.request
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from logs import SHARED, Flight, write_basestation, write_slocum
+from logs import (
+    SHARED,
+    Flight,
+    write_basestation,
+    write_mat,
+    write_ngdac,
+    write_og1,
+    write_slocum,
+)
 from PIL import Image
 
+from factory.importing import parcels
 from factory.watching import WatchedDeployment, kept_parcels, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
@@ -32,6 +42,7 @@ from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
 from twin.mission import read_targets
 from twin.navigation.current import Leg
+from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
 from twin.vehicle.vehicle import load_vehicle
 
@@ -230,6 +241,74 @@ def test_only_a_new_dive_and_its_neighbour_are_read_again(
     log_of_files(made, made.folder)
     assert store_hash(made.folder / LOG) == wanted
     assert windows
+
+
+@pytest.mark.parametrize("kind", ["og1", "ngdac", "lrauv"])
+def test_of_a_file_that_grows_only_new_dives_and_their_neighbour_are_made(
+    tmp_path: Path, source: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def written(dives: int) -> None:
+        flight = Flight(dives=dives)
+        if kind == "og1":
+            write_og1(source / "grows.nc", flight)
+        elif kind == "ngdac":
+            write_ngdac(source, flight)
+        else:
+            write_mat(source / "grows.mat", flight)
+
+    made_dives: list[int] = []
+    real = parcels.row_of
+
+    def watched(log: object, segments: object, number: int, **rest: object) -> object:
+        made_dives.append(number)
+        return real(log, segments, number, **rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(parcels, "row_of", watched)
+    made = deployment(tmp_path, source, kind=kind, variation_deg=-20.0)
+    written(5)
+    assert log_of_files(made, made.folder).changed
+    assert len(made_dives) == 5
+    made_dives.clear()
+    written(7)
+    assert log_of_files(made, made.folder).changed
+    assert len(made_dives) == 3  # the fifth has a dive after it now
+    wanted = store_hash(made.folder / LOG)
+    made_dives.clear()
+    assert log_of_files(made, made.folder, again=True).changed
+    assert len(made_dives) == 7
+    assert store_hash(made.folder / LOG) == wanted
+    with LogStore(made.folder / LOG) as logs:
+        assert len(logs) == 7
+        assert np.isfinite(logs.signal("measured_depth", 3)).all()
+
+
+def test_a_corrected_value_of_a_file_that_grows_is_read(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source, kind="og1", variation_deg=-20.0)
+    path = write_og1(source / "grows.nc", Flight(dives=5))
+    log_of_files(made, made.folder)
+    with netCDF4.Dataset(path, "a") as file:
+        pitch = file["PITCH"]
+        half = len(pitch) // 2
+        pitch[half - 50 : half + 50] = pitch[half - 50 : half + 50] + 0.01
+    assert log_of_files(made, made.folder).changed
+    corrected = store_hash(made.folder / LOG)
+    log_of_files(made, made.folder, again=True)
+    assert store_hash(made.folder / LOG) == corrected
+
+
+def test_the_logs_of_an_lrauv_are_one_deployment(tmp_path: Path, source: Path) -> None:
+    for day in range(2):
+        path = source / f"{day}" / "shore.mat"
+        path.parent.mkdir()
+        write_mat(path, Flight(dives=2))
+        with netCDF4.Dataset(path, "a") as file:  # the second one a day later
+            for group in file.groups.values():
+                group["time"][:] = group["time"][:] + day
+    made = deployment(tmp_path, source, kind="lrauv", recursive=True)
+    assert log_of_files(made, made.folder).changed
+    with LogStore(made.folder / LOG) as logs:
+        assert len(logs) == 4
+        assert set(logs.deployments) == {"shore"}
 
 
 def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
