@@ -157,11 +157,10 @@ def orders(times: int, seed: int, place: Path) -> dict[str, object]:
 
 
 def _files(place: Path) -> list[Path]:
-    from logs import Flight, write_basestation
-
     import matplotlib.backends.backend_agg  # noqa: F401 - what forked passes need is loaded once
     import netCDF4  # noqa: F401
     import xarray  # noqa: F401
+    from logs import Flight, write_basestation
 
     import factory.watching.watch_pass  # noqa: F401
     import twin.physics.lanes  # noqa: F401

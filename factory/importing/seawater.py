@@ -23,7 +23,7 @@ def depth_of(pressure: Array, latitude_deg: float) -> Array:
     return np.asarray(-gsw.z_from_p(pressure, latitude_deg), np.float64)
 
 
-def pressure_of(depth: Array, latitude_deg: float) -> Array:
+def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
     """Sea pressure [dbar] at a depth [m]."""
     return np.asarray(gsw.p_from_z(-depth, latitude_deg), np.float64)
 
