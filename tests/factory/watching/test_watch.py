@@ -33,14 +33,15 @@ from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
+from factory.watching.proposed_files import proposed_files
 from factory.watching.sources.base import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
-from twin.errors import InputError, WriteError
-from twin.forecast import LoggedLeg, NoticeBox, notice_boxes
+from twin.errors import InputError, MissionError, WriteError
+from twin.forecast import LoggedLeg, NoticeBox, mission_to, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
-from twin.mission import read_targets
+from twin.mission import commanded, read_commands, read_science, read_targets
 from twin.navigation.current import Leg
 from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
@@ -415,22 +416,67 @@ def test_a_pass_that_was_killed_goes_on(
 def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
     tmp_path: Path, base: list[Path], source: Path
 ) -> None:
-    made = deployment(tmp_path, source, goto="49.6,-57.9;49.7,-57.9")
+    made = deployment(tmp_path, source, goto="49.52,-57.98;49.7,-57.9", samples=0.5)
     for path in base:
         shutil.copy(path, source)
+    (source / "science").write_text("100 5 111 60\n1000 10 101 120\n")
+    (source / "cmdfile").write_text("$D_TGT,40\n$GO\n")
     told = one_pass(made).told
     assert told is not None
-    first, second = read_targets(made.folder / "page" / "targets")
-    assert first.latitude == pytest.approx(49.6, abs=1e-5)
+    folder = made.folder / "page"
+    first, second = read_targets(folder / "targets")
+    assert first.latitude == pytest.approx(49.52, abs=1e-5)
     assert (first.goto, second.goto) == ("T2", "T2")
-    assert "Proposal" in (made.folder / "page" / "index.html").read_text()
+    page = (folder / "index.html").read_text()
+    assert "Proposal" in page
     assert told.plan.startswith("to the places of deployment.toml")
     rows = {row["what"]: row for row in told.changes}
-    assert rows["next place"]["proposed"] == "49.6,-57.9"
+    assert rows["next place"]["proposed"] == "49.52,-57.98"
     assert rows["depth [m]"]["now"] == rows["depth [m]"]["proposed"]
-    assert "What its last dives did" in (made.folder / "page" / "index.html").read_text()
+    assert "What its last dives did" in page
+    # what the twin flies is what a reader finds in the files
+    assert told.surfacings is not None
+    (flown,) = told.surfacings.request.mission.segments
+    commands = read_commands(folder / "cmdfile")
+    (said,) = commanded(commands, (first, second), load_vehicle("seaglider")).segments
+    assert flown == said
+    # against what lies in the source
+    assert [one.seconds for one in read_science(folder / "science")] == [10.0, 20.0]
+    assert told.proposed is not None
+    assert set(told.proposed.changes) == {"cmdfile", "science"}
+    assert "-$D_TGT,40\n" in told.proposed.changes["cmdfile"]
+    assert "+100 10 111 60" in told.proposed.changes["science"]
+    assert "which it flies now" in page
+    # ways to the next place
+    assert "<h2>Routes</h2>" in page
+    assert told.routes is not None
+    lines = json.loads((folder / "routes.geojson").read_text())["features"]
+    assert lines[0]["properties"]["name"] == "straight"
+    assert lines[0]["geometry"]["coordinates"][-1] == pytest.approx([-57.98, 49.52], abs=1e-4)
+    assert 0.05 < told.routes.speed < 0.4
+    assert "take " in page
+    (source / "cmdfile").write_text("$D_TGT,41\n$GO\n")
     one_pass(dataclasses.replace(made, goto=""))
-    assert not (made.folder / "page" / "targets").exists()
+    assert not (folder / "targets").exists()
+    assert not (folder / "routes.geojson").exists()
+
+
+def test_files_that_are_not_written_are_refused_by_name() -> None:
+    vehicle = load_vehicle("seaglider")
+    mission = mission_to(
+        "49.6,-57.9", depth=60.0, pitch_deg=26.0, surface_after_s=900.0, radius=500.0
+    )
+    for kind, samples, message in (
+        ("seaexplorer", 1.0, "SeaExplorer are not written: no public text says what its sea.msn"),
+        ("og1", 1.0, "files of og1 vehicles are not written"),
+        ("slocum", 0.5, "a Seaglider alone has a science file"),
+        ("seaglider", 0.5, "the source has no file science"),
+    ):
+        with pytest.raises(MissionError, match=message):
+            proposed_files(kind, mission, vehicle, {}, samples)
+    same = proposed_files("seaglider", mission, vehicle, {})
+    again = proposed_files("seaglider", mission, vehicle, same.files)
+    assert again.changes == {"targets": "", "cmdfile": ""}
 
 
 def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(
