@@ -86,8 +86,8 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
             one = found.surfacings[0]
             ellipse = one.ellipse(NINETY)
             row["next surfacing"] = (
-                f"{found.moment(one.time_s)[11:16]}, {ellipse.semi_major_m / 1e3:.1f} x "
-                f"{ellipse.semi_minor_m / 1e3:.1f} km"
+                f"{found.moment(one.time_s)[11:16]}, {ellipse.semi_major_m / 1e3:.2f} x "
+                f"{ellipse.semi_minor_m / 1e3:.2f} km"
             )
         else:
             row["next surfacing"] = "not told"
