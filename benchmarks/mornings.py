@@ -14,14 +14,17 @@ import datetime
 import json
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from factory.watching import WatchedDeployment, one_pass
+from factory.watching.deployment_folder import SETTINGS
 from factory.watching.log_of_files import LOG, log_of_files
+from factory.watching.morning_page import LATEST, PAGE
 from factory.watching.news import surfaced
 from factory.watching.watch_pass import PAST
-from twin.forecast import NINETY, legs_of
+from twin.forecast import legs_of
 from twin.records.logged import LogStore
 
 DEPLOYMENTS = {
@@ -51,14 +54,16 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
     """
     where, patterns, vehicle = DEPLOYMENTS[name]
     source = place / "arrived"
-    source.mkdir(parents=True)
+    source.mkdir(parents=True, exist_ok=True)
     for pattern in patterns.split():
         for path in sorted((folder / where).glob(pattern)):
-            (source / path.name).symlink_to(path)
+            if not (source / path.name).exists():
+                (source / path.name).symlink_to(path)
     made = WatchedDeployment(
         folder=place / name.replace(" ", "-"), source=str(source), vehicle=vehicle
     )
-    made.write()
+    if not (made.folder / SETTINGS).exists():
+        made.write()
     log = log_of_files(made, made.folder)
     if log.store is None:
         raise SystemExit(f"{name}: {log.missing}")
@@ -69,34 +74,31 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
     for part in PARTS:
         end = legs[max(round(part * len(legs)) - 1, 0)].leg.end
         moment = datetime.datetime.fromtimestamp(round(end + PAUSE), datetime.UTC)
-        told = one_pass(made, until=moment).told
-        assert told is not None
-        said = json.loads(
-            (made.folder / PAST / f"{moment:%Y-%m-%dT%H%M%S}" / "page" / "latest.json").read_text()
-        )
-        found = told.surfacings
+        one_pass(made, until=moment)
+        page = made.folder / PAST / f"{moment:%Y-%m-%dT%H%M%S}" / PAGE / LATEST
+        said = json.loads(page.read_text())
+        found = said["forecast"]["surfacings"] if said["forecast"] else []
         came = surfaced(said["forecast"], legs)
         row = {
             "deployment": name,
             "as of, UTC": f"{moment:%Y-%m-%d %H:%M}",
-            "dives": f"{len(told.dives)}",
-            "verdict": told.verdict.partition(";")[0],
+            "dives": f"{len(said['dives'])}",
+            "verdict": said["verdict"].partition(";")[0].rpartition(": ")[2],
+            "next surfacing": _told(found[0]) if found else "not told",
         }
-        if found is not None and found.surfacings:
-            one = found.surfacings[0]
-            ellipse = one.ellipse(NINETY)
-            row["next surfacing"] = (
-                f"{found.moment(one.time_s)[11:16]}, {ellipse.semi_major_m / 1e3:.2f} x "
-                f"{ellipse.semi_minor_m / 1e3:.2f} km"
-            )
-        else:
-            row["next surfacing"] = "not told"
-        row["days left"] = "not known" if told.lasts is None else f"{told.lasts.days:.1f}"
+        days = said["days_left"]
+        row["days left"] = "not known" if days is None else f"{days:.1f}"
         row["what came"] = _short(came[0]) if came else "no surfacing near that time"
         inside = sum(", inside the" in one for one in came)
         row["inside"] = f"{inside} of {len(came)}"
         rows.append(row)
     return rows
+
+
+def _told(surfacing: dict[str, Any]) -> str:
+    """When, and the semi-axes of the ellipse of 90 %."""
+    long, short = (surfacing["ellipse_90"][f"semi_{name}_m"] / 1e3 for name in ("major", "minor"))
+    return f"{surfacing['time'][11:16]}, {long:.2f} x {short:.2f} km"
 
 
 def _short(said: str) -> str:
