@@ -86,6 +86,14 @@ class LoggedFixes:
         """The fixes from `start` to `end` [s], both included."""
         return self.keep((self.time >= start) & (self.time <= end))
 
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Latitude, and longitude from 0 to 360 [degree], on straight lines between the fixes, the
+        first and last held outside; 0 without any."""
+        if not len(self):
+            return np.zeros(np.shape(times)), np.zeros(np.shape(times))
+        longitude = np.interp(times, self.time, np.unwrap(self.longitude, period=360.0))
+        return np.interp(times, self.time, self.latitude), np.mod(longitude, 360.0)
+
 
 NO_FIXES = LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0))
 

@@ -4,14 +4,18 @@ A dive may begin in one file and end in the next, and the fix before it is often
 So a parcel is read together with some before and after it; it owns the dives whose middle lies
 between its own begin and the next one's. What is cut depends on these alone, however many there are
 and in whatever order they came.
+
+A file that grows is read whole, for what it said before may have been corrected. Its dives are made
+of parts of the log in the same way, and those whose part is as it was are taken over.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +23,17 @@ import numpy as np
 
 from factory.importing.deployment_log import Channel, DeploymentLog, joined
 from factory.importing.dives.dive_rows import DiveRow
-from factory.importing.dives.dive_store import rows_of
+from factory.importing.dives.dive_store import row_of, rows_of, segmented
 from factory.importing.dives.positions import Positions
 from factory.importing.dives.regular_times import HELD, KNOWN_FROM
 from factory.importing.dives.segments import LogSegment
-from factory.importing.formats.base import IMPORTERS, ReadOptions
+from factory.importing.formats.base import IMPORTERS, Importer, ReadOptions
 from factory.importing.gps_fixes import tell_read
 from factory.importing.import_run import read_logs
 from factory.importing.plausibility import DiveRules
-from factory.importing.tally import Tally
+from factory.importing.tally import Entry, Tally
 from twin.records.schema import VARIABLES
+from twin.version import __version__
 
 Carried = Mapping[str, Mapping[str, tuple[float, float]]]
 """Time [s] unix and value that holds since, by deployment and channel"""
@@ -80,7 +85,7 @@ def owned_rows(
     importer = IMPORTERS[kind]
     _, logs = read_logs(kind, files, options, tally)
     tell_read(logs, tally)
-    period = min((log.period for log in logs if log.period), default=importer.period)
+    period = _period(logs, importer)
     rows: list[DiveRow] = []
     last = dict(carried)
     holds = HELD | KNOWN_FROM | importer.held | BESIDE
@@ -92,6 +97,64 @@ def owned_rows(
             own=lambda segment: own[0] <= 0.5 * (segment.start + segment.end) < own[1],
         )  # fmt: skip
         rows += found
+    return _owned(rows, logs, period, last)
+
+
+Known = Callable[[str], DiveRow | None]
+"""The dive that was made of a part of a log before, by the part's digest"""
+
+
+def grown_rows(
+    kind: str, files: Sequence[Path], options: ReadOptions, tally: Tally, known: Known
+) -> Owned:
+    """The dives of files that grow: each is made of a part of the log that begins with the dive
+    before it and ends with the one after it. What is known of a part is not made again.
+
+    Raises:
+      InputError: nothing can be read, or it has neither pressure nor depth.
+    """
+    importer, rules = IMPORTERS[kind], DiveRules()
+    _, logs = read_logs(kind, files, options, tally)
+    tell_read(logs, tally)
+    period = _period(logs, importer)
+    rows: list[DiveRow] = []
+    holds = HELD | KNOWN_FROM | importer.held | BESIDE
+    for log in sorted((log for log in logs if log.channels), key=lambda one: one.span):
+        whole, segments = segmented(log, rules, tally)
+        cutting: dict[str, Any] = {"period": period, "rules": rules, "held": importer.held}
+        for number, segment in enumerate(segments):
+            before, after = segments[max(number - 1, 0)], segments[number + 1 : number + 2]
+            begin = before.start if number else -np.inf
+            part = _with_carried(
+                _part(log, begin, after[0].end if after else np.inf), _last(log, holds, begin)
+            )
+            digest = _digest(part, segment, period)
+            row = known(digest)
+            if row is None:
+                told = Tally()
+                its, found = segmented(part, rules, Tally())
+                middle = 0.5 * (segment.start + segment.end)
+                own = [k for k, one in enumerate(found) if one.start <= middle < one.end]
+                # a part that is cut otherwise than the whole says less than the whole
+                given = (its, found, own[0]) if len(own) == 1 else (whole, segments, number)
+                row = dataclasses.replace(
+                    row_of(*given, tally=told, **cutting),
+                    made_of=digest if len(own) == 1 else "",
+                    told=told.entries(),
+                )
+            for entry in row.told:
+                tally.add(entry.action, entry.subject, entry.count, entry.detail)
+            rows.append(row)
+    return _owned(rows, logs, period, {})
+
+
+def _period(logs: Sequence[DeploymentLog], importer: Importer) -> float:
+    return min((log.period for log in logs if log.period), default=importer.period)
+
+
+def _owned(
+    rows: Sequence[DiveRow], logs: Sequence[DeploymentLog], period: float, last: Carried
+) -> Owned:
     return Owned(
         rows=tuple(rows),
         files=tuple(sorted({name for log in logs for name in log.files})),
@@ -103,6 +166,40 @@ def owned_rows(
         said=logs[0].said if len(logs) == 1 else None,
         last=last,
     )
+
+
+def _part(log: DeploymentLog, begin: float, end: float) -> DeploymentLog:
+    """What a log says from one time to another [s], both included."""
+
+    def cut(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+        every = {name: one.within(begin, end) for name, one in channels.items()}
+        return {name: one for name, one in every.items() if len(one)}
+
+    spans, known = log.pieces, log.magnetic_variation
+    first = max(int(np.searchsorted(known.time, begin)) - 1, 0)  # it holds between its samples
+    last = int(np.searchsorted(known.time, end)) + 1
+    return dataclasses.replace(
+        log,
+        channels=cut(log.channels),
+        auxiliary=cut(log.auxiliary),
+        fixes=log.fixes.within(begin, end),
+        magnetic_variation=Channel(known.time[first:last], known.values[first:last]),
+        pieces=None if spans is None else tuple(s for s in spans if begin <= s[0] and s[1] <= end),
+    )
+
+
+def _digest(part: DeploymentLog, segment: LogSegment, period: float) -> str:
+    """Of all that a dive's row is made of."""
+    every = {**part.channels, **part.auxiliary, "variation": part.magnetic_variation}
+    said = [
+        __version__, period, segment.start, segment.end, part.deployment, part.platform,
+        part.station, part.gridded, part.period, sorted(part.held), part.pieces, sorted(every),
+    ]  # fmt: skip
+    found = hashlib.sha256(json.dumps(said).encode())
+    arrays = [values for _, one in sorted(every.items()) for values in (one.time, one.values)]
+    for values in (*arrays, part.fixes.time, part.fixes.latitude, part.fixes.longitude):
+        found.update(np.ascontiguousarray(values).data)
+    return found.hexdigest()
 
 
 def _with_carried(log: DeploymentLog, carried: Mapping[str, tuple[float, float]]) -> DeploymentLog:
@@ -156,6 +253,8 @@ def write_rows(rows: Sequence[DiveRow], said: Mapping[str, Any], path: Path) -> 
                 "numbers": {n: float(v) for n, v in row.numbers.items() if np.isfinite(v)},
                 "signals": list(signals),
                 "method": row.positions.method,
+                "made_of": row.made_of,
+                "told": [dataclasses.astuple(one) for one in row.told],
             }
         )
     head = json.dumps({**said, "rows": heads}).encode()
@@ -173,8 +272,8 @@ def read_head(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def read_rows(path: Path) -> list[DiveRow]:
-    """The dives that `write_rows` kept.
+def read_rows(path: Path, chosen: Collection[int] | None = None) -> list[DiveRow]:
+    """The dives that `write_rows` kept, or some of them by their place.
 
     Raises:
       OSError, ValueError, KeyError, zipfile.BadZipFile: damaged.
@@ -183,6 +282,8 @@ def read_rows(path: Path) -> list[DiveRow]:
     with np.load(path, allow_pickle=False) as file:
         heads = json.loads(file["head"].tobytes())["rows"]
         for k, head in enumerate(heads):
+            if chosen is not None and k not in chosen:
+                continue
             segment: dict[str, Any] = {
                 name: tuple(value) if isinstance(value, list) else value
                 for name, value in head["segment"].items()
@@ -199,6 +300,8 @@ def read_rows(path: Path) -> list[DiveRow]:
                         longitude=file[f"{k}/longitude"],
                         method=head["method"],
                     ),
+                    made_of=head["made_of"],
+                    told=tuple(Entry(*one) for one in head["told"]),
                 )
             )
     return rows

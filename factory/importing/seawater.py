@@ -23,7 +23,7 @@ def depth_of(pressure: Array, latitude_deg: float) -> Array:
     return np.asarray(-gsw.z_from_p(pressure, latitude_deg), np.float64)
 
 
-def pressure_of(depth: Array, latitude_deg: float) -> Array:
+def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
     """Sea pressure [dbar] at a depth [m]."""
     return np.asarray(gsw.p_from_z(-depth, latitude_deg), np.float64)
 
@@ -44,7 +44,11 @@ def salinity(conductivity: Array, temperature: Array, pressure: Array) -> Array:
 
 
 def density(
-    practical: Array, temperature: Array, pressure: Array, latitude: float, longitude: float
+    practical: Array,
+    temperature: Array,
+    pressure: Array,
+    latitude: Array | float,
+    longitude: Array | float,
 ) -> Array:
     """In-situ density [kg m-3] from practical salinity, in-situ temperature [degC] and dbar."""
     with np.errstate(invalid="ignore"):
@@ -58,8 +62,8 @@ def ctd_channels(
     *,
     temperature: Array,
     pressure: Array,
-    latitude: float,
-    longitude: float,
+    latitude: Array | float,
+    longitude: Array | float,
     tally: Tally,
     conductivity: Array | None = None,
     practical: Array | None = None,
@@ -67,7 +71,8 @@ def ctd_channels(
     """Temperature, salinity and density as clean channels.
 
     Samples where one of the sensors has no value, or an impossible one, are left out together.
-    Either conductivity [S/m] or practical salinity is given.
+    Either conductivity [S/m] or practical salinity is given. Places [degree] are one for all
+    samples or one for each: where a log grows, those of a dive must not depend on later ones.
     """
     warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
     if conductivity is not None:
@@ -82,7 +87,8 @@ def ctd_channels(
         return {"measured_temperature": warm}
     fresh = clean("measured_salinity", time[use], values, tally, subject="salinity")
     use = np.isin(time, fresh.time)
-    values = density(fresh.values, temperature[use], pressure[use], latitude, longitude)
+    north, east = (np.broadcast_to(one, np.shape(time))[use] for one in (latitude, longitude))
+    values = density(fresh.values, temperature[use], pressure[use], north, east)
     dense = clean("measured_density", time[use], values, tally, subject="density")
     channels = {
         "measured_temperature": warm,

@@ -52,6 +52,11 @@ class WatchedDeployment:
     """Places "LAT,LON[;LAT,LON]" that it is sent to; empty: it goes on as in its last dive"""
     mission: str = ""
     """Mission file instead, TOML or a Slocum's .mi"""
+    current: str = ""
+    """Forecast of the current, as `twin forecast --current` takes it; empty: what the dives told
+    goes on"""
+    samples: float = 1.0
+    """Part of its samples that a proposed science file of a Seaglider keeps"""
     depth_m: float = 0.0
     """Of --goto's dives; 0: as deep as the last ones"""
     surface_every_h: float = 0.0
@@ -85,6 +90,8 @@ class WatchedDeployment:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"{where}: {name} = {value:g} must be 0 or above")
+        if not self.samples > 0.0:
+            raise InputError(f"{where}: samples = {self.samples:g} must be above 0")
         if self.variation_deg != "" and not _is_number(self.variation_deg):
             raise InputError(
                 f'{where}: variation_deg = {shown(self.variation_deg)} must be degrees, or ""'
@@ -193,6 +200,8 @@ _HELP = {
     "variation_deg": 'magnetic variation, east positive; "": the log\'s own',
     "goto": 'LAT,LON[;LAT,LON] that it is sent to; "": it goes on as in its last dive',
     "mission": "or the mission file that it flies",
+    "current": 'forecast of the current, such as file:forecast.nc; "": what the dives told goes on',
+    "samples": "part of the samples that a Seaglider's proposed science file keeps; 1: none is",
     "depth_m": "of its dives to goto; 0: as the last ones",
     "surface_every_h": "under water between surfacings; 0: as the last dives",
     "hours": "that the forecast reaches ahead",

@@ -3,16 +3,13 @@
 By `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and without
 one on along its last dive's way through the water. Depth, pitch and time between surfacings are
 those of its last dives.
-
-Proposals: such a plan as files that a pilot may send to the vehicle. Nothing is sent: they lie
-beside the page, and the project's own reader reads them back.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +17,7 @@ import numpy as np
 from factory.watching.deployment_folder import WatchedDeployment
 from twin.forecast import LoggedLeg, mission_to
 from twin.geodesy import position, wrap_longitude
-from twin.mission import (
-    Mission,
-    load_mission_for,
-    slocum_arguments,
-    targets_of,
-    targets_text,
-)
+from twin.mission import Mission, load_mission_for
 from twin.records.logged import LogStore
 from twin.vehicle.vehicle import Vehicle
 
@@ -41,14 +32,6 @@ RADIUS = 500.0
 STEEP = 8.0
 """[degree] of pitch from which it dives or climbs"""
 HOUR, MINUTE = 3600.0, 60.0
-TARGETS = "targets"
-KINDS: Mapping[str, Callable[[Mission], dict[str, str]]] = {
-    "slocum": slocum_arguments,
-    "seaglider": lambda mission: {TARGETS: targets_text(targets_of(mission))},
-}
-"""Files by the kind of the logs, which is that of the vehicle"""
-NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", TARGETS)
-"""Every name that a proposal can have"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -101,18 +84,6 @@ def expected_plan(
     }
     changes = tuple({"what": k, "now": now, "proposed": new} for k, (now, new) in table.items())
     return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=changes)
-
-
-def proposals(kind: str, mission: Mission) -> dict[str, str]:
-    """Texts by the names of the files; empty for kinds of log whose vehicle's files are not known.
-
-    Args:
-      kind: of the logs, such as slocum.
-
-    Raises:
-      MissionError: files of the kind cannot say what the mission asks.
-    """
-    return KINDS[kind](mission) if kind in KINDS else {}
 
 
 def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:

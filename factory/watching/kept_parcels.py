@@ -7,6 +7,7 @@ them may be taken away: the next pass makes it again.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import shutil
@@ -20,7 +21,13 @@ import numpy as np
 from factory.importing import UNREADABLE, ReadOptions
 from factory.importing.dives.dive_rows import DiveRow
 from factory.importing.import_run import read_logs
-from factory.importing.parcels import owned_rows, read_head, read_rows, write_rows
+from factory.importing.parcels import (
+    grown_rows,
+    owned_rows,
+    read_head,
+    read_rows,
+    write_rows,
+)
 from factory.importing.tally import EMPTY, LEFT_OUT, NOT_READ, READ, Tally
 from factory.watching.sources.arrived_files import ArrivedFiles
 from factory.watching.sources.base import WHOLE
@@ -96,6 +103,8 @@ class KeptParcels:
         self._known: dict[str, dict[str, Any] | None] = {}
         self._heads: dict[str, dict[str, Any]] = {}
         self._refused: list[InputError] = []
+        self._grow = not found.source.neighbours
+        """Whether parcels are read alone: their dives are then kept one by one"""
 
     def rows(self) -> ParcelRows:
         """The dives of all files; what is kept and no longer asked for goes away.
@@ -115,6 +124,7 @@ class KeptParcels:
             groups = {WHOLE: tuple(sorted(self.found.sums))}
         self._names = {self.found.digest_of(names): names for names in groups.values()}
         self._known = {d: None if self.again else read_head(self._path(d)) for d in self._names}
+        self._grow = self._grow or list(groups) == [WHOLE]
         self._keep_lists()
         for window in self._windows():
             self._cut(window)
@@ -221,10 +231,11 @@ class KeptParcels:
         }  # fmt: skip
         rows: tuple[DiveRow, ...] = ()
         try:
-            owned = owned_rows(
-                self.found.kind, self._staged(window.members), self.options, window.own, carried,
-                tally,
-            )  # fmt: skip
+            given = self.found.kind, self._staged(window.members), self.options
+            if self._grow:
+                owned = grown_rows(*given, tally, self._known_dive)
+            else:
+                owned = owned_rows(*given, window.own, carried, tally)
         except InputError as error:
             self._refused.append(error)
             head["error"] = self._unplaced(str(error))
@@ -251,6 +262,21 @@ class KeptParcels:
         with whole_file(self._path(digest)) as path:
             write_rows(rows, head, path)
 
+    def _known_dive(self, digest: str) -> DiveRow | None:
+        """A dive that was kept of files as they were before they grew."""
+        path, place = self._dives.get(digest, (None, 0))
+        return None if path is None else read_rows(path, [place])[0]
+
+    @functools.cached_property
+    def _dives(self) -> dict[str, tuple[Path, int]]:
+        """File and place in it of every dive that is kept one by one, by what it was made of."""
+        found = {}
+        for path in [] if self.again else sorted(self.folder.glob(f"*{ENDING}")):
+            for place, row in enumerate((read_head(path) or {"rows": ()})["rows"]):
+                found[row["made_of"]] = (path, place)
+        found.pop("", None)
+        return found
+
     def _unreadable(self, digest: str) -> list[str]:
         """Why files of a parcel cannot be read, as they say alone."""
         tally = Tally()
@@ -268,6 +294,10 @@ class KeptParcels:
         told = [head for head in heads if not head["error"]]
         if not told or (not rows and self._refused):
             raise self._refused[0]
+        names = sorted({name for head in told for name in head["deployments"]})
+        if self.found.source.joins and rows:
+            names = [min(rows, key=lambda one: one.segment.start).deployment]
+            rows = [dataclasses.replace(one, deployment=names[0]) for one in rows]
         first: dict[str, float] = {}
         for row in rows:
             first[row.deployment] = min(row.segment.start, first.get(row.deployment, np.inf))
@@ -282,7 +312,7 @@ class KeptParcels:
             simulated=any(head["simulated"] for head in told),
             by_depth=any(head["by_depth"] for head in told),
             said=said[0] if len(heads) == 1 else None,
-            deployments=tuple(sorted({name for head in told for name in head["deployments"]})),
+            deployments=tuple(names),
         )
 
     def _staged(self, digests: tuple[str, ...]) -> list[Path]:

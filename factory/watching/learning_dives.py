@@ -9,16 +9,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
-from factory.watching.expected_plan import proposals
 from factory.watching.log_of_files import LOG
 from factory.watching.morning import end_of, vehicle_of_log
+from factory.watching.proposed_files import UNWRITTEN, WRITTEN, proposed_files
 from twin.cli.text_table import format_table
 from twin.errors import InputError, SimulationUnstable
 from twin.forecast import Request, fly_nominal, legs_of
@@ -26,8 +25,7 @@ from twin.geodesy import position
 from twin.health import MostTelling, information_of, most_telling, typical_dive
 from twin.health.manoeuvres import LEARNED, Manoeuvre
 from twin.identify import load_calibration, load_logs
-from twin.mission import Mission, Waypoint, read_targets
-from twin.mission.slocum_mission import read_slocum
+from twin.mission import Mission, Waypoint
 from twin.records.logged import LogStore
 from twin.records.presence import is_store
 from twin.records.storage.whole import whole_folder
@@ -44,15 +42,8 @@ RADIUS, SHALLOW = 500.0, 8.0
 LONGER = 1.5
 """Times a dive's own time, within which the twin's flight of its files surfaces"""
 MINUTE, HOUR = 60.0, 3600.0
-READS_BACK = """behavior: surface
-    b_arg: args_from_file(enum) 10
-behavior: goto_list
-    b_arg: args_from_file(enum) 10
-behavior: yo
-    b_arg: args_from_file(enum) 10
-"""
-"""A mission file that takes argument files of number 10"""
-BY_HAND = "{} has the course alone: set depth, pitch and volume as dive.txt says"
+SEAGLIDER = "seaglider"
+BY_HAND = "its files have no climb: here it climbs as steep and as light as it dives heavy"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -150,10 +141,6 @@ def propose_learning(deployment: WatchedDeployment) -> LearningDives:
     return found
 
 
-def _is_ours(folder: Path) -> bool:
-    return (folder / SAID).is_file()
-
-
 def _dive(
     one: Manoeuvre,
     words: str,
@@ -178,8 +165,16 @@ def _dive(
         arrival_radius_m=RADIUS,
     )
     mission = Mission(name="learn", segments=(segment,))
-    files = proposals(kind, mission)
-    read, by_hand = _read_back(kind, mission, files)
+    files, read, by_hand = {}, mission, ""
+    if kind in WRITTEN:
+        if kind == SEAGLIDER:
+            by_hand = BY_HAND
+            segment = dataclasses.replace(segment, climb_pitch_deg=None, climb_net_mass_kg=None)
+            mission = dataclasses.replace(mission, segments=(segment,))
+        proposed = proposed_files(kind, mission, vehicle, {})
+        files, read = dict(proposed.files), proposed.mission
+    else:
+        by_hand = UNWRITTEN.get(kind, UNWRITTEN[""].format(kind))
     request = Request(
         vehicle=vehicle, mission=read,
         place=Origin(latitude_deg=start[0], longitude_deg=start[1], time="2000-01-01T00:00:00"),
@@ -201,29 +196,3 @@ def _dive(
             "Wh": round(float(flown.energy[0] if surfaced else flown.taken) / HOUR, 2),
         },
     )
-
-
-def _without_altitude(mission: Mission) -> Mission:
-    segments = tuple(
-        dataclasses.replace(one, min_altitude_m=None) if isinstance(one, Waypoint) else one
-        for one in mission.segments
-    )
-    return dataclasses.replace(mission, segments=segments)
-
-
-def _read_back(kind: str, mission: Mission, files: dict[str, str]) -> tuple[Mission, str]:
-    """The mission as the project's own reader finds it in the files, and what they cannot say."""
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        for name, text in files.items():
-            (place / name).write_text(text, encoding="utf-8")
-        if kind == "slocum":
-            (place / "learn.mi").write_text(READS_BACK, encoding="utf-8")
-            read = read_slocum(place / "learn.mi", above_floor=True).mission
-            # flown where the water is deeper than the dive
-            return _without_altitude(read), ""
-        if not files:
-            return mission, f"files of {kind} vehicles are not written: set it as it is said above"
-        (name,) = files
-        read_targets(place / name)
-    return mission, BY_HAND.format(name)

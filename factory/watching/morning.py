@@ -15,11 +15,23 @@ import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
-from factory.watching.expected_plan import ExpectedPlan, expected_plan, proposals
+from factory.watching.expected_plan import ExpectedPlan, expected_plan
 from factory.watching.log_of_files import LogOfFiles
+from factory.watching.proposed_files import ProposedFiles, flown_files, proposed_files
+from factory.watching.sources.arrived_files import folder_of
 from factory.watching.sources.base import SurfaceDialogue
 from twin.errors import TwinError
-from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_from_logs, legs_of
+from twin.forecast import (
+    Forecast,
+    Known,
+    LoggedLeg,
+    Request,
+    RoutePlan,
+    forecast,
+    known_from_logs,
+    legs_of,
+    plan_routes,
+)
 from twin.geodesy import position
 from twin.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
 from twin.identify import (
@@ -31,11 +43,12 @@ from twin.identify import (
     with_consumption,
 )
 from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
+from twin.mission import Waypoint
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-from twin.water.current import Origin
+from twin.water.current import Origin, parse_field
 
 Told = TypeVar("Told")
 KILO = 1e3
@@ -102,7 +115,9 @@ class Morning:
     """What the forecast takes it to do, in words"""
     changes: tuple[Mapping[str, str], ...] = ()
     """What it does now beside what the plan has, rows of a table"""
-    proposed: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    routes: RoutePlan | None = None
+    """Ways to the next place, where a pilot gave it"""
+    proposed: ProposedFiles | None = None
     """Files with that plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
     """Why something is not told, and what to do about it"""
@@ -174,6 +189,8 @@ class Morning:
             "outlook": None if self.outlook is None else self.outlook.describe(),
             "plan": self.plan,
             "changes": list(self.changes),
+            "routes": None if self.routes is None else self.routes.describe(),
+            "proposed": {} if self.proposed is None else dict(self.proposed.changes),
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),
             "unreadable": list(self.log.unreadable),
@@ -256,21 +273,32 @@ def morning(
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
     lasts = None if used is None or left is None else endurance_of(used, left)
     outlook = None
-    flown, plan, files = None, "", {}
+    flown, plan, files, routes = None, "", None, None
     changes: tuple[Mapping[str, str], ...] = ()
     if not legs:
         lacking.append("forecast: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
-        answer = told(
-            "forecast",
-            lambda: _forecast(
-                deployment, store, vehicle, used, left, legs, Morning(**shared).last_fix
-            ),
-        )
-        if answer is not None:
-            flown, plan, expected = answer
+        takes = vehicle if used is None else with_consumption(vehicle, used.consumption)
+        expected = told("forecast", lambda: expected_plan(deployment, store, takes, legs))
+        if expected is not None and deployment.goto:
+            plan_of, now = expected.mission, flown_files(folder_of(deployment))
+            files = told(
+                "proposal",
+                lambda: proposed_files(source, plan_of, takes, now, deployment.samples),
+            )
+            if files is not None:
+                expected = dataclasses.replace(expected, mission=files.mission)
+        fix = Morning(**shared).last_fix
+        answer = None if expected is None or fix is None else told(
+            "forecast", lambda: _forecast(deployment, store, takes, left, fix, expected)
+        )  # fmt: skip
+        if expected is not None and answer is not None:
+            flown, plan, known = answer
             changes = expected.changes
+            if deployment.goto:
+                say("routes")
+                routes = told("routes", lambda: _routes(answer[0].request, known, say))
             if expected.guessed:
                 lacking.append(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
@@ -285,9 +313,6 @@ def morning(
                     ),
                 )
                 lacking += () if outlook is None else outlook.lacking
-        if flown is not None and deployment.goto:
-            mission = flown.request.mission
-            files = told("proposal", lambda: proposals(source, mission)) or {}
     return Morning(
         **shared,
         vehicle=vehicle,
@@ -301,6 +326,7 @@ def morning(
         surfacings=flown,
         plan=plan,
         changes=changes,
+        routes=routes,
         proposed=files,
         lacking=tuple(lacking),
     )
@@ -323,17 +349,12 @@ def _forecast(
     deployment: WatchedDeployment,
     store: Path,
     vehicle: Vehicle,
-    used: EnergyUse | None,
     left: float | None,
-    legs: tuple[LoggedLeg, ...],
-    fix: LastFix | None,
-) -> tuple[Forecast, str, ExpectedPlan]:
-    """The next surfacings from the last fix on, what it is taken to do in words, and the plan."""
-    if used is not None:
-        vehicle = with_consumption(vehicle, used.consumption)
-    plan = expected_plan(deployment, store, vehicle, legs)
+    fix: LastFix,
+    plan: ExpectedPlan,
+) -> tuple[Forecast, str, Known]:
+    """The next surfacings from the last fix on, what it is taken to do in words, and the water."""
     known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
-    assert fix is not None
     start = float(round(fix.time))
     stale = known.check_begin(fix.latitude, fix.longitude, start)
     begin = moment_of(start).replace(tzinfo=None).isoformat()
@@ -344,6 +365,27 @@ def _forecast(
         hours=deployment.hours,
         members=deployment.members,
         energy_left_kwh=left if left and left > 0.0 else None,
+        field=parse_field(_field(deployment)) if deployment.current else None,
     )
     said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
-    return forecast(request, known.at(start)), said, plan
+    water = known.at(start)
+    return forecast(request, water), said, water
+
+
+def _field(deployment: WatchedDeployment) -> str:
+    """The text of a field, a file in it from the deployment's folder on."""
+    kind, colon, path = deployment.current.rpartition(":")
+    place = deployment.place(path)
+    return f"{kind}{colon}{place}" if place.is_file() else deployment.current
+
+
+def _routes(
+    request: Request, water: Known, say: Callable[[str], object] = lambda _: None
+) -> RoutePlan:
+    """Ways to the next place, by the polar that the twin flew; `twin route` flies the ways, too."""
+    (first, *_) = request.mission.segments
+    assert isinstance(first, Waypoint)
+    next_one = dataclasses.replace(first, targets=first.targets[:1])
+    mission = dataclasses.replace(request.mission, segments=(next_one,))
+    asked = dataclasses.replace(request, mission=mission)
+    return plan_routes(asked, water, fly_them=False, say=say)

@@ -31,7 +31,7 @@ def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
     """All dives, and the last few with the ellipses of the next surfacings."""
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 3.9)
-        whole, close = figure.subplots(1, 2)
+        close, whole = figure.subplots(1, 2)  # what is new comes first on a phone
         _draw_track(whole, legs, None)
         whole.set_title("deployment")
         _draw_track(close, legs[-CLOSE:], found)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from factory.watching.expected_plan import NAMES
 from factory.watching.morning import Morning
 from factory.watching.morning_figures import mail_figure, track_figure, water_figure
+from factory.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli.text_table import counted
 from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
@@ -23,8 +23,9 @@ from twin.show.health_page import channel_caption, channel_figure, evidence_figu
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
+ROUTES = "routes.geojson"
 BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
-BESIDE = (LATEST, SUMMARY, GEOJSON, BOXES, BOXES_TEXT, *NAMES)
+BESIDE = (LATEST, SUMMARY, GEOJSON, ROUTES, BOXES, BOXES_TEXT, *NAMES)
 DAY = 86400.0
 MOST_KINDS = 5
 """Kinds of fault in the table"""
@@ -102,21 +103,21 @@ def write_morning(
             first=False,
         )
     _energy(page, told)
-    if told.proposed:
-        page.section("Proposal")
+    if told.routes is not None:
+        page.section("Routes")
         page.say(
-            "The plan above as files for the vehicle, which lie beside this page. The forecast "
-            "flies exactly these places, depths, pitches and times. Nothing is sent: read them, "
-            "and send them yourself."
+            f"To the next place, {told.routes.speed:.2f} m/s through the water at "
+            f"{told.routes.pitch_deg:.0f} degree: {told.routes.verdict()}."
         )
-        if told.changes:
-            page.table(
-                told.changes, "What its last dives did, and what the files ask:", first=False
-            )
-        for name, text in told.proposed.items():
-            page.say(name)
-            page.code(text)
-            page.attach(name, text)
+        page.table(
+            [one.row() for one in told.routes.routes],
+            "Hours and gain over the straight way with intervals of 90 % over draws of the water, "
+            "by the twin's speed at each pitch. Corners of each, for `goto`:",
+        )
+        page.facts({one.name: one.goto for one in told.routes.routes})
+        page.attach(ROUTES, json.dumps(told.routes.geojson(), indent=1) + "\n")
+    if told.proposed is not None:
+        _proposal(page, told, told.proposed)
     page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
     lines = summary(told, new)
     page.attach(SUMMARY, lines)
@@ -132,6 +133,23 @@ def write_morning(
         collection = {"type": "FeatureCollection", "features": features}
         page.attach(name, json.dumps(collection, indent=1) + "\n")
     return page.write()
+
+
+def _proposal(page: Page, told: Morning, proposed: ProposedFiles) -> None:
+    page.section("Proposal")
+    page.say(
+        "The plan above as files for the vehicle, which lie beside this page. They were read back, "
+        "and the forecast flies what they say. Nothing is sent: read them, and send them yourself."
+    )
+    if told.changes:
+        page.table(told.changes, "What its last dives did, and what the files ask:", first=False)
+    for name, text in proposed.files.items():
+        page.say(name)
+        page.code(text)
+        page.attach(name, text)
+        if name in proposed.changes:
+            page.say(f"Against the {name} in the source, which it flies now:")
+            page.code(proposed.changes[name] or "no difference\n")
 
 
 def read_latest(folder: Path) -> dict[str, Any] | None:

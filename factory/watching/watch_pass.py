@@ -23,6 +23,7 @@ from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
 from factory.watching.news import news, surfaced
 from factory.watching.noticed import EVENTS, noticed, write_events
+from factory.watching.proposed_files import flown_files
 from factory.watching.sources.arrived_files import folder_of
 from factory.watching.sources.base import SurfaceDialogue, newest_dialogue
 from twin.forecast import legs_of
@@ -155,6 +156,7 @@ def _made_of(
             if deployment.vehicle and vehicle.is_file()
             else "",
             None if until is None else until.isoformat(),
+            flown_files(folder_of(deployment)),
             None if dialogue is None else dataclasses.asdict(dialogue),
         ]
     )

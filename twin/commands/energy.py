@@ -72,9 +72,11 @@ class AccountEnergy(JsonOption):
                 {
                     "later dives": f"charge of {len(tried.dives)} by the {tried.taught} before",
                     "error of a dive, mean": f"{100 * errors['model_per_dive']:.1f} %; by their "
-                    f"charge per hour {100 * errors['per_hour_per_dive']:.1f} %",
+                    f"charge per hour {100 * errors['per_hour_per_dive']:.1f} %, per dive "
+                    f"{100 * errors['each_per_dive']:.1f} %",
                     "error of the sum": f"{100 * errors['model_sum']:+.1f} %; by their charge per "
-                    f"hour {100 * errors['per_hour_sum']:+.1f} %",
+                    f"hour {100 * errors['per_hour_sum']:+.1f} %, per dive "
+                    f"{100 * errors['each_sum']:+.1f} %",
                 }
             )
         if self.out is not None:

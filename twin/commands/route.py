@@ -12,7 +12,7 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
-    from twin.forecast import Known, Request, Route
+    from twin.forecast import Known, Request
 
 RADIUS, USUAL_PITCH = 1000.0, 26.0
 """[m] at which a place is reached; [degree] of the mission before the polar has told the fastest"""
@@ -76,29 +76,17 @@ class PlanRoute(JsonOption):
         plan = plan_routes(
             request, known, vias=vias, avoided=rings, pitch_deg=self.pitch, say=console.note
         )
-        console.table([_row(one) for one in plan.routes])
+        console.table([one.row() for one in plan.routes])
         console.say(f"{plan.speed:.2f} m/s through the water at {plan.pitch_deg:.0f} degree")
         if vias:
             console.say(f"vias in the order {', '.join(str(1 + k) for k in plan.order)}")
         for one in plan.routes:
             console.say(f"{one.name}: --goto '{one.goto}'")
-        low = plan.best.describe()["gain_90"][0]
-        said = "no gain over the straight way is promised"
-        if plan.best.name != "straight" and low > 0.0:
-            said = (
-                f"at least {100.0 * low:.0f} % faster than the straight way, with 95 of 100 draws"
-            )
-        console.say(f"take {plan.best.name}: {said}")
+        console.say(plan.verdict())
         if self.out is not None:
             self.out.write_text(json.dumps(plan.geojson(), indent=1) + "\n", encoding="utf-8")
             console.say(f"map: {self.out}")
-        console.answer(
-            routes=[one.describe() for one in plan.routes],
-            best=plan.best.name,
-            speed=plan.speed,
-            pitch_deg=plan.pitch_deg,
-            order=list(plan.order),
-        )
+        console.answer(**plan.describe())
         return 0
 
     def _request(self, console: Console) -> tuple[Request, Known]:
@@ -169,21 +157,3 @@ def _polygons(path: Path) -> list[list[tuple[float, float]]]:
             "with a GIS and save them as GeoJSON"
         ) from error
     return rings
-
-
-def _row(one: Route) -> dict[str, object]:
-    told = one.describe()
-    low, high = told["hours_90"]
-    gain = "" if one.name == "straight" else (
-        f"{100 * told['gain']:.0f} % ({100 * told['gain_90'][0]:.0f} to "
-        f"{100 * told['gain_90'][1]:.0f})"
-    )  # fmt: skip
-    hours = told["hours_flown"]
-    return {
-        "way": one.name,
-        "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})",
-        "gain": gain,
-        "slower in": f"{100 * told['slower_in']:.0f} %",
-        "flown": "none arrived" if hours is None else f"{hours:.1f} h",
-        "arrived": f"{told['arrived']} of {told['flown']}",
-    }

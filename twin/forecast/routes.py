@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] of the polar"""
+BEYOND = 60_000.0
+"""[m] to the place that the polar is flown to: farther than a glider goes in its time"""
 POLAR_HOURS = 12.0
 """[h] that each of them is flown for"""
 DRAWS = 48
@@ -76,6 +78,26 @@ class Route:
         """Part of the draws in which it takes 2 % longer than the straight way."""
         return float(np.mean(self.gain < 1.0 - SLOWER))
 
+    def row(self) -> dict[str, object]:
+        """Of a table."""
+        told = self.describe()
+        low, high = told["hours_90"]
+        gain = "" if self.name == "straight" else (
+            f"{100 * told['gain']:.0f} % ({100 * told['gain_90'][0]:.0f} to "
+            f"{100 * told['gain_90'][1]:.0f})"
+        )  # fmt: skip
+        found: dict[str, object] = {
+            "way": self.name,
+            "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})",
+            "gain": gain,
+            "slower in": f"{100 * told['slower_in']:.0f} %",
+        }
+        if told["flown"]:
+            hours = told["hours_flown"]
+            found["flown"] = "none arrived" if hours is None else f"{hours:.1f} h"
+            found["arrived"] = f"{told['arrived']} of {told['flown']}"
+        return found
+
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
         arrived = self.flown[np.isfinite(self.flown)]
@@ -108,6 +130,26 @@ class RoutePlan:
     order: tuple[int, ...]
     """Vias as they were given, in the order of the ways"""
 
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {
+            "routes": [one.describe() for one in self.routes],
+            "best": self.best.name,
+            "speed": self.speed,
+            "pitch_deg": self.pitch_deg,
+            "order": list(self.order),
+        }
+
+    def verdict(self) -> str:
+        """Which way to take, and what is promised of it."""
+        low = self.best.describe()["gain_90"][0]
+        said = "no gain over the straight way is promised"
+        if self.best.name != "straight" and low > 0.0:
+            said = (
+                f"at least {100.0 * low:.0f} % faster than the straight way, with 95 of 100 draws"
+            )
+        return f"take {self.best.name}: {said}"
+
     def geojson(self) -> dict[str, Any]:
         """A FeatureCollection of lines."""
         features = [
@@ -128,8 +170,9 @@ def polar(request: Request, pitches: Sequence[float] = PITCHES) -> dict[float, f
       MissionError: the vehicle can fly none of the pitches.
     """
     missions = {}
+    far = _beyond(request)
     for pitch in pitches:
-        mission = _pitched(request.mission, pitch)
+        mission = _pitched(far, pitch)
         try:
             mission.check(request.vehicle)
             missions[pitch] = mission
@@ -174,6 +217,8 @@ def plan_routes(
         raise InputError(f"--via has {len(vias)} places; at most {MOST_VIAS} can be put in order")
     place = request.place
     origin = place.latitude_deg, place.longitude_deg
+    if said := request.notes():
+        raise InputError(f"no way to look for: {said[0]}")
     target = request.mission.segments[0].targets[-1]  # type: ignore[attr-defined]
     goal = target["latitude"], target["longitude"]
     points = np.array([(0.0, 0.0), *(to_tangent_plane(*one, *origin) for one in (*vias, goal))])
@@ -273,6 +318,23 @@ def _differs(one: Array, other: Array, spacing: float) -> bool:
         return np.stack([np.interp(at, along, way[:, k]) for k in range(2)], axis=1)
 
     return float(np.hypot(*(even(one) - even(other)).T).max()) > APART * spacing
+
+
+def _beyond(request: Request) -> Mission:
+    """The mission with its last place so far away that nothing arrives while the polar is flown."""
+    place, segment = request.place, request.mission.segments[0]
+    last = segment.targets[-1]  # type: ignore[attr-defined]
+    there = to_tangent_plane(
+        last["latitude"], last["longitude"], place.latitude_deg, place.longitude_deg
+    )
+    way = np.array([float(metres) for metres in there])
+    north, east = way * max(BEYOND / max(float(np.hypot(*way)), 1.0), 1.0)
+    latitude, longitude = from_tangent_plane(
+        np.array([north]), np.array([east]), place.latitude_deg, place.longitude_deg
+    )
+    target = {"latitude": float(latitude[0]), "longitude": float(wrap_longitude(longitude)[0])}
+    far = dataclasses.replace(segment, targets=(target,))  # type: ignore[call-arg]
+    return dataclasses.replace(request.mission, segments=(far,))
 
 
 def _pitched(mission: Mission, pitch: float) -> Mission:

@@ -179,7 +179,9 @@ class ChargeForecast:
     taught: int
     """Dives that taught"""
     per_hour: float
-    """[A h/h] of the dives that taught: the simple rival"""
+    """[A h/h] of the dives that taught: a simple rival"""
+    each: float
+    """[A h] of a dive that taught, in the mean: the other one"""
 
     def errors(self) -> dict[str, float]:
         """Mean absolute error of a dive and error of the sum, as parts of what was measured."""
@@ -188,7 +190,8 @@ class ChargeForecast:
             for name in ("measured", "modelled", "hours")
         )
         found = {}
-        for name, said in (("model", modelled), ("per_hour", self.per_hour * hours)):
+        rivals = (("per_hour", self.per_hour * hours), ("each", np.full(len(hours), self.each)))
+        for name, said in (("model", modelled), *rivals):
             found[f"{name}_per_dive"] = float(np.mean(np.abs(said / measured - 1.0)))
             found[f"{name}_sum"] = float(said.sum() / measured.sum() - 1.0)
         return found
@@ -217,8 +220,10 @@ def second_half(
     dives = timelines[1].dives(factors)
     before = timelines[0].dives(factors)
     hours = sum(one.hours for one in before)
-    rate = sum(one.measured for one in before) / hours
-    return ChargeForecast(dives=dives, taught=len(before), per_hour=rate)
+    charge = sum(one.measured for one in before)
+    return ChargeForecast(
+        dives=dives, taught=len(before), per_hour=charge / hours, each=charge / len(before)
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,14 @@ from twin.mission.glide_balance import SteadyGlide as SteadyGlide
 from twin.mission.glide_balance import steady_glide as steady_glide
 from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
 from twin.mission.plan import Mission as Mission
+from twin.mission.seaglider_commands import commanded as commanded
+from twin.mission.seaglider_commands import commands_of as commands_of
+from twin.mission.seaglider_commands import commands_text as commands_text
+from twin.mission.seaglider_commands import read_commands as read_commands
+from twin.mission.seaglider_science import ScienceLayer as ScienceLayer
+from twin.mission.seaglider_science import read_science as read_science
+from twin.mission.seaglider_science import science_text as science_text
+from twin.mission.seaglider_science import sparser as sparser
 from twin.mission.seaglider_targets import SeagliderTarget as SeagliderTarget
 from twin.mission.seaglider_targets import read_targets as read_targets
 from twin.mission.seaglider_targets import targets_of as targets_of

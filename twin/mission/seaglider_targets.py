@@ -67,6 +67,20 @@ def targets_text(targets: Sequence[SeagliderTarget]) -> str:
     )
 
 
+def radius_of(targets: Sequence[SeagliderTarget]) -> float:
+    """[m] of arrival, where all have the same.
+
+    Raises:
+      MissionError: they have not.
+    """
+    found = sorted({one.radius_m for one in targets})
+    if len(found) != 1:
+        raise MissionError(
+            f"targets have the radii {', '.join(f'{one:g}' for one in found)}: a mission has one"
+        )
+    return found[0]
+
+
 def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
     """The places of a file, in its order.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import Array
 from factory.importing.dives.positions import CURRENT_METHOD, Positions
 from factory.importing.dives.segments import PHASES, LogSegment
+from factory.importing.tally import Entry
 from twin.records.attributes import (
     COMMENT,
     CONVENTIONS,
@@ -71,6 +72,10 @@ class DiveRow:
     """Per-row numbers besides those of the segment: vehicle_dac_north ...; dive, where the log has
     the vehicle's own"""
     positions: Positions
+    made_of: str = ""
+    """Digest of the part of a log that says all of it; empty where nobody asked for it"""
+    told: tuple[Entry, ...] = ()
+    """What was done to make it, where it has such a digest"""
 
 
 NUMBERS: dict[str, tuple[str, str]] = {

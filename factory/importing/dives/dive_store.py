@@ -213,6 +213,23 @@ def rows_of(
     Raises:
       InputError: it has neither pressure nor depth.
     """
+    log, segments = segmented(log, rules, tally)
+    rows = [
+        row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
+        for number, segment in enumerate(segments)
+        if own(segment)
+    ]
+    return rows, len(log.channel("measured_depth"))
+
+
+def segmented(
+    log: DeploymentLog, rules: DiveRules, tally: Tally
+) -> tuple[DeploymentLog, list[LogSegment]]:
+    """A log with depths below the surface, and its dives or rows in time order.
+
+    Raises:
+      InputError: it has neither pressure nor depth.
+    """
     log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
     depth = log.channel("measured_depth")
     check_signs(log, tally)
@@ -233,34 +250,47 @@ def rows_of(
         truth = log.channel(name)
         outside = int(_outside(truth, segments).sum())
         tally.add("left out", name, outside, "truth samples outside rows")
-    rows = []
-    for number, segment in enumerate(segments):
-        if not own(segment):
-            continue
-        times = grid(segment, period)
-        signals = on_grid(
-            log, segment, times, period=period, rules=rules, tally=tally, held=held | log.held
-        )
-        numbers = _numbers(log, segment, segments, number)
-        whole = complete(log, segment, tally)
-        standing(log, segment, tally)
-        numbers["dac_north"], numbers["dac_east"] = averaged_current(
-            signals, segment, period,
-            # rows that are not dives are of driven vehicles, whose depth rate says nothing
-            complete=whole and log.pieces is None,
-            driven=numbers.get("thruster_fraction", 0.0),
-        )  # fmt: skip
-        positions = row_positions(
-            signals, frame_origin(log, segment), period,
-            driven=numbers.get("thruster_fraction", 0.0),
-        )  # fmt: skip
-        rows.append(
-            DiveRow(
-                deployment=log.deployment, platform=log.platform, segment=segment,
-                signals=signals, numbers=numbers, positions=positions,
-            )
-        )  # fmt: skip
-    return rows, len(depth)
+    return log, segments
+
+
+def row_of(
+    log: DeploymentLog,
+    segments: Sequence[LogSegment],
+    number: int,
+    *,
+    period: float,
+    rules: DiveRules,
+    tally: Tally,
+    held: frozenset[str] = frozenset(),
+) -> DiveRow:
+    """One dive of a log.
+
+    Args:
+      log, segments: as `segmented` gives them. number: of the dive among these.
+    """
+    segment = segments[number]
+    signals = on_grid(
+        log, segment, grid(segment, period), period=period, rules=rules, tally=tally,
+        held=held | log.held,
+    )  # fmt: skip
+    numbers = _numbers(log, segment, segments, number)
+    whole = complete(log, segment, tally)
+    standing(log, segment, tally)
+    driven = numbers.get("thruster_fraction", 0.0)
+    numbers["dac_north"], numbers["dac_east"] = averaged_current(
+        signals, segment, period,
+        # rows that are not dives are of driven vehicles, whose depth rate says nothing
+        complete=whole and log.pieces is None,
+        driven=driven,
+    )  # fmt: skip
+    return DiveRow(
+        deployment=log.deployment,
+        platform=log.platform,
+        segment=segment,
+        signals=signals,
+        numbers=numbers,
+        positions=row_positions(signals, frame_origin(log, segment), period, driven=driven),
+    )
 
 
 def dataset_of_rows(

@@ -220,13 +220,14 @@ def _log(
         if "sea_water_salinity" in series:
             fresh = channel("measured_salinity", "sea_water_salinity", "1")
             practical = fresh.at(warm.time)
+        north, east = fixes.at(warm.time)
         channels |= ctd_channels(
             warm.time,
             temperature=warm.values,
             pressure=depth.at(warm.time),
             practical=practical,
-            latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
-            longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
+            latitude=north,
+            longitude=east,
             tally=tally,
         )
     found, units = {}, {}

@@ -187,9 +187,6 @@ def _log(
     if not len(fixes) and track:
         latitude = track["latitude"]
         places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
-    place = (0.0, 0.0)
-    if len(places):
-        place = float(np.median(places.latitude)), float(np.median(places.longitude))
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     depth = columns.get("depth")
     if depth is not None and np.nanmedian(depth) < 0.0:
@@ -204,7 +201,7 @@ def _log(
         )
     elif depth is not None:
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
-    channels |= _water(time, columns, channels, place, tally)
+    channels |= _water(time, columns, channels, places, tally)
     sensors = {
         n: Channel(time[there], columns[n][there])
         for n in SLOCUM_SENSORS
@@ -315,7 +312,7 @@ def _water(
     time: Array,
     columns: Mapping[str, Array],
     channels: Mapping[str, Channel],
-    place: tuple[float, float],
+    places: LoggedFixes,
     tally: Tally,
 ) -> dict[str, Channel]:
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
@@ -331,13 +328,14 @@ def _water(
         practical = None
         if conductivity is not None:
             conductivity = siemens(conductivity, "conductivity", tally)
+    latitude, longitude = places.at(time)
     return ctd_channels(
         time,
         temperature=temperature,
         pressure=at.at(time),
         practical=practical,
         conductivity=conductivity,
-        latitude=place[0],
-        longitude=place[1],
+        latitude=latitude,
+        longitude=longitude,
         tally=tally,
     )

@@ -166,22 +166,23 @@ def _log(
     at = np.searchsorted(np.sort(found.depth), depth[up] - 1e-6)
     column = np.argsort(found.depth)[np.minimum(at, len(found.depth) - 1)]
     water = {key: values[of[up].astype(int), column] for key, values in sampled.items()}
-    place = float(np.median(latitude)), float(np.median(longitude))
+    known = LoggedFixes(*fixes)
     if "temperature" in water:
+        north, east = known.at(time[up])
         channels |= ctd_channels(
             time[up],
             temperature=water["temperature"],
-            pressure=pressure_of(depth[up], place[0]),
+            pressure=pressure_of(depth[up], north),
             practical=water.get("salinity"),
-            latitude=place[0],
-            longitude=place[1],
+            latitude=north,
+            longitude=east,
             tally=tally,
         )
     return DeploymentLog(
         deployment=name,
         platform="Spray",
         channels={key: channel for key, channel in channels.items() if len(channel)},
-        fixes=LoggedFixes(*fixes),
+        fixes=known,
         magnetic_variation=EMPTY,
         auxiliary=_reported(numbers, middle + half),
         files=(file,),

@@ -68,6 +68,8 @@ class Source:
     """Endings of files that every parcel may need"""
     neighbours: int = 0
     """Parcels before and after each that it is read with; 0: none says anything of another"""
+    joins: bool = False
+    """Whether its logs, a deployment each for an import, are of one deployment here"""
     begin: str = ""
     """Place of what says a file's vehicle and begin [s] unix: (path) -> (str, float)"""
     lists: str = ""

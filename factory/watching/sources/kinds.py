@@ -43,16 +43,17 @@ LRAUV = Source(
     name="lrauv",
     says="folder of .mat and .nc4 logs, one for each time the vehicle began a log",
     logs=("lrauv",),
-    parcel=r"(?:.*/)?(.+)\.(?:mat|nc4?)",
+    parcel=r"(.+)\.(?:mat|nc4?)",
+    joins=True,
 )
-"""MBARI's long-range AUVs."""
+"""MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
 
 NETCDF = Source(
     name="netcdf",
     says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",
     logs=("og1", "ngdac", "spray"),
 )
-"""Files that tell a deployment all together."""
+"""Files that tell a deployment all together; of one that grows only new dives are cut."""
 
 TABLES = Source(
     name="tables",

@@ -14,6 +14,7 @@ from factory.watching.learning_dives import propose_learning
 from factory.watching.log_of_files import log_of_files
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
+from twin.mission import read_commands
 from twin.mission.slocum_mission import read_slocum
 
 MISSION = "\n".join(
@@ -61,13 +62,17 @@ def test_a_slocum_gets_argument_files_and_the_twin_s_flight_of_them(
         assert f"{one['flight']['km']:g} km" in (folder / "dive.txt").read_text()
 
 
-def test_what_a_seaglider_s_file_cannot_say_is_said(tmp_path: Path) -> None:
+def test_a_seaglider_gets_commands_and_what_they_cannot_say_is_said(tmp_path: Path) -> None:
     made = deployment(tmp_path, "seaglider")
     write_basestation(tmp_path / "arrived", Flight(dives=3))
     log_of_files(made, made.folder)
     found = propose_learning(made)
-    assert list(found.dives[0].files) == ["targets"]
-    assert "set depth, pitch and volume" in (made.folder / "learn" / "1" / "dive.txt").read_text()
+    for k, one in enumerate(found.dives, 1):
+        assert list(one.files) == ["targets", "cmdfile"]
+        commands = read_commands(made.folder / "learn" / str(k) / "cmdfile")
+        assert one.flight["min"] == pytest.approx(commands["T_DIVE"], rel=0.35)
+        said = (made.folder / "learn" / str(k) / "dive.txt").read_text()
+        assert "its files have no climb" in said
 
 
 def test_it_makes_no_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,6 +48,7 @@ Connected at 2026-02-18T08:00:00Z (sg272)
             {"sea035.12 sub.36": 2, "sea035.12 sub.37": 1},
         ),
         ("lrauv", ["a_20130314.mat", "a_20130315.nc4"], {"a_20130314": 1, "a_20130315": 1}),
+        ("lrauv", ["14/shore.nc4", "15/shore.nc4"], {"14/shore": 1, "15/shore": 1}),
         ("netcdf", ["a.nc", "b.nc"], {"": 2}),
         ("slocum", ["unit1_flight.csv", "unit1_gps.csv"], {"": 2}),
     ],

@@ -10,12 +10,22 @@ import shutil
 import urllib.request
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from logs import SHARED, Flight, write_basestation, write_slocum
+from logs import (
+    SHARED,
+    Flight,
+    write_basestation,
+    write_mat,
+    write_ngdac,
+    write_og1,
+    write_slocum,
+)
 from PIL import Image
 
+from factory.importing import parcels
 from factory.watching import WatchedDeployment, kept_parcels, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
@@ -23,15 +33,17 @@ from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, news
 from factory.watching.noticed import noticed
+from factory.watching.proposed_files import proposed_files
 from factory.watching.sources.base import SurfaceDialogue
 from factory.watching.watch_pass import PARTS, alone
 from twin.__main__ import PROGRAM
-from twin.errors import InputError, WriteError
-from twin.forecast import LoggedLeg, NoticeBox, notice_boxes
+from twin.errors import InputError, MissionError, WriteError
+from twin.forecast import LoggedLeg, NoticeBox, mission_to, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
-from twin.mission import read_targets
+from twin.mission import commanded, read_commands, read_science, read_targets
 from twin.navigation.current import Leg
+from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
 from twin.vehicle.vehicle import load_vehicle
 
@@ -244,6 +256,74 @@ def test_only_a_new_dive_and_its_neighbour_are_read_again(
     assert windows
 
 
+@pytest.mark.parametrize("kind", ["og1", "ngdac", "lrauv"])
+def test_of_a_file_that_grows_only_new_dives_and_their_neighbour_are_made(
+    tmp_path: Path, source: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def written(dives: int) -> None:
+        flight = Flight(dives=dives)
+        if kind == "og1":
+            write_og1(source / "grows.nc", flight)
+        elif kind == "ngdac":
+            write_ngdac(source, flight)
+        else:
+            write_mat(source / "grows.mat", flight)
+
+    made_dives: list[int] = []
+    real = parcels.row_of
+
+    def watched(log: object, segments: object, number: int, **rest: object) -> object:
+        made_dives.append(number)
+        return real(log, segments, number, **rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(parcels, "row_of", watched)
+    made = deployment(tmp_path, source, kind=kind, variation_deg=-20.0)
+    written(5)
+    assert log_of_files(made, made.folder).changed
+    assert len(made_dives) == 5
+    made_dives.clear()
+    written(7)
+    assert log_of_files(made, made.folder).changed
+    assert len(made_dives) == 3  # the fifth has a dive after it now
+    wanted = store_hash(made.folder / LOG)
+    made_dives.clear()
+    assert log_of_files(made, made.folder, again=True).changed
+    assert len(made_dives) == 7
+    assert store_hash(made.folder / LOG) == wanted
+    with LogStore(made.folder / LOG) as logs:
+        assert len(logs) == 7
+        assert np.isfinite(logs.signal("measured_depth", 3)).all()
+
+
+def test_a_corrected_value_of_a_file_that_grows_is_read(tmp_path: Path, source: Path) -> None:
+    made = deployment(tmp_path, source, kind="og1", variation_deg=-20.0)
+    path = write_og1(source / "grows.nc", Flight(dives=5))
+    log_of_files(made, made.folder)
+    with netCDF4.Dataset(path, "a") as file:
+        pitch = file["PITCH"]
+        half = len(pitch) // 2
+        pitch[half - 50 : half + 50] = pitch[half - 50 : half + 50] + 0.01
+    assert log_of_files(made, made.folder).changed
+    corrected = store_hash(made.folder / LOG)
+    log_of_files(made, made.folder, again=True)
+    assert store_hash(made.folder / LOG) == corrected
+
+
+def test_the_logs_of_an_lrauv_are_one_deployment(tmp_path: Path, source: Path) -> None:
+    for day in range(2):
+        path = source / f"{day}" / "shore.mat"
+        path.parent.mkdir()
+        write_mat(path, Flight(dives=2))
+        with netCDF4.Dataset(path, "a") as file:  # the second one a day later
+            for group in file.groups.values():
+                group["time"][:] = group["time"][:] + day
+    made = deployment(tmp_path, source, kind="lrauv", recursive=True)
+    assert log_of_files(made, made.folder).changed
+    with LogStore(made.folder / LOG) as logs:
+        assert len(logs) == 4
+        assert set(logs.deployments) == {"shore"}
+
+
 def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
     tmp_path: Path, base: list[Path], source: Path
 ) -> None:
@@ -349,22 +429,67 @@ def test_a_pass_that_was_killed_goes_on(
 def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(
     tmp_path: Path, base: list[Path], source: Path
 ) -> None:
-    made = deployment(tmp_path, source, goto="49.6,-57.9;49.7,-57.9")
+    made = deployment(tmp_path, source, goto="49.52,-57.98;49.7,-57.9", samples=0.5)
     for path in base:
         shutil.copy(path, source)
+    (source / "science").write_text("100 5 111 60\n1000 10 101 120\n")
+    (source / "cmdfile").write_text("$D_TGT,40\n$GO\n")
     told = one_pass(made).told
     assert told is not None
-    first, second = read_targets(made.folder / "page" / "targets")
-    assert first.latitude == pytest.approx(49.6, abs=1e-5)
+    folder = made.folder / "page"
+    first, second = read_targets(folder / "targets")
+    assert first.latitude == pytest.approx(49.52, abs=1e-5)
     assert (first.goto, second.goto) == ("T2", "T2")
-    assert "Proposal" in (made.folder / "page" / "index.html").read_text()
+    page = (folder / "index.html").read_text()
+    assert "Proposal" in page
     assert told.plan.startswith("to the places of deployment.toml")
     rows = {row["what"]: row for row in told.changes}
-    assert rows["next place"]["proposed"] == "49.6,-57.9"
+    assert rows["next place"]["proposed"] == "49.52,-57.98"
     assert rows["depth [m]"]["now"] == rows["depth [m]"]["proposed"]
-    assert "What its last dives did" in (made.folder / "page" / "index.html").read_text()
+    assert "What its last dives did" in page
+    # what the twin flies is what a reader finds in the files
+    assert told.surfacings is not None
+    (flown,) = told.surfacings.request.mission.segments
+    commands = read_commands(folder / "cmdfile")
+    (said,) = commanded(commands, (first, second), load_vehicle("seaglider")).segments
+    assert flown == said
+    # against what lies in the source
+    assert [one.seconds for one in read_science(folder / "science")] == [10.0, 20.0]
+    assert told.proposed is not None
+    assert set(told.proposed.changes) == {"cmdfile", "science"}
+    assert "-$D_TGT,40\n" in told.proposed.changes["cmdfile"]
+    assert "+100 10 111 60" in told.proposed.changes["science"]
+    assert "which it flies now" in page
+    # ways to the next place
+    assert "<h2>Routes</h2>" in page
+    assert told.routes is not None
+    lines = json.loads((folder / "routes.geojson").read_text())["features"]
+    assert lines[0]["properties"]["name"] == "straight"
+    assert lines[0]["geometry"]["coordinates"][-1] == pytest.approx([-57.98, 49.52], abs=1e-4)
+    assert 0.05 < told.routes.speed < 0.4
+    assert "take " in page
+    (source / "cmdfile").write_text("$D_TGT,41\n$GO\n")
     one_pass(dataclasses.replace(made, goto=""))
-    assert not (made.folder / "page" / "targets").exists()
+    assert not (folder / "targets").exists()
+    assert not (folder / "routes.geojson").exists()
+
+
+def test_files_that_are_not_written_are_refused_by_name() -> None:
+    vehicle = load_vehicle("seaglider")
+    mission = mission_to(
+        "49.6,-57.9", depth=60.0, pitch_deg=26.0, surface_after_s=900.0, radius=500.0
+    )
+    for kind, samples, message in (
+        ("seaexplorer", 1.0, "SeaExplorer are not written: no public text says what its sea.msn"),
+        ("og1", 1.0, "files of og1 vehicles are not written"),
+        ("slocum", 0.5, "a Seaglider alone has a science file"),
+        ("seaglider", 0.5, "the source has no file science"),
+    ):
+        with pytest.raises(MissionError, match=message):
+            proposed_files(kind, mission, vehicle, {}, samples)
+    same = proposed_files("seaglider", mission, vehicle, {})
+    again = proposed_files("seaglider", mission, vehicle, same.files)
+    assert again.changes == {"targets": "", "cmdfile": ""}
 
 
 def test_as_of_a_moment_only_the_dives_that_had_ended_are_known(

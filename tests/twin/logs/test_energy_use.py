@@ -96,6 +96,8 @@ def test_later_dives_are_foretold_by_what_they_do(store: Path) -> None:
     errors = tried.errors()
     assert errors["model_per_dive"] < 0.02
     assert errors["per_hour_per_dive"] > 0.05
+    mean = np.mean([one.measured for one in energy_used(store, "slocum-200").dives[:6]])
+    assert tried.each == pytest.approx(mean, rel=0.01)
 
 
 def test_a_counter_that_starts_again_is_left_out_and_counted(
@@ -203,6 +205,7 @@ def test_charge_of_later_dives_of_real_gliders(
     assert len(tried.dives) == dives
     assert errors["model_per_dive"] < 0.10
     assert errors["model_per_dive"] < 0.5 * errors["per_hour_per_dive"]
+    assert errors["model_per_dive"] < 0.5 * errors["each_per_dive"]
 
 
 def test_a_flight_tells_power_and_days_left(

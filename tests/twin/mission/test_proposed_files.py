@@ -14,14 +14,22 @@ from twin.mission import (
     Mission,
     SawTooth,
     Waypoint,
+    commanded,
+    commands_of,
+    commands_text,
+    read_commands,
+    read_science,
     read_targets,
+    science_text,
     slocum_arguments,
+    sparser,
     targets_of,
     targets_text,
 )
 from twin.mission.slocum_arguments import degrees_minutes
 from twin.mission.slocum_behavior import degrees
 from twin.mission.slocum_mission import read_slocum
+from twin.vehicle.vehicle import load_vehicle
 
 PLACES = (
     {"latitude": 48.123456, "longitude": -51.987654},
@@ -137,3 +145,101 @@ def test_missions_that_such_files_cannot_say() -> None:
         slocum_arguments(Mission(name="yos", segments=(yos,)))
     with pytest.raises(MissionError, match="0 to 99"):
         slocum_arguments(MISSION, number=100)
+
+
+# --- a Seaglider's commands and science -------------------------------------------------------
+
+GLIDE = dataclasses.replace(SEGMENT, climb_pitch_deg=None, max_depth_m=990.0, pitch_deg=20.0)
+OLD = "/ shallow first\n200 5 111 60\n1000 30 101 120\n"
+NEW = "200 seconds=5 sensors=111 gc=60 profile=b\nloiter seconds=30 sensors=101 gc=120\n"
+
+
+@pytest.mark.parametrize(("pitch", "mass"), [(14.0, 0.1), (20.0, 0.2), (40.0, 0.05)])
+def test_a_seaglider_s_commands_are_read_back_as_the_dive(
+    tmp_path: Path, pitch: float, mass: float
+) -> None:
+    vehicle = load_vehicle("seaglider")
+    segment = dataclasses.replace(GLIDE, pitch_deg=pitch, net_mass_kg=mass)
+    mission = Mission(name="goto", segments=(segment,))
+    (tmp_path / "cmdfile").write_text("/ mine\n" + commands_text(commands_of(mission, vehicle)))
+    (tmp_path / "targets").write_text(targets_text(targets_of(mission)))
+    commands = read_commands(tmp_path / "cmdfile")
+    targets = read_targets(tmp_path / "targets")
+    (read,) = commanded(commands, targets, vehicle).segments
+    assert isinstance(read, Waypoint)
+    assert read.max_depth_m == 990.0
+    assert read.pitch_deg == pytest.approx(pitch, abs=0.3)  # $T_DIVE is in whole minutes
+    assert read.net_mass_kg == pytest.approx(mass, rel=1e-3)
+    assert (read.surface_after_yos, read.arrival_radius_m) == (1.0, 250.0)
+    assert read.surface_after_s == pytest.approx(90.0 * commands["T_DIVE"], abs=30.0)
+    assert read.targets[0]["latitude"] == pytest.approx(PLACES[0]["latitude"], abs=1e-6)
+    slow = commands | {"T_DIVE": 1.3 * commands["T_DIVE"]}
+    (flatter,) = commanded(slow, targets, vehicle).segments
+    assert flatter.pitch_deg < pitch
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("$D_TGT,990\n", "no directive"),
+        ("$D_TGT,deep\n$GO\n", "line 1: \\$D_TGT,deep must be a number"),
+        ("$D_TGT,2000\n$GO\n", "within 0 to 1100"),
+        ("$T_DIVE,60.5\n$GO\n", "a whole number within 5 to 2880"),
+        ("D_TGT 990\n$GO\n", "is no \\$NAME,VALUE"),
+    ],
+)
+def test_commands_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "cmdfile").write_text(text)
+    with pytest.raises(MissionError, match=message):
+        read_commands(tmp_path / "cmdfile")
+
+
+def test_dives_that_commands_cannot_say() -> None:
+    vehicle = load_vehicle("seaglider")
+    climbs = dataclasses.replace(GLIDE, climb_pitch_deg=30.0)
+    with pytest.raises(MissionError, match="leave climb_pitch_deg out"):
+        commands_of(Mission(name="goto", segments=(climbs,)), vehicle)
+    commands = commands_of(Mission(name="goto", segments=(GLIDE,)), vehicle)
+    targets = targets_of(MISSION)
+    with pytest.raises(MissionError, match="steeper than \\$GLIDE_SLOPE"):
+        commanded(commands | {"T_DIVE": 0.5 * commands["T_DIVE"]}, targets, vehicle)
+    del commands["T_DIVE"]
+    with pytest.raises(MissionError, match="has no \\$T_DIVE"):
+        commanded(commands, targets, vehicle)
+    far = [dataclasses.replace(targets[0], radius_m=900.0), *targets[1:]]
+    with pytest.raises(MissionError, match="radii 250, 900"):
+        commanded(commands | {"T_DIVE": 300.0}, far, vehicle)
+
+
+@pytest.mark.parametrize("text", [OLD, NEW])
+def test_science_is_read_and_made_sparser(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "science"
+    path.write_text(text)
+    layers = read_science(path)
+    assert [(one.seconds, one.sensors, one.gc) for one in layers] == [
+        (5.0, "111", "60"), (30.0, "101", "120"),
+    ]  # fmt: skip
+    assert science_text(layers) == text.partition("first\n")[2] or science_text(layers) == text
+    path.write_text(science_text(sparser(layers, 0.5)))
+    assert [one.seconds for one in read_science(path)] == [10.0, 60.0]
+    assert [one.more for one in read_science(path)] == [one.more for one in layers]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("/ nothing\n", "has no layer"),
+        ("200 5 111\n", "is no DEPTH SECONDS SENSORS GC"),
+        ("deep 5 111 60\n", "depth 'deep' must be a number"),
+        ("200 5 1x1 60\n", "a digit for each"),
+        ("200 seconds=5 gc=60\n", "sensors= is missing"),
+        ("200 5 111 60\n100 5 111 60\n", "depths must grow"),
+    ],
+)
+def test_science_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "science").write_text(text)
+    with pytest.raises(MissionError, match=message):
+        read_science(tmp_path / "science")
+    (tmp_path / "science").write_text(OLD)
+    with pytest.raises(MissionError, match=r"0.01 of the samples: take a part from 0.05 to 4"):
+        sparser(read_science(tmp_path / "science"), 0.01)

@@ -10,6 +10,7 @@ import datetime
 import functools
 import html
 import io
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,8 @@ from twin.records.storage.whole import check_folder_target, whole_folder
 
 DPI = 200
 INDEX, PICTURE = "index.html", ".png"
+SHORT = 16
+"""Letters of a cell of words that stay on one line"""
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
@@ -58,6 +61,8 @@ th, td { padding: .3rem .8rem .3rem 0; text-align: right; border-bottom: 1px sol
 th { font-weight: 600; color: var(--dim); }
 th:first-child, td:first-child { text-align: left; white-space: nowrap; }
 table { margin: .3rem 0 1.4rem; }
+th.words, td.words { text-align: left; padding-left: .4rem; }
+td.short { white-space: nowrap; }
 tr.first td { font-weight: 600; }
 tr.first td:first-child { color: var(--mark); }
 dl.facts { display: grid; grid-template-columns: max-content 1fr; gap: .25rem 1.2rem;
@@ -75,8 +80,11 @@ code, pre { font: .85rem/1.5 ui-monospace, "DejaVu Sans Mono", monospace; }
 pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
 @media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; }
-  .scroll th, .scroll td { white-space: nowrap; } dl.figures { grid-template-columns: 1fr 1fr; }
-  figure { overflow-x: auto; } figure img { max-width: none; width: max(100%, 36rem); } }
+  .scroll th, .scroll td { white-space: nowrap; }
+  .scroll td.words { white-space: normal; min-width: 9rem; }
+  dl.figures { grid-template-columns: 1fr 1fr; }
+  figure { overflow-x: auto; } figure img { max-width: none; width: max(100%, 36rem); }
+  .pair figure img { width: 100%; } }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
   --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px;
   filter: brightness(.85); } }
@@ -111,11 +119,11 @@ class Page:
 
     def say(self, text: str) -> None:
         """A paragraph."""
-        self._body.append(f"<p>{_text(text)}</p>")
+        self._body.append(f"<p>{_words(text)}</p>")
 
     def points(self, texts: Sequence[str]) -> None:
         """A list of sentences."""
-        self._body.append(f"<ul>{''.join(f'<li>{_text(text)}</li>' for text in texts)}</ul>")
+        self._body.append(f"<ul>{''.join(f'<li>{_words(text)}</li>' for text in texts)}</ul>")
 
     def numbers(self, figures: Mapping[str, str]) -> None:
         """The few figures that matter, large."""
@@ -143,14 +151,21 @@ class Page:
     ) -> None:
         """Rows with one column per key; with `first` the first row stands out."""
         columns = list(dict.fromkeys(key for row in rows for key in row))
-        head = "".join(f"<th>{_text(column)}</th>" for column in columns)
+        shown = {c: [_cell(row.get(c)) for row in rows] for c in columns}
+        kinds = {c: "words" if c in columns[1:] and _is_words(shown[c]) else "" for c in columns}
+        head = "".join(f"<th{_class(kinds[c])}>{_text(c)}</th>" for c in columns)
         lines = [f"<tr>{head}</tr>"]
-        for place, row in enumerate(rows):
-            cells = "".join(f"<td>{_text(_cell(row.get(c)))}</td>" for c in columns)
+        for place in range(len(rows)):
+            texts = [(shown[c][place], kinds[c]) for c in columns]
+            cells = "".join(
+                f"<td{_class(kind and ('short' if len(text) <= SHORT else kind), kind)}>"
+                f"{_text(text)}</td>"
+                for text, kind in texts
+            )
             lines.append(
                 f'<tr class="first">{cells}</tr>' if first and place == 0 else f"<tr>{cells}</tr>"
             )
-        note = f'<p class="lead">{_text(caption)}</p>' if caption else ""
+        note = f'<p class="lead">{_words(caption)}</p>' if caption else ""
         self._body.append(f'{note}<div class="scroll"><table>{"".join(lines)}</table></div>')
 
     def figure(self, name: str, drawn: Figure, caption: str) -> None:
@@ -229,6 +244,22 @@ def _cell(value: object) -> str:
 
 def _text(text: str) -> str:
     return html.escape(text, quote=True)
+
+
+def _words(text: str) -> str:
+    """Text whose parts in backticks are what somebody types."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", _text(text))
+
+
+def _is_words(cells: Sequence[str]) -> bool:
+    """Whether a column has words rather than numbers."""
+    letters, digits = (sum(map(kind, "".join(cells))) for kind in (str.isalpha, str.isdigit))
+    return letters > digits
+
+
+def _class(*names: str) -> str:
+    found = " ".join(dict.fromkeys(name for name in names if name))
+    return f' class="{found}"' if found else ""
 
 
 LETTERS_PER_INCH = 13.0

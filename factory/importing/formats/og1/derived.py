@@ -68,19 +68,19 @@ def ctd(
         measured = siemens(measured, "CNDC", tally)
     conductivity = measured if practical is None else None
     latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
-    place = (0.0, 0.0)
-    if len(fixes):
-        place = float(np.median(fixes.latitude)), float(np.median(fixes.longitude))
-    elif latitude is not None and longitude is not None and np.isfinite(latitude).any():
-        place = float(np.nanmedian(latitude)), float(np.nanmedian(longitude))
+    places = fixes
+    if not len(fixes) and latitude is not None and longitude is not None:
+        there = np.isfinite(latitude) & np.isfinite(longitude)
+        places = LoggedFixes(time[there], latitude[there], longitude[there])
+    north, east = places.at(time)
     water = ctd_channels(
         time,
         temperature=temperature,
         pressure=at.at(time),
         practical=practical,
         conductivity=conductivity,
-        latitude=place[0],
-        longitude=place[1],
+        latitude=north,
+        longitude=east,
         tally=tally,
     )
     if measured is not None and own_conductivity:

@@ -1,0 +1,128 @@
+"""Mornings: pages of deployments at sea, made as of three moments in their past, and what came.
+
+    python -m benchmarks.mornings FOLDER [NAME ...] [--out PAGES]
+
+FOLDER holds real logs whose licence lets pages of them be shown, as `DEPLOYMENTS` names them. Each
+deployment's files are watched by `--as-of` at a quarter, a half and three quarters of its dives,
+with the shipped vehicle of its kind: nothing is tuned on what follows. Printed is a row a morning.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from factory.watching import WatchedDeployment, one_pass
+from factory.watching.deployment_folder import SETTINGS
+from factory.watching.log_of_files import LOG, log_of_files
+from factory.watching.morning_page import LATEST, PAGE
+from factory.watching.news import surfaced
+from factory.watching.watch_pass import PAST
+from twin.forecast import legs_of
+from twin.records.logged import LogStore
+
+DEPLOYMENTS = {
+    "unit334 2023-09": ("slocum_unit334_2023", "unit334_*.*", "slocum-200"),
+    "comet 2016-06": (
+        "slocum_comet_dvl_2016",
+        "comet2016_flight.parquet comet2016_gps.csv",
+        "slocum-200",
+    ),
+    "SG171 2024": ("seaglider_apl_ad2cp", "sg171_*_samples.parquet sg171_*_dives.csv", "seaglider"),
+    "SG561 2016-05": ("seaglider_apl_basestation3", "sg561_*", "seaglider"),
+    "SEA035 M12": ("seaexplorer_pyglider", "sea035_M12_gli.csv.gz", "seaexplorer"),
+    "modena 2016-09": ("slocum_seus_2016", "modena-*/*.sbd cache/*", "slocum-200"),
+    "salacia 2017-07": ("slocum_seus_2017", "salacia-*/*.sbd", "slocum-200"),
+}
+"""Folder, patterns of files in it, and shipped vehicle"""
+PARTS = (0.25, 0.5, 0.75)
+PAUSE = 600.0
+"""[s] after a dive's end at which the page is made"""
+
+
+def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
+    """Rows of a deployment.
+
+    Args:
+      folder: of all real logs. place: where the deployment's folder is made.
+    """
+    where, patterns, vehicle = DEPLOYMENTS[name]
+    source = place / "arrived"
+    source.mkdir(parents=True, exist_ok=True)
+    for pattern in patterns.split():
+        for path in sorted((folder / where).glob(pattern)):
+            if not (source / path.name).exists():
+                (source / path.name).symlink_to(path)
+    made = WatchedDeployment(
+        folder=place / name.replace(" ", "-"), source=str(source), vehicle=vehicle
+    )
+    if not (made.folder / SETTINGS).exists():
+        made.write()
+    log = log_of_files(made, made.folder)
+    if log.store is None:
+        raise SystemExit(f"{name}: {log.missing}")
+    with LogStore(made.folder / LOG) as logs:
+        newest = logs.deployments[int(np.argmax(np.nan_to_num(logs.starts, nan=-np.inf)))]
+        legs = legs_of(logs, newest)
+    rows = []
+    for part in PARTS:
+        end = legs[max(round(part * len(legs)) - 1, 0)].leg.end
+        moment = datetime.datetime.fromtimestamp(round(end + PAUSE), datetime.UTC)
+        one_pass(made, until=moment)
+        page = made.folder / PAST / f"{moment:%Y-%m-%dT%H%M%S}" / PAGE / LATEST
+        said = json.loads(page.read_text())
+        found = said["forecast"]["surfacings"] if said["forecast"] else []
+        came = surfaced(said["forecast"], legs)
+        row = {
+            "deployment": name,
+            "as of, UTC": f"{moment:%Y-%m-%d %H:%M}",
+            "dives": f"{len(said['dives'])}",
+            "verdict": said["verdict"].partition(";")[0].rpartition(": ")[2],
+            "next surfacing": _told(found[0]) if found else "not told",
+        }
+        days = said["days_left"]
+        row["days left"] = "not known" if days is None else f"{days:.1f}"
+        row["what came"] = _short(came[0]) if came else "no surfacing near that time"
+        inside = sum(", inside the" in one for one in came)
+        row["inside"] = f"{inside} of {len(came)}"
+        rows.append(row)
+    return rows
+
+
+def _told(surfacing: dict[str, Any]) -> str:
+    """When, and the semi-axes of the ellipse of 90 %."""
+    long, short = (surfacing["ellipse_90"][f"semi_{name}_m"] / 1e3 for name in ("major", "minor"))
+    return f"{surfacing['time'][11:16]}, {long:.2f} x {short:.2f} km"
+
+
+def _short(said: str) -> str:
+    """Of a sentence on a surfacing, when and where it was against what was foretold."""
+    return ", ".join(said.partition("it came up ")[2].split(", ")[1:3])
+
+
+def main() -> None:
+    """Print a table in Markdown; the pages stay in --out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of deployments; default: all")
+    parser.add_argument("--out", type=Path, help="folder for the deployments with their pages")
+    options = parser.parse_args()
+    head = False
+    with tempfile.TemporaryDirectory() as temporary:
+        for name in options.names or DEPLOYMENTS:
+            place = (options.out or Path(temporary)) / name.replace(" ", "-")
+            for row in mornings(name, options.folder.resolve(), place):
+                if not head:
+                    print(f"| {' | '.join(row)} |\n|{'---|' * len(row)}", flush=True)
+                    head = True
+                print(f"| {' | '.join(row.values())} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
