@@ -70,7 +70,8 @@ def test_a_seaglider_gets_commands_and_what_they_cannot_say_is_said(tmp_path: Pa
     for k, one in enumerate(found.dives, 1):
         assert list(one.files) == ["targets", "cmdfile"]
         commands = read_commands(made.folder / "learn" / str(k) / "cmdfile")
-        assert one.flight["min"] == pytest.approx(commands["T_DIVE"], rel=0.35)
+        # gathering speed and turning below come on top of the glides that $T_DIVE counts
+        assert 0.0 < one.flight["min"] - commands["T_DIVE"] < 6.0
         said = (made.folder / "learn" / str(k) / "dive.txt").read_text()
         assert "its files have no climb" in said
 
