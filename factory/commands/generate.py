@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher
     from factory.sampling import Recipe
 
-DEPLOYMENTS, SENT = "faulty", "faulty-satellite"
+DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE = "faulty", "faulty-satellite"
 """Presets of deployments; the first begins both names"""
 DEFAULT_OUT = Path("data/missions.zarr")
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
@@ -189,7 +189,8 @@ class Generate(EngineOption, JsonOption):
         from twin.errors import InputError, unknown_name
 
         if self.preset not in PRESETS:
-            raise InputError(unknown_name("preset", self.preset, [*PRESETS, DEPLOYMENTS, SENT]))
+            presets = [*PRESETS, DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE]
+            raise InputError(unknown_name("preset", self.preset, presets))
         # what is to be resumed may be nearly complete; an object storage has room
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)

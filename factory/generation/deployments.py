@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 
 PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
 """[s] between samples of the presets: of files that are read after recovery, and of what is sent"""
-SENT = (
+SATELLITE_SIGNALS = (
     "measured_depth", "measured_pressure", "measured_pitch", "measured_roll", "measured_heading",
     "measured_pump", "measured_shift", "measured_rotation", "measured_fin", "measured_vacuum",
     "measured_voltage", "measured_charge", "commanded_heading", "commanded_pitch",
@@ -254,7 +254,7 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
             continue
         if known.startswith(("measured_specific", "measured_onboard")) or known.endswith("_rate"):
             continue
-        if plan.preset != "faulty" and known not in SENT:
+        if plan.preset != "faulty" and known not in SATELLITE_SIGNALS:
             continue
         finite = np.isfinite(values)
         if finite.any():

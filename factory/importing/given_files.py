@@ -21,6 +21,7 @@ from factory.importing.netcdf import holds_arrays, variable_names
 from factory.importing.tally import Tally, summarise
 from twin.bounded import check_regular
 from twin.errors import InputError
+from twin.records.storage.checksums import LIST
 from twin.records.storage.sharded import METADATA
 
 
@@ -48,7 +49,9 @@ def expand(
             raise InputError(f"no file {path}")
     unique = list({path.resolve(): path for path in files}.values())
     tally.add("left out", "files", len(files) - len(unique), "named twice")
-    unique = _without_copies(unique, tally)
+    lists = [path for path in unique if path.name == LIST]
+    tally.add("left out", "files", len(lists), f"no log: an export's list of checksums, {LIST}")
+    unique = _without_copies([path for path in unique if path not in lists], tally)
     if not unique:
         raise InputError(
             f"no files to import; name {importer.name} logs or a folder that holds them"

@@ -14,6 +14,8 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 """[s] of each unit that can stand behind a number"""
 NOT_FINITE = ("nan", "inf", "-inf")
 """Numbers that no duration is, as they are written"""
+METAVAR = "DURATION"
+"""What a help text shows for one"""
 _WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
 
 
@@ -48,6 +50,33 @@ def _read(text: str, unit: str) -> float | None:
     return float(found[1]) if own == unit else float(found[1]) * SECONDS[own] / SECONDS[unit]
 
 
+SPELLED = {
+    "s": "s", "sec": "s", "second": "s", "min": "min", "minute": "min", "h": "h", "hr": "h",
+    "hour": "h", "d": "d", "day": "d", "week": None, "month": None, "year": None,
+}  # fmt: skip
+"""Words for a time, without the s of many, and the unit that each is, if any"""
+
+
+def apart(number: str, word: str) -> str | None:
+    """What is wrong with a duration that was typed as two words; None where they are none.
+
+    Args:
+      number: what was given as a duration.
+      word: what was typed behind it, such as weeks.
+    """
+    found = _WRITTEN.fullmatch(number)
+    spoken = word.lower()
+    spoken = spoken if spoken in SPELLED else spoken.removesuffix("s")
+    if found is None or found[2] or spoken not in SPELLED:
+        return None
+    unit = SPELLED[spoken]
+    right = f"{number}{unit}" if unit else "42d"
+    return (
+        f"'{number} {word}' is no duration: write number and unit as one word, with s, min, h or "
+        f"d, such as {right}"
+    )
+
+
 def _typed(words: list[str], unit: str) -> float:
     found = _read(words[0], unit)
     if found is None and words[0].strip().lower() in NOT_FINITE:
@@ -60,7 +89,7 @@ def _typed(words: list[str], unit: str) -> float:
 def _option(unit: str) -> PrimitiveConstructorSpec[float]:
     return PrimitiveConstructorSpec(
         nargs=1,
-        metavar=f"DURATION[{unit}]",
+        metavar=f"{METAVAR}[{unit}]",
         instance_from_str=lambda words: _typed(words, unit),
         is_instance=lambda value: isinstance(value, int | float),
         str_from_instance=lambda value: [f"{value:g}{unit}"],

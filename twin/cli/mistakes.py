@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from tyro import _docstrings as docstrings
 from tyro import _errors as parse_errors
 
+from twin.cli.durations import METAVAR, apart
 from twin.errors import nearest
 
 # Not in tyro's public face: see twin.cli.options.
@@ -137,6 +138,20 @@ def _with_meaning(told: str, command: type) -> str:
     """The line with the option's meaning behind it, so that its unit is seen."""
     meaning = option_meaning(command, told.split()[0])
     return f"{told}: {meaning}" if meaning else told
+
+
+def split_duration(command: type, words: Sequence[str]) -> str | None:
+    """What is wrong with a duration that is two words, such as --hours 6 weeks; None without one.
+
+    Otherwise the second word would be taken for a mission, a store or whatever stands alone.
+    """
+    hints = typing.get_type_hints(command, include_extras=True)
+    parts = [word for given in words for word in given.split("=", 1)]
+    for flag, number, word in zip(parts, parts[1:], parts[2:], strict=False):
+        field = option_field(command, flag) if flag.startswith("--") else None
+        if field is not None and METAVAR in repr(hints[field]) and (told := apart(number, word)):
+            return f"{flag}: {told}"
+    return None
 
 
 def _unknown_option(tokens: Sequence[str], command: type, words: Sequence[str]) -> str:

@@ -25,7 +25,7 @@ import tyro
 from tyro import _errors as parse_errors
 from tyro.constructors import PrimitiveConstructorSpec
 
-from twin.cli.mistakes import explain, option_owner, option_text
+from twin.cli.mistakes import explain, option_owner, option_text, split_duration
 from twin.errors import InputError, TwinError
 from twin.records.storage.store_path import StorePath, Url, store_path
 
@@ -58,6 +58,8 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
             raise cause
         raise InputError(f"{explain(event, command, words)} (see {prog} --help)")
 
+    if told := split_duration(command, words):
+        raise InputError(f"{told} (see {prog} --help)")
     _spell_unions_out(command)
     _hide_plain_defaults(command)
     asked = not {"-h", "--help"}.isdisjoint(words)

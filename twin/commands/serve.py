@@ -79,7 +79,7 @@ class Serve(JsonOption):
             telemetry = MavlinkTelemetry(self.mavlink, (place.latitude_deg, place.longitude_deg))
         with ArduPilotServer(
             flown, channels, host=self.host, port=self.port, silence=self.silence,
-            exposed=self.exposed, telemetry=telemetry,
+            exposed=self.exposed, telemetry=telemetry, tell=console.note,
         ) as server:  # fmt: skip
             where = "{}:{}".format(*server.address)
             parts = ", ".join(f"{k} {name}" for k, name in enumerate(channels.parts, 1))

@@ -101,6 +101,7 @@ class ArduPilotServer:
         silence: float = 2.0,
         exposed: bool = False,
         telemetry: Callable[[SteppedVehicle], None] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Bind the socket.
 
@@ -112,6 +113,7 @@ class ArduPilotServer:
             failsafe in real time until a client comes back.
           exposed: allow a host that other machines reach. The protocol has no password.
           telemetry: called after each frame.
+          tell: takes a line when a client is refused because another one drives, once for each.
 
         Raises:
           InputError: a host that other machines reach without `exposed`, or the port is taken.
@@ -125,7 +127,8 @@ class ArduPilotServer:
             raise InputError(f"silence must be above 0 s, not {silence:g}")
         self.flown, self.channels, self.silence = flown, channels, silence
         self.served = Served()
-        self._telemetry = telemetry
+        self._telemetry, self._tell = telemetry, tell
+        self._refused: set[tuple[str, int]] = set()
         self._client: tuple[str, int] | None = None
         self._frame, self._answer, self._heard = -1, b"", 0.0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -164,8 +167,16 @@ class ArduPilotServer:
     def _take(self, data: bytes, sender: tuple[str, int]) -> None:
         """Fly the frame of a packet and answer it."""
         packet = _unpack(data)
-        if packet is None or self._client not in (None, sender):
+        driver = self._client or sender
+        if packet is None or driver != sender:
             self.served.refused += 1
+            if packet is not None and sender not in self._refused:
+                self._refused.add(sender)
+                self._tell(
+                    "{}:{} is refused: {}:{} drives, until it is silent for {:g} s".format(
+                        *sender, *driver, self.silence
+                    )
+                )
             return
         rate, frame, pulses = packet
         self._client, self._heard = sender, time.monotonic()

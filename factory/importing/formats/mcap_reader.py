@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import DeploymentLog, each_file
-from factory.importing.formats.base import ReadOptions
+from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
 from factory.importing.formats.csv.mapping_file import declare_model, signal_names
 from factory.importing.messages import (
@@ -99,6 +99,8 @@ def _metadata(path: Path) -> dict[str, str]:
 
     if path.is_dir():
         return {}
+    if "mcap" not in kinds_by_bytes(path):
+        raise InputError(f"{path.name} is no MCAP file: it does not begin as one")
     try:
         with path.open("rb") as stream:
             for one in make_reader(stream).iter_metadata():
@@ -106,7 +108,7 @@ def _metadata(path: Path) -> dict[str, str]:
                     return dict(one.metadata)
     except Exception as error:
         raise InputError(
-            f"{path.name} is damaged or no MCAP file: {' '.join(str(error).split())}; "
+            f"{path.name} is damaged: {' '.join(str(error).split())}; "
             "`mcap recover` repairs one that was cut off"
         ) from error
     return {}

@@ -136,6 +136,24 @@ def test_what_is_wrong_with_a_recording_is_told(tmp_path: Path) -> None:
         import_logs("rosbag2", [bag])
 
 
+def test_what_lies_beside_recordings_is_passed_over_with_a_word(
+    flown: Path, tmp_path: Path
+) -> None:
+    (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
+    beside = path.with_name("checksums.json")
+    beside.write_text("{}")
+    alone, _ = import_logs("mcap", [path])
+    together, report = import_logs("mcap", [path, beside])
+    assert together.equals(alone)
+    assert "an export's list of checksums, checksums.json" in str(report.table())
+    notes = path.with_name("notes.json")
+    notes.write_text("calm sea")
+    _, report = import_logs("mcap", [path, notes])
+    assert "notes.json is no MCAP file" in str(report.table())
+    with pytest.raises(InputError, match="no files to import; name mcap logs"):
+        import_logs("mcap", [beside])
+
+
 def test_a_file_that_was_cut_off(flown: Path, tmp_path: Path) -> None:
     (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
     path.write_bytes(path.read_bytes()[:-2000])

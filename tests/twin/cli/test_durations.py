@@ -10,6 +10,7 @@ from factory.commands.generate import Generate
 from twin.cli.durations import duration
 from twin.cli.options import parse_options
 from twin.commands.forecast import ForecastSurfacings
+from twin.commands.serve import Serve
 from twin.commands.simulate import Simulate
 from twin.errors import InputError
 
@@ -41,6 +42,31 @@ def test_options_take_both(command: type, option: str, hour: float, bare: float)
         assert dataclasses.asdict(found)[option] == expected
     with pytest.raises(InputError, match=rf"--{option}.*'6 weeks'"):
         parse_options(command, prog="x", words=[f"--{option}", "6 weeks", *NEEDED[command]])
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "told"),
+    [
+        (Simulate, ["--duration", "6", "weeks"], "--duration: '6 weeks'.*s, min, h or d, .*42d"),
+        (Simulate, ["--duration=6", "Hours", "--json"], "--duration: '6 Hours' .*such as 6h"),
+        (Generate, ["--hours", "90", "min"], "--hours: '90 min' is no duration: .*such as 90min"),
+        (Serve, ["--silence", "2", "s"], "--silence: '2 s' is no duration: .*such as 2s"),
+    ],
+)
+def test_a_unit_that_stands_alone_is_no_mission(command: type, words: list, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        parse_options(command, prog="x", words=words)
+
+
+def test_a_mission_may_stand_behind_a_duration() -> None:
+    for number in ("3600", "6h"):
+        found = parse_options(Simulate, prog="x", words=["--duration", number, "transects"])
+        assert found is not None
+        assert found.mission == "transects"
+    # what is no duration's number is left to others
+    found = parse_options(Simulate, prog="x", words=["--seed", "6", "weeks"])
+    assert found is not None
+    assert found.mission == "weeks"
 
 
 NEEDED: dict[type, list[str]] = {Simulate: [], ForecastSurfacings: [], Generate: []}

@@ -9,6 +9,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def serve() -> Iterator[Callable[..., tuple[ArduPilotServer, Client]]]:
     stop = threading.Event()
     tidy: list[Callable[[], None]] = []
 
-    def begin(vehicle: SteppedVehicle, rate: int, **options: float) -> tuple:
+    def begin(vehicle: SteppedVehicle, rate: int, **options: Any) -> tuple:
         channels = Channels.of(vehicle.vehicle, PARTS if vehicle.vehicle.name == VEHICLE else ())
         server = ArduPilotServer(vehicle, channels, port=0, **options)
         thread = threading.Thread(target=server.run, args=(stop.is_set,))
@@ -168,15 +169,20 @@ def test_frames_that_repeat_or_begin_again(serve: Callable) -> None:
 
 
 def test_what_is_no_packet_and_who_is_no_client_is_refused(serve: Callable) -> None:
-    server, client = serve(SteppedVehicle(scenario(seconds=60.0)), 10, silence=60.0)
+    told: list[str] = []
+    vehicle = SteppedVehicle(scenario(seconds=60.0))
+    server, client = serve(vehicle, 10, silence=60.0, tell=told.append)
     client.ask((2000, 1500, 1500))
     other = Client(server.address, 10)
-    other.send((1000, 1000, 1000), frame=1)
+    for _ in range(2):
+        other.send((1000, 1000, 1000), frame=1)
     for rubbish in (b"", b"\x1aH", struct.pack("<HHI16H", 18458, 0, 3, *(1500,) * 16), b"x" * 40):
         client._socket.sendto(rubbish, server.address)
     then = client.ask((2000, 1500, 1500))
     assert then["timestamp"] == pytest.approx(0.2)
-    assert server.served.refused == 5
+    assert server.served.refused == 6
+    names = [f"127.0.0.1:{one._socket.getsockname()[1]}" for one in (other, client)]
+    assert told == ["{} is refused: {} drives, until it is silent for 60 s".format(*names)]
     other.close()
 
 
