@@ -20,6 +20,7 @@ from factory.importing import IMPORTERS
 from factory.watching.sources.base import source_of
 from twin.bounded import read_toml
 from twin.errors import InputError, WriteError, quoted, shown, unknown_name
+from twin.forecast import check_members
 from twin.records.storage.whole import check_folder_target, whole_file
 
 SETTINGS = "deployment.toml"
@@ -105,6 +106,10 @@ class WatchedDeployment:
         source_of(self.source, "" if self.kind == AUTO else self.kind)
         if self.goto and self.mission:
             raise InputError(f"{where}: give goto or mission, not both")
+        try:
+            check_members(self.members)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
 
         self.harbour  # noqa: B018 - refuses what is no place
 

@@ -101,7 +101,7 @@ class Request:
         return self.horizon + deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
-def check_members(members: int, engine: str) -> None:
+def check_members(members: int, engine: str = "lanes") -> None:
     """Raise InputError for an unknown engine, and for members that are too few or too many."""
     if engine not in ENGINES:
         raise InputError(unknown_name("engine", str(engine), ENGINES))

@@ -156,6 +156,7 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
     for wrong, message in (
         (text.replace("members", "member"), "did you mean 'members'"),
         (text.replace("members = 10", 'members = "10"'), "must be a whole number"),
+        (text.replace("members = 10", "members = 8"), "members = 8 must be from 10"),
         (text.replace("energy_kwh = 3.5", "energy_kwh = -1"), "must be 0 or above"),
         (text.replace('"seaglider"  # of', '"seaglyder"  # of'), "unknown kind"),
         (text.replace('variation_deg = ""', 'variation_deg = "W"'), "must be degrees"),
