@@ -171,7 +171,7 @@ def _told(one: DeploymentHindcast) -> str:
             f"{dives} between fixes: too few to score: a dive is scored beside the current of "
             "one before it, and after those that only teach"
         )
-    weights = sorted(one.walked.now.items(), key=lambda item: -item[1])
+    weights = sorted(one.walked.pool.pool.weights.items(), key=lambda item: -item[1])
     said = ", ".join(f"{name} {weight:.2f}" for name, weight in weights)
     taught = f", the first {one.train} not scored" if one.train else ""
     return f"{dives}{taught}; weights after the last: {said}"

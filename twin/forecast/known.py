@@ -147,21 +147,18 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
             )
         dives = dive_times(logs, deployment)
     latitude = float(np.median([one.begin[0] for one in legs]))
-    pool, ways = CurrentPool(latitude=latitude, time=legs[0].leg.start), WayPool()
-    for one in legs:
-        pool.learn(one.leg)
-        ways.learn(one)
+    walked = walk(legs, latitude=latitude, dives=dives)
     last = legs[-1]
     return Known(
-        pool=pool,
+        pool=walked.pool,
         place=_end(last),
         time=last.leg.end,
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
         source=f"{counted(len(legs), 'dive')} of {deployment} (way through the water: "
         f"{last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
         legs=len(legs),
-        ways=ways,
-        reach=walk(legs, latitude=latitude, dives=dives).reach[1],
+        ways=walked.ways,
+        reach=walked.reach[1],
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 

@@ -136,8 +136,10 @@ class Walked:
     """[1] mean part of each model in explaining the dives, by pool: current, way, schedule"""
     scales: dict[str, dict[str, float]]
     """of each model's errors at the end, in the pool's own unit"""
-    now: dict[str, float]
-    """[1] weights of the current's models after the last dive"""
+    pool: CurrentPool
+    """Of the current, after the last dive"""
+    ways: WayPool
+    """After the last dive"""
     reach: Pair
     """[1] squared distances within which the two ellipses of the next surfacing lie"""
     singles: dict[str, float]
@@ -167,17 +169,9 @@ def walk(
       flown: flies members of each scored leg too.
     """
     priors = priors or Priors()
-    if not legs:
-        return Walked(
-            surfacings=(),
-            weights={},
-            scales={},
-            now={},
-            reach=priors.surfacing_reach,
-            singles={},
-        )
+    begin = legs[0].leg.start if legs else 0.0
     pool = CurrentPool(
-        latitude=latitude, time=legs[0].leg.start, field=field is not None, priors=priors.current
+        latitude=latitude, time=begin, field=field is not None, priors=priors.current
     )
     ways, ends, tide = WayPool(priors.way), SurfacingSchedule(priors.schedule), TidalFit(RIVAL_DAYS)
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
@@ -216,7 +210,8 @@ def walk(
             if parts[name]
         },
         scales={name: one.scales for name, one in pools.items()},
-        now=pool.pool.weights,
+        pool=pool,
+        ways=ways,
         reach=reaches[0].now,
         singles=dict(zip(pool.models, errors.tolist(), strict=True)),
     )

@@ -240,7 +240,10 @@ def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
 def _deployment(page: Page, one: DeploymentHindcast) -> None:
     page.section(one.name)
     said = "Weights of the current's models after the last dive: "
-    said += ", ".join(f"{name} {weight:.2f}" for name, weight in one.walked.now.items()) + "."
+    said += (
+        ", ".join(f"{name} {weight:.2f}" for name, weight in one.walked.pool.pool.weights.items())
+        + "."
+    )
     scores = one.surfacing
     if scores.ratio_interval is not None and scores.rival is not None:
         low, high = scores.ratio_interval

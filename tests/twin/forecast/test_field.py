@@ -85,7 +85,7 @@ def test_the_truth_with_an_error_improves_the_forecast(store, alone) -> None:
     assert found.current.mean["forecast"] < 0.6 * alone.current.mean["forecast"]
     assert found.surfacing.mean["forecast"] < alone.surfacing.mean["forecast"]
     assert found.current.mean["persistence"] == alone.current.mean["persistence"]
-    weights = found.deployments[0].walked.now
+    weights = found.deployments[0].walked.pool.pool.weights
     assert weights["field"] + weights["filter beside the field"] > 0.9
     assert found.current.coverage_90 > 0.7
 
@@ -94,7 +94,7 @@ def test_a_field_that_is_noise_is_not_believed(store, alone) -> None:
     noise = np.random.default_rng(4).normal(0.0, 0.25, (2, HOURS))
     strange = Series(interval=3600.0, north=tuple(noise[0]), east=tuple(noise[1]))
     found = hindcast([store], current=strange)
-    weights = found.deployments[0].walked.now
+    weights = found.deployments[0].walked.pool.pool.weights
     assert weights["field"] + weights["filter beside the field"] < 0.3
     assert found.current.mean["forecast"] < 1.15 * alone.current.mean["forecast"]
 
