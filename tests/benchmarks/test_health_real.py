@@ -22,10 +22,13 @@ def test_odds_and_days_are_those_that_were_measured():
         assert float(row[3]) == one["days"]
         place = 5 if one["vehicle"] == "shipped" else 6
         assert row[place] == f"{one['highest']:.1f}"
-    days = sum(one["days"] for one in KEPT["logs"] if one["vehicle"] == "shipped")
-    rang = sum(len(one["rang"]) for one in KEPT["logs"] if one["vehicle"] == "shipped")
-    assert rang == 3
-    assert f"Three alarms in {days:.1f} days" in PAGE
+    shipped = [one for one in KEPT["logs"] if one["vehicle"] == "shipped"]
+    days, alarms = (sum(values) for values in zip(
+        *((one["days"], len(one["rang"])) for one in shipped), strict=True
+    ))  # fmt: skip
+    assert alarms == 5
+    assert f"Five alarms of four deployments in {days:.1f} days" in PAGE
+    assert f"{30.0 * alarms / days:.1f} in 30 d" in PAGE
 
 
 def test_every_fault_that_was_put_in_is_told():
