@@ -40,8 +40,9 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "GLIDE_SLOPE": (-90.0, 90.0),
 }
 """Of the parameters that say a dive, in their units; whole ones have whole limits"""
-LATER = 1.5
-"""$T_MISSION over $T_DIVE: water that rises or sinks must not end a dive"""
+LATER, TURN = 1.5, 10.0
+"""$T_MISSION over $T_DIVE, and [min] on top: neither water that rises or sinks nor the pump's time
+below must end a dive"""
 STEEPEST, FLATTEST = 59.0, 8.0
 """[degree] of pitch within which a glide is looked for"""
 GRAMS, MINUTE = 1000.0, 60.0
@@ -67,7 +68,7 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
     found = {
         "D_TGT": round(segment.max_depth_m, 1),
         "T_DIVE": minutes,
-        "T_MISSION": round(LATER * minutes),
+        "T_MISSION": round(_given_up(minutes)),
         "MAX_BUOY": round(mass * GRAMS, 1),
         "GLIDE_SLOPE": float(math.ceil(_slope(glide, segment.pitch_deg))),
     }
@@ -137,11 +138,16 @@ def commanded(
         max_depth_m=depth,
         pitch_deg=pitch,
         net_mass_kg=mass,
-        surface_after_s=commands.get("T_MISSION", LATER * commands["T_DIVE"]) * MINUTE,
+        surface_after_s=commands.get("T_MISSION", _given_up(commands["T_DIVE"])) * MINUTE,
         surface_after_yos=1.0,
         arrival_radius_m=radius_of(targets),
     )
     return Mission(name=CMDFILE, segments=(segment,))
+
+
+def _given_up(minutes: float) -> float:
+    """[min] after which a dive of a $T_DIVE is given up."""
+    return LATER * minutes + TURN
 
 
 def _slope(glide: SteadyGlide, pitch_deg: float) -> float:

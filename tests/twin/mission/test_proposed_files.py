@@ -171,7 +171,7 @@ def test_a_seaglider_s_commands_are_read_back_as_the_dive(
     assert read.pitch_deg == pytest.approx(pitch, abs=0.3)  # $T_DIVE is in whole minutes
     assert read.net_mass_kg == pytest.approx(mass, rel=1e-3)
     assert (read.surface_after_yos, read.arrival_radius_m) == (1.0, 250.0)
-    assert read.surface_after_s == pytest.approx(90.0 * commands["T_DIVE"], abs=30.0)
+    assert read.surface_after_s == pytest.approx(90.0 * commands["T_DIVE"] + 600.0, abs=30.0)
     assert read.targets[0]["latitude"] == pytest.approx(PLACES[0]["latitude"], abs=1e-6)
     slow = commands | {"T_DIVE": 1.3 * commands["T_DIVE"]}
     (flatter,) = commanded(slow, targets, vehicle).segments
