@@ -17,7 +17,7 @@ import numpy as np
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.log_of_files import LOG
 from factory.watching.morning import end_of, vehicle_of_log
-from factory.watching.proposed_files import UNWRITTEN, WRITTEN, proposed_files
+from factory.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
 from twin.cli.text_table import format_table
 from twin.errors import InputError, SimulationUnstable
 from twin.forecast import Request, fly_nominal, legs_of
@@ -42,7 +42,6 @@ RADIUS, SHALLOW = 500.0, 8.0
 LONGER = 1.5
 """Times a dive's own time, within which the twin's flight of its files surfaces"""
 MINUTE, HOUR = 60.0, 3600.0
-SEAGLIDER = "seaglider"
 BY_HAND = "its files have no climb: here it climbs as steep and as light as it dives heavy"
 
 

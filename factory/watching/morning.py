@@ -44,6 +44,7 @@ from twin.identify import (
 )
 from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
 from twin.mission import Waypoint
+from twin.physics.start import utc_text
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
@@ -357,7 +358,7 @@ def _forecast(
     known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
     start = float(round(fix.time))
     stale = known.check_begin(fix.latitude, fix.longitude, start)
-    begin = moment_of(start).replace(tzinfo=None).isoformat()
+    begin = utc_text(moment_of(start))
     request = Request(
         vehicle=vehicle,
         mission=plan.mission,

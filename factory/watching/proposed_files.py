@@ -28,13 +28,16 @@ from twin.mission import (
     targets_of,
     targets_text,
 )
+from twin.mission.seaglider_commands import CMDFILE
+from twin.mission.seaglider_science import SCIENCE
+from twin.mission.seaglider_targets import TARGETS
 from twin.mission.slocum_mission import read_slocum
 from twin.vehicle.vehicle import Vehicle
 
-TARGETS, CMDFILE, SCIENCE = "targets", "cmdfile", "science"
 NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", TARGETS, CMDFILE, SCIENCE)
 """Every name that a proposed file can have"""
-WRITTEN = ("slocum", "seaglider")
+SLOCUM, SEAGLIDER = "slocum", "seaglider"
+WRITTEN = (SLOCUM, SEAGLIDER)
 """Kinds of logs whose vehicle's files are written"""
 UNWRITTEN = {
     "seaexplorer": "files of a SeaExplorer are not written: no public text says what its sea.msn "
@@ -95,7 +98,7 @@ def proposed_files(
     """
     if kind not in WRITTEN:
         raise MissionError(UNWRITTEN.get(kind, UNWRITTEN[""].format(kind)))
-    if kind == "slocum":
+    if kind == SLOCUM:
         files = slocum_arguments(mission)
     else:
         commands = commands_of(mission, vehicle)
@@ -120,7 +123,7 @@ def proposed_files(
 
 def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -> str:
     """The science file that is flown now, with a part of its samples."""
-    if kind != "seaglider":
+    if kind != SEAGLIDER:
         raise MissionError(
             f"samples = {samples:g} in deployment.toml: a Seaglider alone has a science file that "
             f"is written, not a {kind}; set samples = 1"
@@ -136,7 +139,7 @@ def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -
 
 def _read_back(kind: str, vehicle: Vehicle, place: Path) -> Mission:
     """The mission that the project's own reader finds in the files of a folder."""
-    if kind == "seaglider":
+    if kind == SEAGLIDER:
         if (place / SCIENCE).exists():
             read_science(place / SCIENCE)
         return commanded(read_commands(place / CMDFILE), read_targets(place / TARGETS), vehicle)

@@ -22,6 +22,7 @@ from twin.forecast.walk import FieldMean, HindcastSurfacing, Judged, Pair, Prior
 from twin.geodesy import to_tangent_plane
 from twin.identify import start_vehicle
 from twin.logs.logged_leg import LoggedLeg, dive_times, flown_velocities, legs_of
+from twin.physics.start import utc_text
 from twin.records.logged import LogStore
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.axes import Origin
@@ -45,11 +46,10 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
       A function, which raises CurrentError where the field does not cover a leg.
     """
     first = legs[0]
-    moment = datetime.datetime.fromtimestamp(first.leg.start, datetime.UTC)
     origin = Origin(
         latitude_deg=first.begin[0],
         longitude_deg=first.begin[1],
-        time=moment.replace(tzinfo=None).isoformat(),
+        time=utc_text(datetime.datetime.fromtimestamp(first.leg.start, datetime.UTC)),
     )
     part = np.linspace(0.0, 1.0, POINTS)
 
@@ -230,10 +230,9 @@ def _by_members(walked: Walked) -> list[Judged]:
 def _store(path: Path, asked: _Asked, advance: Callable[[], object]) -> list[DeploymentHindcast]:
     with LogStore(path) as logs:
         flown = None if asked.vehicle is None else flown_velocities(path, asked.vehicle)
-        flies = None
+        vehicle = None
         if asked.members is not None:
             vehicle = load_vehicle(asked.vehicle) if asked.vehicle else start_vehicle(path)
-            flies = MemberFlights(logs, vehicle, members=asked.members, engine=asked.engine)
         found = []
         for name in dict.fromkeys(logs.deployments):
             legs = [
@@ -242,6 +241,9 @@ def _store(path: Path, asked: _Asked, advance: Callable[[], object]) -> list[Dep
             ]
             if legs:
                 train = int(asked.train_fraction * len(legs))
+                flies = None
+                if vehicle is not None and asked.members is not None:
+                    flies = MemberFlights(logs, vehicle, members=asked.members, engine=asked.engine)
                 walked = walk(
                     legs,
                     latitude=float(np.median([one.begin[0] for one in legs])),
@@ -262,7 +264,7 @@ def _store(path: Path, asked: _Asked, advance: Callable[[], object]) -> list[Dep
                         surfacing=scores_of([_scored(walked.surfacings, "surfacing")]),
                         current=scores_of([_scored(walked.surfacings, "current")]),
                         members=None if flies is None else scores_of([_by_members(walked)]),
-                        unflown={} if flies is None else flies.take_unflown(),
+                        unflown={} if flies is None else flies.unflown,
                         beside_mujoco=None if flies is None else flies.beside_mujoco(),
                     )
                 )

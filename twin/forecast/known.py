@@ -183,8 +183,7 @@ def begun(start: str | None, known: Known | None) -> tuple[Origin, Known, str]:
         if known is None or known.place is None or known.time is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         latitude, longitude = known.place
-        moment = datetime.datetime.fromtimestamp(round(known.time), datetime.UTC)
-        time = moment.replace(tzinfo=None).isoformat()
+        time = utc_text(datetime.datetime.fromtimestamp(round(known.time), datetime.UTC))
     if known is None:
         known = known_without_logs(latitude, unix_seconds(time))
     stale = known.check_begin(latitude, longitude, unix_seconds(time))

@@ -26,6 +26,7 @@ from twin.logs.logged_leg import MODEL, LoggedLeg
 from twin.mission import Mission, Waypoint
 from twin.navigation.current.models import CurrentPool
 from twin.physics.scenario import Scenario
+from twin.physics.start import utc_text
 from twin.records.logged import LogStore
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
@@ -44,7 +45,7 @@ SHALLOWEST = 10.0
 
 
 class MemberFlights:
-    """Flies members of dive after dive of a deployment."""
+    """Flies members of dive after dive of one deployment."""
 
     def __init__(
         self,
@@ -61,7 +62,8 @@ class MemberFlights:
         self._members, self._engine = members, engine
         self._seed, self._threads = seed, threads
         self._nominal: tuple[Scenario, MemberFlight] | None = None
-        self._unflown: dict[int, str] = {}
+        self.unflown: dict[int, str] = {}
+        """Dives that members told nothing of, by row, and why"""
 
     def expect(
         self,
@@ -83,13 +85,12 @@ class MemberFlights:
 
         Returns:
           Mean of where they come up, north and east [m] from the begin, (2,), and covariance of
-          members and fix [m2], (2, 2); None where they tell nothing (`take_unflown`).
+          members and fix [m2], (2, 2); None where they tell nothing (`unflown`).
         """
-        moment = datetime.datetime.fromtimestamp(one.leg.start, datetime.UTC)
         place = Origin(
             latitude_deg=one.begin[0],
             longitude_deg=one.begin[1],
-            time=moment.replace(tzinfo=None).isoformat(),
+            time=utc_text(datetime.datetime.fromtimestamp(one.leg.start, datetime.UTC)),
         )
         try:
             request = Request(
@@ -102,7 +103,7 @@ class MemberFlights:
                 engine=self._engine,
             )
         except MissionError as error:
-            self._unflown[one.mission] = str(error)
+            self.unflown[one.mission] = str(error)
             return None
         members = members_of(request, self._known(before, one, pool, ways, reach[1]))
         found = [
@@ -111,7 +112,7 @@ class MemberFlights:
         flights = [flight for flight in found if isinstance(flight, MemberFlight)]
         told = surfacings_of(flights, place)
         if not told:
-            self._unflown[one.mission] = (
+            self.unflown[one.mission] = (
                 f"{sum(len(flight.time) > 0 for flight in flights)} of {len(found)} members surface"
             )
             return None
@@ -125,11 +126,6 @@ class MemberFlights:
             return None
         scenario, flight = self._nominal
         return ends_apart(flight.duration, flight.end, flown_in_mujoco(scenario))
-
-    def take_unflown(self) -> dict[int, str]:
-        """Dives since the last call that members told nothing of, by row, and why."""
-        taken, self._unflown = self._unflown, {}
-        return taken
 
     def _known(
         self,

@@ -28,7 +28,7 @@ from twin.geodesy import position
 from twin.logs.logged_leg import LoggedLeg
 from twin.navigation.current import Leg, Reaches, models
 from twin.navigation.current.models import CurrentPool, TidalFit
-from twin.navigation.current.pool import Prior
+from twin.navigation.current.pool import Mixture, Prior
 from twin.navigation.dead_reckoning import Array, chi_squared
 
 Pair = tuple[float, float]
@@ -187,10 +187,11 @@ def walk(
             told = field(one, one, np.array(leg.through_water), leg.duration)
             leg = dataclasses.replace(leg, field=told)
         if k:
-            judged = _judge(legs[:k], one, leg, (pool, ways, ends, tide), reaches, field)
+            lasts = ends.expect(leg.start)
+            judged = _judge(legs[:k], one, leg, (pool, ways, tide), lasts, reaches, field)
             members = None
             if flown is not None and k >= train:
-                members = _by_members(flown, legs[:k], one, judged.surfacing, (pool, ways, ends))
+                members = _by_members(flown, legs[:k], one, judged.surfacing, (pool, ways), lasts)
             found.append(dataclasses.replace(judged, scored=k >= train, members=members))
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
                 reach.learn(each.distance)
@@ -226,13 +227,13 @@ def _judge(
     before: Sequence[LoggedLeg],
     one: LoggedLeg,
     leg: Leg,
-    known: tuple[CurrentPool, WayPool, SurfacingSchedule, TidalFit],
+    known: tuple[CurrentPool, WayPool, TidalFit],
+    lasts: Mixture,
     reaches: tuple[Reaches, Reaches],
     field: FieldMean | None,
 ) -> HindcastSurfacing:
     """One surfacing, forecast by what the dives before have taught."""
-    pool, ways, ends, tide = known
-    lasts = ends.expect(leg.start)
+    pool, ways, tide = known
     duration = middle(lasts)
     through = ways.expect(one, duration)
     ahead = _leg_ahead(leg, duration, duration * through.mean)
@@ -299,11 +300,11 @@ def _by_members(
     before: Sequence[LoggedLeg],
     one: LoggedLeg,
     surfacing: Judged,
-    known: tuple[CurrentPool, WayPool, SurfacingSchedule],
+    known: tuple[CurrentPool, WayPool],
+    lasts: Mixture,
 ) -> Judged | None:
     """The same surfacing with its forecast by members flown."""
-    pool, ways, ends = known
-    lasts = ends.expect(one.leg.start)
+    pool, ways = known
     duration = middle(lasts)
     told = flown(before, one, pool, ways, duration, surfacing.reach)
     if told is None:

@@ -118,7 +118,7 @@ def motions_of(
     return [flown[k : k + len(logs)] for k in range(0, len(flown), max(len(logs), 1))]
 
 
-def _net_mass(log: Log, calibration: Calibration) -> Array:
+def net_mass_of(log: Log, calibration: Calibration) -> Array:
     """Net buoyancy mass [kg], + = heavy, fully immersed, (time,)."""
     return calibration.net_mass(
         density_of(log, calibration),
@@ -134,7 +134,7 @@ def _steady_motion(log: Log, calibration: Calibration) -> Translation:
     half = max(round(STEADY_WINDOW / log.period), 1)
     roll, pitch = (uniform_filter1d(a, half) for a in (log.roll, pitch))
     rates = np.stack([uniform_filter1d(rate, half) for rate in log.rates])
-    net = _net_mass(log, calibration)
+    net = net_mass_of(log, calibration)
     speed, alpha, beta, gliding = balance(calibration.vehicle, net, roll, pitch, rates)
     speed = np.where(gliding & (log.depth > AFLOAT), speed, 0.0)
     return Translation(
@@ -157,7 +157,7 @@ def _flight(
     return AttitudeFlight(
         vehicle=vehicle,
         period=log.period,
-        net_mass=np.where(log.depth < AFLOAT + tail, 0.0, _net_mass(log, calibration)),
+        net_mass=np.where(log.depth < AFLOAT + tail, 0.0, net_mass_of(log, calibration)),
         immersion=immersion,
         roll=log.roll,
         pitch=pitch,

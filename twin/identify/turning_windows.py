@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.identify.calibration import Calibration
 from twin.identify.lateral import Glide
 from twin.identify.logged_missions import Log
-from twin.identify.speed import density_of, motion_of, steady_parts
+from twin.identify.speed import motion_of, net_mass_of, steady_parts
 from twin.identify.translation import Translation
 
 Array = NDArray[np.float64]
@@ -54,12 +54,7 @@ class TurningWindow:
 
 def _flight(log: Log, calibration: Calibration) -> tuple[Translation, Array, Array]:
     """Velocities, true pitch [rad] and net mass [kg] of a log."""
-    net = calibration.net_mass(
-        density_of(log, calibration),
-        np.maximum(log.depth, 0.0),
-        log.pump,
-        log.hull_warming(calibration.thermal_lag),
-    )
+    net = net_mass_of(log, calibration)
     return motion_of(log, calibration), calibration.true_pitch(log.pitch), net
 
 
