@@ -78,7 +78,7 @@ def test_tables_are_markdown():
 
 
 def test_the_rate_of_false_alarms_on_fresh_seeds_is_where_the_page_says():
-    """One in 30 days was asked for; the page names the vehicles that ring more often."""
+    """One in 30 days was asked for: no vehicle's interval lies above it, and all together are below."""
     every = load()["tables"]["health.vehicles"]["rows"]
     rows = {row[0]: row[-5:] for row in every if row[0] != "vehicle"}
     for days, alarms, rate, low, high in rows.values():
@@ -86,5 +86,5 @@ def test_the_rate_of_false_alarms_on_fresh_seeds_is_where_the_page_says():
         for shown, found in zip((rate, low, high), every, strict=True):
             # days are whole there, and rates have two digits
             assert abs(shown - found) <= 0.0051 + found * 0.51 / days
-    holds = {vehicle for vehicle, row in rows.items() if row[-2] <= 1.0 <= row[-1]}
-    assert holds == {"slocum-200", "seaexplorer"}
+    assert not [vehicle for vehicle, row in rows.items() if row[-2] > 1.0]
+    assert rows["all"][-3] < 1.0
