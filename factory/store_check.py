@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +20,7 @@ from twin.frames import euler_to_matrix
 from twin.records.reader import MissionStore
 from twin.records.schema import TIME
 from twin.records.storage.checksums import damaged_files, has_checksums, read_checksums
+from twin.records.storage.sharded import fast_reading
 from twin.records.storage.store_path import StorePath
 
 Block = Mapping[str, NDArray[np.float32]]
@@ -28,6 +30,8 @@ MISSIONS_AT_ONCE = 16
 """Missions that are read and checked together: some 100 MB of hours of all signals"""
 SAMPLES_AT_ONCE = 16 * 7200
 """Samples of them; short missions, which cost more to ask for than to read, are more at a time"""
+WHOLE_SHARD = 4
+"""Times as many missions may be in a shard that is read whole"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
 
@@ -94,16 +98,26 @@ def check_missions(
       The bytes read.
     """
     total = len(stored)
-    size = max(MISSIONS_AT_ONCE, SAMPLES_AT_ONCE // max(stored.dataset.sizes[TIME], 1))
+    size, fast = _blocks(stored, names)
     ranges = [range(first, min(first + size, total)) for first in range(0, total, size)]
     if workers == 1 or len(ranges) < 2:
-        found = (_check_range(stored, names, tuple(checks), check, one) for one in ranges)
-        return _add_up(found, ranges, checks, watch)
+        with _open(stored.path, fast) as opened:
+            found = (_check_range(opened, names, tuple(checks), check, one) for one in ranges)
+            return _add_up(found, ranges, checks, watch)
     from factory.generation.executors import local_pool
 
     with local_pool(min(workers, len(ranges)), fork=False) as pool:
-        task = functools.partial(_check_elsewhere, stored.path, names, tuple(checks), check)
+        task = functools.partial(_check_elsewhere, stored.path, fast, names, tuple(checks), check)
         return _add_up(pool.map(task, ranges), ranges, checks, watch)
+
+
+def _blocks(stored: MissionStore, names: list[str]) -> tuple[int, bool]:
+    """How many missions are read together, and whether by the fast pipeline. That one compares the
+    checksums of shards that it decodes whole, not of parts: it is used where shards are small."""
+    size = max(MISSIONS_AT_ONCE, SAMPLES_AT_ONCE // max(stored.dataset.sizes[TIME], 1))
+    arrays = (stored.dataset.variables[name].encoding for name in names)
+    shard = math.lcm(*((e.get("shards") or e.get("chunks") or (1,))[0] for e in arrays))
+    return (shard * max(size // shard, 1), True) if shard <= WHOLE_SHARD * size else (size, False)
 
 
 def _add_up(
@@ -140,21 +154,36 @@ def _check_range(
 
 
 def _check_elsewhere(
-    store: StorePath, names: list[str], kinds: tuple[str, ...], check: MissionCheck, missions: range
+    store: StorePath,
+    fast: bool,
+    names: list[str],
+    kinds: tuple[str, ...],
+    check: MissionCheck,
+    missions: range,
 ) -> tuple[dict[str, StoreCheck], int]:
     """The same in a process of its own, which keeps the store open."""
-    return _check_range(_opened(store), names, kinds, check, missions)
+    return _check_range(_opened(store, fast), names, kinds, check, missions)
 
 
 @functools.lru_cache(maxsize=1)
-def _opened(store: StorePath) -> MissionStore:
+def _opened(store: StorePath, fast: bool) -> MissionStore:
+    return _open(store, fast)
+
+
+def _open(store: StorePath, fast: bool) -> MissionStore:
+    """A store whose chunks are decoded by the fast pipeline, in a twentieth of the time where
+    missions are short, or by zarr's own."""
     from factory.generation.generated_store import open_missions
 
-    return open_missions(store)
+    with fast_reading(store) if fast else contextlib.nullcontext():
+        return open_missions(store)
 
 
 def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:
-    """All signals of some missions; where that fails, mission by mission to find the damage."""
+    """All signals of some missions; where that fails, mission by mission by zarr's own pipeline,
+    which compares each checksum, to find the damage."""
+    from factory.generation.generated_store import open_missions
+
     block: dict[str, NDArray[np.float32]] = {}
     for name in names:
         check.done += len(missions)
@@ -164,12 +193,13 @@ def read_block(run: MissionStore, names: list[str], missions: range, check: Stor
         except Exception:
             pass  # somewhere in these missions: each is tried on its own below
         rows = []
-        for mission in missions:
-            try:
-                rows.append(run.row(name, mission))
-            except StoreError as error:
-                check.problems.append(str(error))
-                rows.append(np.full(run.dataset.sizes[TIME], np.nan, np.float32))
+        with open_missions(run.path) as careful:
+            for mission in missions:
+                try:
+                    rows.append(careful.row(name, mission))
+                except StoreError as error:
+                    check.problems.append(str(error))
+                    rows.append(np.full(run.dataset.sizes[TIME], np.nan, np.float32))
         block[name] = np.stack(rows)
     return block
 

@@ -14,6 +14,8 @@ import zarr
 from factory.__main__ import PROGRAM
 from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate
+from factory.sampling.recipe import Recipe
 from factory.soundness import verify_store
 from factory.store_check import StoreReport, check_files, kinematic_problems
 from twin.errors import StoreError
@@ -164,13 +166,14 @@ def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store:
 
 
 def test_what_is_found_does_not_depend_on_the_workers(
-    tmp_path: Path, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, recipe: Callable[..., Recipe], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 1)
     monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
     monkeypatch.setattr("twin.records.storage.checksums.FILES_AT_ONCE", 2)
-    store = tmp_path / "copy.zarr"
-    shutil.copytree(paper_store, store)
+    monkeypatch.setattr("factory.generation.manifest.LEAST_SHARD", 1)
+    store = tmp_path / "shards_of_one.zarr"
+    generate(recipe(), store, workers=1)
     cut_in_half(store)
     run = GeneratedStore(store)
     read: list[int] = []
@@ -180,6 +183,26 @@ def test_what_is_found_does_not_depend_on_the_workers(
     assert read == [1] * len(run)
     found = [check_files(run.path, workers).problems for workers in (1, 3)]
     assert found[0] == found[1] != []
+
+
+@pytest.mark.parametrize("whole", [4, 0])
+def test_every_flipped_bit_of_a_shard_is_found(
+    tmp_path: Path, paper_store: Path, monkeypatch: pytest.MonkeyPatch, whole: int
+) -> None:
+    """Whether shards are decoded whole by the fast pipeline or in parts by zarr's own."""
+    monkeypatch.setattr("factory.store_check.WHOLE_SHARD", whole)
+    monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 2)
+    monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    shard = store / "true_surge/c/0/0"
+    sound = shard.read_bytes()
+    for place in np.linspace(0, len(sound) - 1, 9).astype(int).tolist():
+        flip_byte(shard, place)
+        (chunks,) = (c for c in verify_store(GeneratedStore(store)).checks if c.name == "chunks")
+        assert any("true_surge of mission" in problem for problem in chunks.problems), place
+        shard.write_bytes(sound)
+    assert verify_store(GeneratedStore(store)).ok
 
 
 def test_workers_of_verify_are_a_number_above_zero(

@@ -77,6 +77,7 @@ class MissionStore:
     def __init__(self, path: str | StorePath):
         self.path = store_path(path)
         self.dataset: xr.Dataset = open_store(self.path, dask=False)
+        self._flags: dict[str, dict[int, str]] = {}
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)
@@ -266,7 +267,9 @@ class MissionStore:
 
     def flags(self, name: str) -> dict[int, str]:
         """The words that the integers of an array stand for; empty when it has none."""
-        attributes = self.dataset[name].attrs
+        if name in self._flags:
+            return self._flags[name]
+        attributes = self.dataset.variables[name].attrs
         meanings = str(attributes.get("flag_meanings", "")).split()
         values = np.atleast_1d(attributes.get("flag_values", np.arange(len(meanings))))
         if len(values) != len(meanings):
@@ -274,7 +277,8 @@ class MissionStore:
                 f"store {self.path}: {name!r} has {len(values)} flag_values and {len(meanings)} "
                 "flag_meanings; make the store again"
             )
-        return dict(zip((int(value) for value in values), meanings, strict=True))
+        words = dict(zip((int(value) for value in values), meanings, strict=True))
+        return self._flags.setdefault(name, words)
 
     def array(self, name: str) -> NDArray[Any]:
         """A whole array.
