@@ -40,6 +40,8 @@ from twin.sensors.suite import SensorSuite
 
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
+JUDGED = 1000
+"""Missions that a run is judged on after its training; `learn evaluate` takes all of a store"""
 PAPER_TEST_STORE = "paper-test.zarr"
 
 Say = Callable[[str], None]
@@ -78,8 +80,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     if not is_log_store(run.store):
         say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
-    say(f"evaluating on {split} missions, with floor and baselines")
-    test = evaluate_run(run, run.store, split=split)
+    say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
+    test = evaluate_run(run, run.store, split=split, limit=JUDGED)
     write_sealed(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.store) else _paper_test(run, say)
     if paper is not None:
@@ -203,7 +205,13 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         seconds.append(reference.mission.samples * reference.mission.period)
 
     found: Evaluation = evaluate(
-        run.networks(), run.store, split=split, baselines=(), watch=watch, period=run.period
+        run.networks(),
+        run.store,
+        split=split,
+        baselines=(),
+        limit=JUDGED,
+        watch=watch,
+        period=run.period,
     )
     ideal = found.provenance.get("sensors") == IDEAL_SENSORS
     return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)

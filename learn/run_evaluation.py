@@ -28,11 +28,12 @@ def evaluate_run(
     *,
     split: str = "test",
     baselines: Sequence[str] | None = None,
+    limit: int | None = None,
     watches: Sequence[Watch] = (),
 ) -> RunEvaluation:
     """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`.
 
-    Of a store of logs none are drawn, since the true tracks are unknown.
+    Of a store of logs none are drawn, since the true tracks are unknown, and `limit` does not hold.
     """
     logged = is_log_store(store)
     showcase, coverage = Showcase(), Coverage(run.error_model())
@@ -53,6 +54,7 @@ def evaluate_run(
         store,
         split=split,
         baselines=baselines,
+        limit=limit,
         watch=watch,
         period=run.period,
         labels=run.labels if run.labels.source == "dvl" else None,

@@ -211,12 +211,12 @@ class Selection:
         rows, reader = self.rows[places[order]], self._reader
         signals: list[dict[str, NDArray[np.float64]]] = [{} for _ in places]
         for name in self._names:
-            values = reader.rows(name, rows)
+            values, advice = reader.rows(name, rows), leave_out([name])
             for place, row, stored, padded in zip(
                 order, rows, self._stored[places[order]], values, strict=True
             ):
                 own = padded[:stored]
-                reader.check_possible(name, own, mission=int(row), advice=leave_out([name]))
+                reader.check_possible(name, own, mission=int(row), advice=advice)
                 signals[place][name] = _signal(name, own, self._step, reader.logged)
         if self.vehicle is not None:
             for place, found in enumerate(signals):

@@ -109,7 +109,7 @@ def evaluate(
       store: path of the store.
       split: train, validation, test or all.
       baselines: names of the baselines to run; None runs all.
-      limit: the first so many missions only.
+      limit: the first so many missions only, of a store that is not of logs.
       watch: sees every mission with its estimates, for tracks, figures and progress.
       period: [s] between the samples that the networks were trained on; a finer store is thinned.
       labels: how velocities are taken from a Doppler log, to set the networks beside them, and by

@@ -54,9 +54,9 @@ Kind = Literal["simulated", "logged"]
 
 LEAST_SAMPLES = 2
 """Of a mission: a rate takes two."""
-NEIGHBOURS = 4
-"""Missions between which others are read along: a slice of an array takes a ninth of the time that
-the same missions take when they are picked"""
+READ_ALONG = 4 * 7200
+"""Samples of missions that are read along between two wanted ones: to ask for another slice of an
+array costs as much as to decode them"""
 SPACING = 1e-3
 """Part of the period by which steps of time may differ: rounding of float32 after a day."""
 LOGGED_VEHICLES = {"slocum": "slocum-200", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
@@ -345,7 +345,8 @@ class MissionStore:
         if not wanted.size:
             return self._span(name, slice(0, 0))
         order = np.unique(wanted)
-        runs = np.split(order, np.flatnonzero(np.diff(order) > NEIGHBOURS) + 1)
+        near = max(READ_ALONG // max(self.dataset.sizes.get(TIME, 1), 1), 1)
+        runs = np.split(order, np.flatnonzero(np.diff(order) > near) + 1)
         parts = [self._span(name, slice(run[0], run[-1] + 1))[run - run[0]] for run in runs]
         found: NDArray[Any] = np.concatenate(parts)
         return found if np.array_equal(order, wanted) else found[np.searchsorted(order, wanted)]
