@@ -78,7 +78,7 @@ def test_tables_are_markdown():
 
 
 def test_the_rate_of_false_alarms_on_fresh_seeds_is_where_the_page_says():
-    """One in 30 days was asked for: no vehicle's interval lies above it, and all together are below."""
+    """One in 30 days was asked for: no interval lies above it, and all together are below."""
     every = load()["tables"]["health.vehicles"]["rows"]
     rows = {row[0]: row[-5:] for row in every if row[0] != "vehicle"}
     for days, alarms, rate, low, high in rows.values():

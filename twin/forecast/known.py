@@ -16,6 +16,7 @@ import numpy as np
 
 from twin.cli.text_table import counted
 from twin.errors import InputError, StoreError
+from twin.forecast.surfacing_schedule import Rhythm
 from twin.forecast.walk import walk
 from twin.forecast.way_pool import WayPool
 from twin.geodesy import great_circle, position
@@ -65,6 +66,8 @@ class Known:
     reach: float = chi_squared(0.9)
     """[1] squared distance within which nine of ten surfacings of the log were of what would have
     been forecast for them."""
+    rhythm: Rhythm | None = None
+    """How long it stays at the surface and how its dives keep the time; None: not known."""
     by_model: bool = False
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
@@ -159,6 +162,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         legs=len(legs),
         ways=walked.ways,
         reach=walked.reach[1],
+        rhythm=walked.rhythm,
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 

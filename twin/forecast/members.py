@@ -30,6 +30,7 @@ from twin.forecast.draws import (
 )
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
+from twin.forecast.surfacing_schedule import SHORTEST, Delays
 from twin.forecast.way_pool import WayPool
 from twin.fossen.lane_block import LANES
 from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
@@ -42,6 +43,7 @@ from twin.physics.lanes import fly_in_lanes
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.stiffness import file_timestep, stiffness_of
+from twin.records.coordinates import unix_seconds
 from twin.records.trajectory import Trajectory
 from twin.vehicle.consumption import ENERGY
 from twin.vehicle.vehicle import Vehicle
@@ -71,6 +73,17 @@ class Members:
     scenarios: tuple[Scenario, ...]
     spread: dict[str, str]
     """What was drawn, in words."""
+    delays: Delays | None = None
+    """By what they come up later than they fly; None where no log tells it."""
+    drift: Array | None = None
+    """[m/s] north and east of each at the surface, (member, 2)."""
+
+    def delayed(self, number: int, flight: MemberFlight) -> MemberFlight:
+        """The flight of a member, as late as was drawn for it."""
+        if self.delays is None or self.drift is None:
+            return flight
+        stays, late = self.delays.stays[number], self.delays.late[number]
+        return flight.delayed(stays, late, self.drift[number])
 
 
 def members_of(request: Request, known: Known) -> Members:
@@ -123,7 +136,13 @@ def members_of(request: Request, known: Known) -> Members:
         )
         for vehicle, offset, course in zip(vehicles, compass, water.current, strict=True)
     )
-    return Members(scenarios=scenarios, spread=spread)
+    delays = None
+    if known.rhythm is not None and known.time is not None:
+        dives = math.ceil(duration / SHORTEST) + 1
+        waited = unix_seconds(str(request.place.time)) - known.time
+        delays = known.rhythm.draw(count, dives, waited, rng)
+        spread["times"] = known.rhythm.words
+    return Members(scenarios=scenarios, spread=spread, delays=delays, drift=water.current[:, 0])
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
@@ -273,6 +292,27 @@ class MemberFlight:
     """[J] in all"""
     end: Array
     """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
+
+    def delayed(self, stays: Array, late: Array, drift: Array) -> MemberFlight:
+        """The same with stays at the surface [s] before its dives, in which it drifts [m/s], and
+        with dives that last longer by a part, along their own way; energy is as flown."""
+        count = len(self.time)
+        dives = np.diff(self.time, prepend=0.0)
+        way = np.diff(self.place, axis=0, prepend=np.zeros((1, 2)))
+        longer = np.concatenate([[0.0], np.cumsum(late[:count] * dives)])
+        farther = np.concatenate([np.zeros((1, 2)), np.cumsum(late[:count, None] * way, axis=0)])
+        stayed = np.cumsum(stays)
+        ended = np.searchsorted(self.time, self.times)  # dives, before a point of the track
+        surfaced = np.arange(count)
+        return dataclasses.replace(
+            self,
+            time=self.time + stayed[surfaced] + longer[1:],
+            place=self.place + stayed[surfaced, None] * drift + farther[1:],
+            times=np.append(0.0, self.times + stayed[ended] + longer[ended]),
+            track=np.vstack(
+                [self.track[:1], self.track + stayed[ended, None] * drift + farther[ended]]
+            ),
+        )
 
     def rates(self) -> tuple[float, float]:
         """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""

@@ -170,7 +170,7 @@ def forecast(
     """
     members = members_of(request, known)
     flights: list[MemberFlight] = []
-    failed = 0
+    failed = number = 0
     first: Array | None = None
     found: Forecast | None = None
     beside = None
@@ -182,12 +182,15 @@ def forecast(
     for chunk in fly(members.scenarios, threads=threads):
         nominal = nominal or chunk[0]
         failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
-        flights += [one for one in chunk if isinstance(one, MemberFlight)]
+        for k, one in enumerate(chunk):
+            if isinstance(one, MemberFlight):
+                flights.append(members.delayed(number + k, one))
+        number += len(chunk)
         if not flights:
             continue
         if first is None:
-            points = 1 + round(request.horizon / (THINNED * SAMPLE_PERIOD))
-            first = degrees(flights[0].track[:points], request.place)
+            until = flights[0].times <= request.horizon
+            first = degrees(flights[0].track[until], request.place)
         told = surfacings_of(flights, request.place, request.horizon)
         found = Forecast(
             request=request,

@@ -6,6 +6,9 @@ hour, two, three or four. Which of these a pilot has ordered shows in the dives 
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,6 +25,10 @@ SHORTEST = 600.0
 """[s] of a dive"""
 RECENT = 5
 """Ends from which the clock's phase is taken"""
+STAYS, LONGEST_STAY = 10, 6.0 * HOUR
+"""Last stays at the surface that the next are drawn from, and [s] of one; longer is a gap"""
+SHORTENED, LENGTHENED = -0.8, 3.0
+"""[1] by which a dive is drawn shorter or longer than expected at most"""
 LAST, USUAL, SINCE = "as the last", "median of three", "since the last surfacing"
 CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))
 PRIORS: Mapping[str, Prior] = {
@@ -94,3 +101,63 @@ def middle(mixture: Mixture) -> float:
     order = np.argsort(mixture.means[:, 0], kind="stable")
     reached = np.searchsorted(np.cumsum(mixture.weights[order]), 0.5)
     return float(mixture.means[order[min(int(reached), len(order) - 1)], 0])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rhythm:
+    """How long a vehicle stays at the surface, and how well its dives keep the time."""
+
+    stays: Array
+    """[s] of its last stays, (stay,)"""
+    late: Mixture
+    """[s] of the next dive, by each order"""
+
+    @classmethod
+    def of(cls, schedule: SurfacingSchedule, dives: Sequence[tuple[float, float]]) -> Rhythm | None:
+        """By the begins and ends [s] of all dives; None where they are too few.
+
+        Args:
+          schedule: which has learned from them.
+        """
+        stays = np.array([b[0] - a[1] for a, b in itertools.pairwise(dives)])
+        stays = stays[(stays >= 0.0) & (stays < LONGEST_STAY)][-STAYS:]
+        if len(stays) < 2:
+            return None
+        return cls(stays=stays, late=schedule.expect(dives[-1][1] + float(np.median(stays))))
+
+    def draw(self, count: int, dives: int, waited: float, rng: np.random.Generator) -> Delays:
+        """Draws for some members and dives.
+
+        Args:
+          waited: [s] that it has been at the surface when the forecast begins.
+        """
+        stays = rng.choice(self.stays, size=(count, dives))
+        expected = middle(self.late)
+        order = rng.choice(len(self.late.weights), size=count, p=self.late.weights)
+        scale = np.sqrt(self.late.covariances[order, 0, 0])
+        heavy = np.sqrt((FREEDOM - 2.0) / rng.chisquare(FREEDOM, count))
+        late = self.late.means[order, 0] - expected + scale * heavy * rng.standard_normal(count)
+        late = np.tile(late[:, None] / expected, dives)  # another order is kept, too
+        stays[0], late[0] = np.median(self.stays), 0.0
+        if waited < float(self.stays.max()):
+            stays[:, 0] = np.maximum(stays[:, 0] - max(waited, 0.0), 0.0)
+        return Delays(stays=stays, late=np.clip(late, SHORTENED, LENGTHENED))
+
+    @property
+    def words(self) -> str:
+        """Of both."""
+        deviation = math.sqrt(float(self.late.covariance[0, 0])) / middle(self.late)
+        return (
+            f"{np.median(self.stays) / 60.0:.0f} min at the surface ({self.stays.min() / 60.0:.0f} "
+            f"to {self.stays.max() / 60.0:.0f} so far), dives +-{100.0 * deviation:.0f} %"
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Delays:
+    """By what members come up later than they flew; the first has the usual stays and no error."""
+
+    stays: Array
+    """[s] at the surface before each dive, (member, dive)"""
+    late: Array
+    """[1] part by which each dive lasts longer than it was flown, (member, dive)"""

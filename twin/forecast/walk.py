@@ -15,6 +15,7 @@ Nothing is frozen: pools, filter and ellipses learn at every fix.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from twin.forecast import surfacing_schedule, way_pool
-from twin.forecast.surfacing_schedule import SurfacingSchedule, middle, usual_duration
+from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle, usual_duration
 from twin.forecast.way_pool import WayPool, plain_velocity
 from twin.geodesy import position
 from twin.logs.logged_leg import LoggedLeg
@@ -140,6 +141,8 @@ class Walked:
     """Of the current, after the last dive"""
     ways: WayPool
     """After the last dive"""
+    rhythm: Rhythm | None
+    """Stays at the surface and durations; None where the dives are too few"""
     reach: Pair
     """[1] squared distances within which the two ellipses of the next surfacing lie"""
     singles: dict[str, float]
@@ -213,9 +216,18 @@ def walk(
         scales={name: one.scales for name, one in pools.items()},
         pool=pool,
         ways=ways,
+        rhythm=_rhythm(ends, times, list(dives)),
         reach=reaches[0].now,
         singles=dict(zip(pool.models, errors.tolist(), strict=True)),
     )
+
+
+def _rhythm(ends: SurfacingSchedule, left: Sequence[Pair], dives: Sequence[Pair]) -> Rhythm | None:
+    """After all dives, of which those that are left have not been learned."""
+    schedule = copy.deepcopy(ends)
+    for dive in left:
+        schedule.learn(*dive)
+    return Rhythm.of(schedule, dives)
 
 
 def _keep(parts: list[Array], part: Array | None) -> None:

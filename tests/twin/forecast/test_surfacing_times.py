@@ -1,0 +1,77 @@
+"""When members come up: stays at the surface, and dives that last longer than they were flown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twin.forecast.members import MemberFlight
+from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
+
+HOUR = 3600.0
+
+
+def rhythm(stays: list[float], lasts: list[float]) -> Rhythm | None:
+    """Of dives that follow each other after these stays [s]."""
+    dives, at, schedule = [], 0.0, SurfacingSchedule()
+    for stay, last in zip(stays, lasts, strict=True):
+        dives.append((at + stay, at + stay + last))
+        at = dives[-1][1]
+        schedule.learn(*dives[-1])
+    return Rhythm.of(schedule, dives)
+
+
+def test_stays_are_those_of_the_log_and_a_gap_is_none() -> None:
+    found = rhythm([0.0, 600.0, 900.0, 30.0 * HOUR, 700.0], [2.0 * HOUR] * 5)
+    assert found is not None
+    assert sorted(found.stays) == [600.0, 700.0, 900.0]
+    drawn = found.draw(500, 4, 0.0, np.random.default_rng(0))
+    assert set(np.unique(drawn.stays)) == {600.0, 700.0, 900.0}
+    assert drawn.stays[0].tolist() == [700.0] * 4
+    assert not drawn.late[0].any()
+    assert "12 min at the surface (10 to 15 so far)" in found.words
+    assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
+
+
+def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay() -> None:
+    found = rhythm([600.0] * 6, [2.0 * HOUR] * 6)
+    assert found is not None
+    drawn = found.draw(5, 2, 240.0, np.random.default_rng(0))
+    assert np.allclose(drawn.stays, [360.0, 600.0])
+    # a dive ago it was another stay
+    assert (found.draw(5, 2, 2.2 * HOUR, np.random.default_rng(0)).stays == 600.0).all()
+
+
+def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not() -> None:
+    rng = np.random.default_rng(1)
+    steady = rhythm([600.0] * 12, [2.0 * HOUR] * 12)
+    loose = rhythm([600.0] * 12, list(HOUR * rng.uniform(1.0, 3.0, 12)))
+    assert steady is not None
+    assert loose is not None
+    spread = [
+        np.ptp(np.quantile(one.draw(2000, 1, 0.0, rng).late, [0.05, 0.95]))
+        for one in (steady, loose)
+    ]
+    assert spread[0] < 0.2 < spread[1]
+
+
+def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way() -> None:
+    time = np.array([1000.0, 3000.0])
+    place = np.array([[300.0, 0.0], [300.0, 800.0]])
+    flight = MemberFlight(
+        time=time, place=place, energy=np.ones(2), track=np.array([[0.0, 0.0], [150.0, 0.0]]),
+        times=np.array([0.0, 500.0]), duration=4000.0, taken=2.0, end=np.zeros(6),
+    )  # fmt: skip
+    stays, late, drift = np.array([100.0, 200.0, 50.0]), np.array([0.1, 0.5, 0.0]), (0.5, -0.2)
+    found = flight.delayed(stays, late, np.array(drift))
+    assert found.time == pytest.approx([1000.0 + 100.0 + 100.0, 3000.0 + 300.0 + 100.0 + 1000.0])
+    first = [300.0 + 50.0 + 30.0, -20.0]
+    assert found.place[0] == pytest.approx(first)
+    assert found.place[1] == pytest.approx([first[0] + 100.0, first[1] - 40.0 + 800.0 + 400.0])
+    # it begins where it is, and dives where it has drifted to
+    assert found.times == pytest.approx([0.0, 100.0, 600.0])
+    assert found.track == pytest.approx(np.array([[0.0, 0.0], [50.0, -20.0], [200.0, -20.0]]))
+    assert (found.duration, found.taken) == (flight.duration, flight.taken)
+    same = flight.delayed(np.zeros(3), np.zeros(3), np.zeros(2))
+    assert (same.time == time).all()
+    assert (same.place == place).all()
