@@ -88,7 +88,7 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
         }
         days = said["days_left"]
         row["days left"] = "not known" if days is None else f"{days:.1f}"
-        row["what came"] = _short(came[0]) if came else "no surfacing near that time"
+        row["what came"] = _short(came[0]) if came else "nothing yet"
         inside = sum(", inside the" in one for one in came)
         row["inside"] = f"{inside} of {len(came)}"
         rows.append(row)

@@ -323,12 +323,15 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                 }
                 for k in told
             ],
-            "After the last dive; an innovation is a dive's value less the level before it, over "
-            "its deviation.",
+            "Levels after the last dive. An innovation is a dive's value less the level before it, "
+            "over its deviation.",
             first=False,
         )
+    if health.remarks:
+        page.points(health.remarks)
     if health.lacking:
-        page.say(f"Not told by this log: {', '.join(health.lacking)}.")
+        told_by = f"{len(CHANNELS) - len(health.lacking)} of {len(CHANNELS)} channels"
+        page.say(f"Judged by {told_by}. Not told by this log: {', '.join(health.lacking)}.")
 
 
 def _last(values: np.ndarray) -> float | None:

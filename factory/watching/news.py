@@ -18,8 +18,6 @@ from twin.show.dates import moment_of
 
 MOVED = 2.0
 """Deviations by which a level must move to be told"""
-NEAR_TIME = 0.5
-"""Of the time to the first surfacing that was foretold: as near in time a true one must be to it"""
 MINUTE = 60.0
 
 
@@ -90,7 +88,8 @@ def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
-    """Surfacings that a page foretold, beside where and when they were.
+    """Surfacings that a page foretold, beside where and when they were: the first one beside the
+    first that came, and so on, however far apart.
 
     Args:
       foretold: the forecast in `latest.json`; None: there was none.
@@ -100,14 +99,7 @@ def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> l
         return []
     begin = datetime.datetime.fromisoformat(foretold["start"]["time"]).replace(tzinfo=datetime.UTC)
     after = [one for one in legs if one.leg.end > begin.timestamp() + MINUTE]
-    near = NEAR_TIME * foretold["surfacings"][0]["time_s"]
-    said = []
-    for told in foretold["surfacings"]:
-        expected = begin.timestamp() + told["time_s"]
-        found = [one for one in after if abs(one.leg.end - expected) <= near]
-        if found:
-            said.append(_beside(told, min(found, key=lambda one: abs(one.leg.end - expected))))
-    return said
+    return [_beside(told, came) for told, came in zip(foretold["surfacings"], after, strict=False)]
 
 
 def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.forecast.known import Known
-from twin.forecast.members import SAMPLE_PERIOD, THINNED, MemberFlight, fly, members_of
+from twin.forecast.members import MemberFlight, fly, members_of
 from twin.forecast.request import Request
 from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, surfacings_of
 

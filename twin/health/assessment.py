@@ -42,6 +42,8 @@ LEAST_DIVES = 6
 ENDS, BELOW = 0.0, 1.0
 """Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
 a level that is lower itself, so that an alarm does not flap"""
+LOUD = 6.0
+"""Deviations off its level from which a channel of the last dive is told"""
 LEANING = 3.0
 """[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
 
@@ -125,7 +127,9 @@ def judged(
     shared: dict[str, Any] = {
         "name": name, "days": float(days[-1]) if len(days) else 0.0, "dives": tuple(numbers),
         "threshold": threshold, "levels": levels, "values": values, "time": time,
-        "lacking": lacking, "remarks": remarks_of(numbers, values, changes, powered, vehicle),
+        "lacking": lacking, "remarks": (
+            *remarks_of(numbers, values, changes, powered, vehicle), *_loud(numbers, levels),
+        ),
     }  # fmt: skip
     if signatures is None:
         return DeploymentHealth(
@@ -208,6 +212,18 @@ def remarks_of(
             ": what changes there with them counts as the pilot's."
         )
     return tuple(found)
+
+
+def _loud(numbers: Sequence[int], levels: Levels) -> list[str]:
+    """Channels that were far off their levels in the last dive, whatever the verdict says of it."""
+    if not len(numbers):
+        return []
+    return [
+        f"In dive {numbers[-1]} {channel.name} was {abs(off):.0f} deviations off its level "
+        f"({channel.says}): look at its plot."
+        for channel, off in zip(CHANNELS, levels.innovation[-1].tolist(), strict=True)
+        if abs(off) > LOUD
+    ]
 
 
 def _dives(numbers: Sequence[int]) -> str:

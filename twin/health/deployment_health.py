@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.health.channels import CHANNELS
 from twin.health.judgement import Levels
 
 Array = NDArray[np.float64]
@@ -102,8 +103,12 @@ class DeploymentHealth:
             before = "" if not self.rang else (
                 f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"
             )  # fmt: skip
+            by, judged = "", len(CHANNELS) - len(self.lacking)
+            if 2 * judged < len(CHANNELS):
+                by = f", by {judged} of {len(CHANNELS)} channels alone"
             return (
-                f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{before}"
+                f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{by}"
+                f"{before}"
             )
         first = self.kinds[0]
         told = f" or {', '.join(first.also)}" if first.also else ""

@@ -31,7 +31,7 @@ from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
-from factory.watching.news import _moved, news
+from factory.watching.news import _moved, news, surfaced
 from factory.watching.noticed import noticed
 from factory.watching.proposed_files import proposed_files
 from factory.watching.sources.base import SurfaceDialogue
@@ -722,6 +722,32 @@ def test_a_vehicle_that_was_not_identified_is_said_with_an_alarm(
     told = Morning(title="calypso", log=log, health=health(True), vehicle=load_vehicle("seaglider"))
     assert told.verdict.endswith("judged by seaglider, not by a vehicle identified from its logs")
     assert "identified" not in dataclasses.replace(told, health=health(False)).verdict
+
+
+def test_surfacings_that_were_foretold_are_told_however_far_off_they_came() -> None:
+    ellipse = {"bearing_deg": 0.0, "semi_major_m": 500.0, "semi_minor_m": 400.0}
+    told = {"latitude": 49.0, "longitude": -58.0, "ellipse_90": ellipse}
+    foretold = {
+        "start": {"time": "2026-03-01T00:00:00"},
+        "surfacings": [
+            {**told, "number": k, "time": f"2026-03-01T0{k}:00:00", "time_s": 3600.0 * k}
+            for k in (1, 2)
+        ],
+    }
+    begin = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC).timestamp()
+    legs = [
+        LoggedLeg(
+            mission=k, method="", begin=(49.0, -58.0), onboard=None, targets=(),
+            leg=Leg(start=start, duration=5.0 * 3600.0, over_ground=(300.0 * k, 0.0),
+                    through_water=(0.0, 0.0)),
+        )
+        for k, start in enumerate((begin - 5.0 * 3600.0, begin + 60.0, begin + 6.0 * 3600.0))
+    ]  # fmt: skip
+    first, second = surfaced(foretold, legs)
+    assert "241 min later, 0.30 km away, inside" in first
+    assert "540 min later, 0.60 km away, outside" in second
+    assert surfaced(foretold, legs[:1]) == []
+    assert surfaced(None, legs) == []
 
 
 def test_power_and_current_that_changed_are_news(tmp_path: Path, source: Path) -> None:

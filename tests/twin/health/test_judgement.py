@@ -8,7 +8,9 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS
+from twin.health.assessment import _loud
 from twin.health.channels import CHANNELS, NAMES
+from twin.health.deployment_health import DeploymentHealth
 from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals
 from twin.health.judgement import follow, judge
@@ -152,3 +154,27 @@ def test_iron_that_was_there_before_the_log_is_no_fault(hypotheses):
         odds[begun] = verdict.probability[verdict.kinds.index("compass_iron")]
     assert odds[0] < 0.2
     assert odds[BEGUN + 4] > 0.9
+
+
+def test_a_verdict_says_by_how_few_channels_it_is() -> None:
+    levels = follow(sound(0), None)
+    shared = {
+        "name": "unit1", "days": 4.0, "dives": tuple(range(len(sound(0)))), "alarm": False,
+        "kind": "none", "since_dive": None, "noticed_dive": None, "rang": (), "probability": 0.0,
+        "kinds": (object(),), "evidence": np.zeros(1), "threshold": 5.0, "levels": levels,
+        "values": sound(0), "time": np.zeros(1), "remarks": (),
+    }  # fmt: skip
+    names = tuple(channel.name for channel in CHANNELS)
+    whole = DeploymentHealth(**shared, lacking=())  # type: ignore[arg-type]
+    assert whole.verdict().endswith("dives, 4.0 d")
+    few = DeploymentHealth(**shared, lacking=names[2:])  # type: ignore[arg-type]
+    assert few.verdict().endswith(f"4.0 d, by 2 of {len(names)} channels alone")
+
+
+def test_a_channel_far_off_its_level_in_the_last_dive_is_told() -> None:
+    values = sound(0)
+    values[-1, 3] += 40.0 * CHANNELS[3].noise
+    numbers = list(range(len(values)))
+    (said,) = _loud(numbers, follow(values, None))
+    assert said.startswith(f"In dive {numbers[-1]} {CHANNELS[3].name} was ")
+    assert _loud(numbers, follow(sound(0), None)) == []
