@@ -1,4 +1,5 @@
-"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
+"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment; and
+of pyglider's time series, a deployment a file.
 
 CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
 fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
@@ -28,6 +29,13 @@ from factory.importing.deployment_log import (
     each_file,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.pyglider_columns import (
+    MAGNETIC,
+    SERIES,
+    actuators,
+    fixes_of_track,
+    sensor_columns,
+)
 from factory.importing.netcdf import (
     as_array,
     attributes_of,
@@ -66,7 +74,6 @@ READ = (
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
 _KIND = "NGDAC file"
-_MAGNETIC = ("m_heading",)
 _BAD = (3.0, 4.0, 9.0)
 """QARTOD flags: suspect, bad, missing."""
 
@@ -81,6 +88,12 @@ class NgdacProfile:
     current: tuple[float, float, float] | None
     """Time [s], eastward and northward [m/s]."""
     attributes: dict[str, dict[str, Any]]
+    platform: str
+    """Model of the glider, where the file names it."""
+    sensors: dict[str, str]
+    """Names of columns by the actuator's sensor that they are of."""
+    series: bool
+    """Whether it is a whole deployment."""
 
 
 def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
@@ -115,11 +128,12 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
         file.set_auto_mask(True)
         variables = file.variables
         names = [*variables, *file.groups]
-        if CLOCK not in variables or not {"profile_id", "profile_time"} & set(variables):
+        if CLOCK not in variables or not {"profile_id", "profile_time", SERIES} & set(variables):
             raise WrongFormat(path, names)
         try:
             dimensions = variables[CLOCK].dimensions
-            wanted = [n for n in (*READ, *extra) if n in variables]
+            sensors = sensor_columns(variables)
+            wanted = [n for n in (*READ, *sensors.values(), *extra) if n in variables]
             along = [
                 n for n in wanted
                 if variables[n].dimensions == dimensions and variables[n].dtype != str
@@ -129,19 +143,25 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
             attributes = {n: attributes_of(variables[n]) for n in along}
             flags = [f"{n}_qc" for n in along if f"{n}_qc" in variables]
             name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
+            platform = str(getattr(file, "glider_model", "glider"))
             time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
             current = _current(variables, path, tally)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     if not np.isfinite(time).any():
         raise InputError(f"{path.name} holds no measurement with a time")
-    note_unread(_KIND, names, (*READ, *extra, *flags), tally)
-    tally.add("read", path.name, len(time), "measurements of a profile")
+    note_unread(_KIND, names, (*READ, *sensors.values(), *extra, *flags), tally)
+    series = SERIES in names and not {"profile_id", "profile_time"} & set(names)
+    what = "measurements" if series else "measurements of a profile"
+    tally.add("read", path.name, len(time), what)
     return NgdacProfile(
         deployment=name,
         columns={CLOCK: time, **columns},
         current=current,
         attributes=attributes,
+        platform=platform,
+        sensors=sensors,
+        series=series,
     )
 
 
@@ -183,11 +203,20 @@ def _log(
         attributes |= one.attributes
     fixes = _fixes(time, columns, tally)
     track = _track(time, columns, tally)
+    if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
+        latitude, longitude = track["latitude"], track["longitude"]
+        known = np.isfinite(columns["depth"])
+        depths = Channel(time[known], columns["depth"][known]).at(latitude.time)
+        fixes, lines = fixes_of_track(
+            latitude.time, latitude.values, longitude.values, depths, tally
+        )
+        track = {} if lines else track
     places = fixes
     if not len(fixes) and track:
         latitude = track["latitude"]
         places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
+    channels |= actuators(time, columns, profiles[0].sensors, tally)
     depth = columns.get("depth")
     if depth is not None and np.nanmedian(depth) < 0.0:
         tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
@@ -226,7 +255,7 @@ def _log(
         }  # fmt: skip
     return DeploymentLog(
         deployment=name,
-        platform="glider",
+        platform=profiles[0].platform,
         channels={key: channel for key, channel in channels.items() if len(channel)},
         fixes=fixes,
         magnetic_variation=variation,
@@ -293,7 +322,8 @@ def _attitude(
         elif kind == "pitch":
             values = from_degrees(values, source, tally, flying=True)
         said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
-        if kind == "heading" and (source in _MAGNETIC or "magnetic" in said.lower()):
+        sensor = words.get("source", source)
+        if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
             if options.variation_deg is not None:
                 variation = Channel(time[:1], np.array([options.variation_deg]))
             else:
