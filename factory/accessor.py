@@ -12,6 +12,7 @@ For data sets of OceanGliders OG1.0, the National Glider DAC, pyglider and bases
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 
 CLOCKS = ("TIME", "time")
 """Names of the times of the measurements"""
+PAGE = "docs/howto/pipelines.md, your own vehicle"
 
 
 @xr.register_dataset_accessor("glider")
@@ -135,6 +137,8 @@ class GliderAccessor:
             if len(logs) > 1:
                 names = ", ".join(log.deployment for log in logs)
                 raise InputError(f"this data set holds several deployments, {names}; select one")
+            if logs[0].doubt:
+                warnings.warn(f"{logs[0].doubt}; identify one: {PAGE}", stacklevel=3)
             self._logs[vehicle] = logs[0]
         return self._logs[vehicle]
 

@@ -22,10 +22,11 @@ from factory.exporting.og1.flown_track import FlownTracks, flown
 from factory.exporting.og1.missions import corrected_places
 from factory.exporting.og1.variables import Og1Variable
 from factory.importing.import_run import import_logs
-from twin.errors import InputError, TwinError
+from twin.errors import TwinError
 from twin.identify.start_values import start_vehicle
 from twin.logs.depth_averaged_current import DiveCurrent
 from twin.logs.fix import place_of
+from twin.logs.flight_summary import summarise
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.version import __version__
@@ -36,6 +37,8 @@ POSITIONS = ("LATITUDE", "LONGITUDE", "POSITION_SD")
 """Of the corrected track"""
 CURRENTS = ("DAC_NORTH_MODEL", "DAC_EAST_MODEL", "DAC_SD_MODEL")
 """Held from fix to fix; all other variables are linear between the samples of the store"""
+W = "VERT_CURR_MODEL"
+"""The vertical velocity of the water"""
 _OF_THEIR_FILE = ("ancillary_variables", "coordinates")
 """Attributes that name other variables of an OG1.0 file"""
 LONGEST_STEP = 1.5
@@ -68,6 +71,8 @@ class ModelledLog:
     fixes: tuple[Array, Array]
     """Latitude and longitude [degree] of the fixes that the track goes through, each (fix,)"""
     currents: tuple[PlacedCurrent, ...]
+    doubt: str
+    """Why the vehicle does not fit the log; empty where it does"""
 
     def at(self, times: Array) -> dict[str, Og1Variable]:
         """The variables at unix times [s], NaN between and beyond the dives and where NaN.
@@ -96,11 +101,12 @@ class ModelledLog:
                 made = np.where(share == 1.0, values[right], made)
                 if name == "LONGITUDE":
                     made = np.where(np.abs(made) > 180.0, made - np.sign(made) * 360.0, made)
-            kept = {k: v for k, v in one.attributes.items() if k not in _OF_THEIR_FILE}
+            about = {k: v for k, v in one.attributes.items() if k not in _OF_THEIR_FILE}
+            about["source"] = f"glider-twin {__version__}, {self.model}"
+            if name == W and self.doubt:
+                about["comment"] = self.doubt
             found[name] = dataclasses.replace(
-                one,
-                values=np.where(inside, made, np.nan),
-                attributes={**kept, "source": f"glider-twin {__version__}, {self.model}"},
+                one, values=np.where(inside, made, np.nan), attributes=about
             )
         return found
 
@@ -153,6 +159,7 @@ def _modelled(
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}
     variables |= dict(flight_terms(joined, found))
     latitudes, longitudes, currents = [], [], []
+    dives = [dive for m in missions if (dive := found.tracks[m].dive) is not None]
     for mission in missions:
         track, place = found.tracks[mission], place_of(logs, mission)
         latitude, longitude = place.degrees(*track.fixes.position.T)
@@ -174,4 +181,5 @@ def _modelled(
         variables=variables,
         fixes=(np.concatenate(latitudes), np.concatenate(longitudes)),
         currents=tuple(currents),
+        doubt=summarise(dives).doubt(found.model.rpartition(" ")[2]),
     )

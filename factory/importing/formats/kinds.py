@@ -90,7 +90,7 @@ NGDAC = Importer(
     suffixes=frozenset({".nc"}),
     marks=frozenset(
         {"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv", "profile_index",
-         "profile_direction"}
+         "profile_direction", "distance_over_ground"}
     ),
     period=5.0,
     read="factory.importing.formats.ngdac_reader:read_ngdac",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import reference_declination, to_degrees
+from factory.importing.angles import in_degrees, reference_declination, to_degrees
 from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
 from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
@@ -32,6 +32,7 @@ from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.pyglider_columns import (
     MAGNETIC,
     SERIES,
+    SLOCUM,
     actuators,
     fixes_of_track,
     sensor_columns,
@@ -310,19 +311,27 @@ def _attitude(
     """Attitude in degree, true heading, and the variation that was added."""
     channels: dict[str, Channel] = {}
     variation = EMPTY
-    for target, names in ANGLES.items():
-        there = [n for n in names if n in columns and np.isfinite(columns[n]).any()]
+    found = {
+        target: [n for n in names if n in columns and np.isfinite(columns[n]).any()]
+        for target, names in ANGLES.items()
+    }
+    degrees = any(
+        in_degrees(target.removeprefix("measured_"), columns[there[0]])
+        for target, there in found.items() if there
+    )  # fmt: skip
+    for target, there in found.items():
         if not there:
             continue
         leave_out(there[1:], f"{there[0]} is taken", tally)
         source, kind = there[0], target.removeprefix("measured_")
         values, words = columns[source], attributes[source]
-        if str(words.get("units", "")).lower() in ("rad", "radian", "radians"):
-            values = to_degrees(values, source, tally, kind=kind)
+        sensor = str(words.get("source", source))
+        radian = str(words.get("units", "")).lower() in ("rad", "radian", "radians")
+        if radian or sensor.startswith(SLOCUM):  # pyglider writes a Slocum's angles as they are
+            values = to_degrees(values, source, tally, kind=kind, likely=degrees)
         elif kind == "pitch":
             values = from_degrees(values, source, tally, flying=True)
         said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
-        sensor = words.get("source", source)
         if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
             if options.variation_deg is not None:
                 variation = Channel(time[:1], np.array([options.variation_deg]))

@@ -24,6 +24,8 @@ SERIES = "profile_index"
 """Variable of a time series of a whole deployment; profile files have `profile_id`"""
 MAGNETIC = ("m_heading", "Heading")
 """Sensors of Slocums and SeaExplorers whose heading is magnetic"""
+SLOCUM = "m_"
+"""How the names of a Slocum's sensors begin, whose angles are radian"""
 ACTUATORS = {
     "m_ballast_pumped": ("measured_pump", 1.0),
     "m_de_oil_vol": ("measured_pump", 1.0),
