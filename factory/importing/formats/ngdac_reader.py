@@ -204,6 +204,10 @@ def _log(
         attributes |= one.attributes
     fixes = _fixes(time, columns, tally)
     track = _track(time, columns, tally)
+    places = fixes
+    if not len(fixes) and track:
+        latitude = track["latitude"]
+        places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
     if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
         latitude, longitude = track["latitude"], track["longitude"]
         known = np.isfinite(columns["depth"])
@@ -212,10 +216,6 @@ def _log(
             latitude.time, latitude.values, longitude.values, depths, tally
         )
         track = {} if lines else track
-    places = fixes
-    if not len(fixes) and track:
-        latitude = track["latitude"]
-        places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     channels |= actuators(time, columns, profiles[0].sensors, tally)
     depth = columns.get("depth")
