@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from examples import needs_docs, run
 from logs import (
     LATITUDE,
     LONGITUDE,
@@ -33,6 +37,7 @@ from factory.modelled_log import CURRENTS, POSITIONS, modelled
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
+from twin.vehicle.presets import assets_folder
 
 pytestmark = pytest.mark.filterwarnings("ignore:vertical water velocity")
 
@@ -160,9 +165,28 @@ def test_other_layouts(tmp_path: Path) -> None:
         xr.Dataset({"rain": ("x", [1.0])}).glider.flight()
 
 
+@needs_docs
+def test_the_page_runs(
+    exported: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exported.to_netcdf(tmp_path / "deployment.nc")
+    shutil.copy(assets_folder() / f"{VEHICLE}.xml", tmp_path / "mine.xml")
+    monkeypatch.chdir(tmp_path)
+    session = run("docs/howto/xarray.md")
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    np.testing.assert_allclose(
+        session["ds"]["VERT_CURR_MODEL"], exported["VERT_CURR_MODEL"], atol=1e-5
+    )
+
+
 def test_a_vehicle_that_does_not_fit_is_told(exported: xr.Dataset) -> None:
     with pytest.warns(UserWarning, match="the vehicle slocum-1000 does not fit the log"):
         exported.copy().glider.flight("slocum-1000")
+
+
+def test_the_factory_alone_does_not_load_xarray() -> None:
+    code = "import sys, factory; sys.exit('xarray' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 M12 = SHARED / "seaexplorer_pyglider" / "sea035_M12_gli.csv.gz"

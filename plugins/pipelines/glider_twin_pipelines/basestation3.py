@@ -77,7 +77,7 @@ def interpreter() -> str:
     """Path of the Python that has glider-twin: of the environment around this file."""
     if os.environ.get(PYTHON):
         return os.environ[PYTHON]
-    packages = Path(__file__).absolute().parent.parent
+    packages = Path(__file__).resolve().parent.parent  # the mission has a link to it
     if packages.name == "site-packages":  # ENVIRONMENT/lib/python3.x/site-packages
         return str(packages.parents[2] / "bin" / "python")
     return sys.executable
