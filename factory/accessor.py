@@ -54,8 +54,8 @@ class GliderAccessor:
     def flight(self, vehicle: str | None = None) -> xr.Dataset:
         """Speed through the water, angle of attack, vertical velocity of the water [m s-1, degree].
 
-        At the times of the data set, on its own dimension, so that `ds.merge(...)` adds them; NaN
-        between the dives.
+        At the times of the data set, on its own dimension: `ds.assign(found.data_vars)` adds them.
+        NaN between the dives.
         """
         names = [n for n in self.log(vehicle).variables if n not in (*POSITIONS, *CURRENTS)]
         return self._at_samples(vehicle, names)

@@ -29,7 +29,7 @@ from factory.importing.deployment_log import (
     each_file,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.formats.pyglider_columns import (
+from factory.importing.formats.ngdac_pyglider import (
     MAGNETIC,
     SERIES,
     SLOCUM,
