@@ -432,7 +432,8 @@ def write_pyglider(
     latitude, longitude = flight.position(time)
     if reckoned:
         wrong = np.where(at_surface, 0.0, (time - START) % flight.cycle - flight.surface)
-        meander = np.where(at_surface, 0.0, 2.0 * np.sin(time / 10.0))
+        minute = np.arange(time[0], time[-1] + 60.0, 60.0)  # it logs a position once a minute
+        meander = np.where(at_surface, 0.0, np.interp(time, minute, 5.0 * np.sin(minute)))
         latitude = latitude + (wrong / (2.0 * flight.leg) * 20.0 + meander) / 111e3
     else:
         latitude, longitude = (

@@ -27,13 +27,14 @@ from logs import (
 
 import factory.accessor  # noqa: F401 (registers ds.glider)
 from factory.exporting import EXPORTERS
+from factory.exporting.og1.variables import Og1Variable
 from factory.importing import import_logs
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import degrees_minutes
 from factory.importing.columns import parse_stamps, read_table
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.tally import Tally
-from factory.modelled_log import CURRENTS, POSITIONS, modelled
+from factory.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -182,6 +183,37 @@ def test_the_page_runs(
 def test_a_vehicle_that_does_not_fit_is_told(exported: xr.Dataset) -> None:
     with pytest.warns(UserWarning, match="the vehicle slocum-1000 does not fit the log"):
         exported.copy().glider.flight("slocum-1000")
+
+
+def test_between_samples_values_are_linear_and_currents_hold() -> None:
+    """Across the date line, in a hole between two dives, beside a missing value."""
+    values = {
+        "LONGITUDE": [179.9, -179.9, -179.7, 10.2, 10.0],
+        "VERT_CURR_MODEL": [0.1, 0.3, np.nan, 0.0, 0.2],
+        "DAC_NORTH_MODEL": [0.1, 0.1, 0.1, 0.4, 0.4],
+    }
+    log = ModelledLog(
+        deployment="here",
+        model="flight model of vehicle mine",
+        time=np.array([0.0, 5.0, 10.0, 500.0, 505.0]),
+        period=5.0,
+        variables={n: Og1Variable(np.array(v), {"coordinates": "TIME"}) for n, v in values.items()},
+        fixes=(np.zeros(0), np.zeros(0)),
+        currents=(),
+        doubt="it does not fit",
+    )
+    times = np.array([-1.0, 0.0, 2.0, 3.0, 5.0, 7.5, 10.0, 250.0, 500.0, 504.0, 505.0, 506.0])
+    found = log.at(np.append(times, np.nan))
+    nan = np.nan
+    for name, wanted in {
+        "LONGITUDE": [nan, 179.9, 179.98, -179.98, -179.9, -179.8, -179.7, nan, 10.2, 10.04, 10.0],
+        "VERT_CURR_MODEL": [nan, 0.1, 0.18, 0.22, 0.3, nan, nan, nan, 0.0, 0.16, 0.2],
+        "DAC_NORTH_MODEL": [nan, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, nan, 0.4, 0.4, 0.4],
+    }.items():
+        np.testing.assert_allclose(found[name].values, [*wanted, nan, nan], atol=1e-9)
+        assert "coordinates" not in found[name].attributes
+    comments = {name: one.attributes.get("comment") for name, one in found.items()}
+    assert comments == {**dict.fromkeys(values), "VERT_CURR_MODEL": "it does not fit"}
 
 
 def test_the_factory_alone_does_not_load_xarray() -> None:

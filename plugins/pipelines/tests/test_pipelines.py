@@ -209,6 +209,27 @@ def test_the_extension_tells_what_fails(
     assert told.lines[-1] == ("info", "glider-twin: no dive to add to")
 
 
+def test_the_extension_reads_the_dives_before_the_new(
+    told: Told, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for number in range(1, 41):
+        (tmp_path / f"p999{number:04d}.nc").touch()
+    (tmp_path / "p9990038_early.nc").touch()
+    asked: list[list[str]] = []
+
+    def answer(words: list[str], **_: Any) -> Any:
+        asked.append([Path(word).name for word in words])
+        return types.SimpleNamespace(returncode=0, stdout="", stderr="")
+
+    monkeypatch.setattr(subprocess, "run", answer)
+    options = types.SimpleNamespace(mission_dir=tmp_path)
+    created = [tmp_path / f"p99900{number}.nc" for number in (38, 37)]
+    assert basestation3.main(base_opts=options, nc_files_created=created) == 0
+    read = [f"p999{number:04d}.nc" for number in range(37 - basestation3.BEFORE, 41)]
+    start = [Path(sys.executable).name, "-P", "-m", "glider_twin_pipelines"]
+    assert asked == [[*start, *read, "--write", "p9990038.nc", "p9990037.nc"]]
+
+
 def test_it_finds_the_interpreter_of_its_environment(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
