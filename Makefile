@@ -17,7 +17,7 @@ setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual envi
 	@scripts/gl.sh
 	@scripts/browser.sh
 
-.venv/.installed: pyproject.toml plugins/hubs/pyproject.toml constraints.txt scripts/venv.sh
+.venv/.installed: pyproject.toml plugins/hubs/pyproject.toml plugins/pipelines/pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
 
 .venv-s3/.installed: scripts/s3_server.sh .venv/.installed

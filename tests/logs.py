@@ -419,6 +419,59 @@ def write_ngdac(folder: Path, flight: Flight) -> list[Path]:
     return paths
 
 
+def write_pyglider(
+    path: Path, flight: Flight, *, pump: bool = True, reckoned: bool = False
+) -> Path:
+    """A time series of pyglider: a SeaExplorer's, positions on lines between the fixes; or a
+    Slocum's in radian, whose positions it reckoned, meandering and 20 m off at the end."""
+    import netCDF4
+
+    time = flight.time
+    state = flight.state(time)
+    at_surface = state["under"] == 0.0
+    latitude, longitude = flight.position(time)
+    if reckoned:
+        wrong = np.where(at_surface, 0.0, (time - START) % flight.cycle - flight.surface)
+        minute = np.arange(time[0], time[-1] + 60.0, 60.0)  # it logs a position once a minute
+        meander = np.where(at_surface, 0.0, np.interp(time, minute, 5.0 * np.sin(minute)))
+        latitude = latitude + (wrong / (2.0 * flight.leg) * 20.0 + meander) / 111e3
+    else:
+        latitude, longitude = (
+            np.interp(time, time[at_surface], values[at_surface])
+            for values in (latitude, longitude)
+        )
+    angle = np.radians if reckoned else np.asarray
+    series = {
+        "time": (time, "seconds since 1970-01-01T00:00:00Z", "time"),
+        "latitude": (latitude, "degrees_north", "m_lat" if reckoned else "NAV_LATITUDE"),
+        "longitude": (longitude, "degrees_east", "m_lon" if reckoned else "NAV_LONGITUDE"),
+        "depth": (state["depth"], "m", ""),
+        "pressure": (1.0065 * state["depth"], "dbar", "GPCTD_PRESSURE"),
+        "temperature": (np.full(len(time), 8.0), "Celsius", "GPCTD_TEMPERATURE"),
+        "salinity": (np.full(len(time), 34.0), "1", ""),
+        "pitch": (angle(state["pitch"]), "degrees", "m_pitch" if reckoned else "Pitch"),
+        "roll": (angle(np.full(len(time), 1.0)), "degrees", "m_roll" if reckoned else "Roll"),
+        "heading": (
+            angle(np.mod(state["heading"] - flight.variation, 360.0)), "degrees",
+            "m_heading" if reckoned else "Heading",
+        ),
+        "ballast": (state["pump"], "cm3", "m_ballast_pumped" if reckoned else "BallastPos"),
+        "profile_index": (2.0 * state["dive"] + (state["pitch"] > 0.0), "1", ""),
+        "profile_direction": (-np.sign(state["pitch"]), "1", ""),
+        "distance_over_ground": (np.zeros(len(time)), "km", ""),
+    }  # fmt: skip
+    if not pump:
+        del series["ballast"]
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("time", len(time))
+        file.glider_model = "Slocum" if reckoned else "SeaExplorer"
+        for name, (values, units, source) in series.items():
+            variable = file.createVariable(name, "f8", ("time",))
+            variable.setncatts({"units": units, **({"source": source} if source else {})})
+            variable[:] = values
+    return path
+
+
 def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[Path]:
     """A Seaglider's basestation files, one a dive: samples under water, actuators after moves."""
     import netCDF4

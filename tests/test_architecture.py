@@ -23,8 +23,8 @@ TOP_LEVEL = {
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {
-        "__init__", "__main__", "description", "facade", "flown_again", "logs_page",
-        "missions_page", "seams", "soundness", "store_check",
+        "__init__", "__main__", "accessor", "description", "facade", "flown_again", "logs_page",
+        "missions_page", "modelled_log", "seams", "soundness", "store_check",
     },
     "learn": {
         "__init__", "__main__", "adaptation", "api", "files", "finishing", "folds",

@@ -60,11 +60,13 @@ RUN = {
         "tests/learn/commands/test_commands.py": 1,
         "tests/docs/test_front_page.py": 1,
     },
+    "docs/howto/pipelines.md": {"plugins/pipelines/tests/test_pipelines.py": 1},
     "docs/howto/render.md": {
         "tests/twin/show/render/test_gallery.py": 2,
         "tests/test_registry.py": 1,
     },
     "docs/howto/serve.md": {"tests/twin/serve/test_serve.py": 2},
+    "docs/howto/xarray.md": {"tests/factory/test_accessor.py": 1},
     "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 1},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {"tests/twin/water/test_current_docs.py": 2},

@@ -106,13 +106,10 @@ class EstimateFlight(JsonOption):
         if used is not None:
             lasts = "" if days is None else f", {days:.1f} days left"
             console.say(f"power by the log's counter of charge: {used.power:.2f} W{lasts}")
-        if summary.suspect:
+        if doubt := summary.doubt(found.calibration.vehicle.name):
             console.warn(
-                f"vertical water velocity is {100 * summary.w_mean_dive:.1f} cm/s in dives and "
-                f"{100 * summary.w_mean_climb:.1f} in climbs: the vehicle "
-                f"{found.calibration.vehicle.name} does not fit the log, not the water; identify "
-                f"one with `twin identify {quoted(self.store)} --out mine.xml` and give "
-                "--vehicle mine.xml"
+                f"{doubt}; identify one with `twin identify {quoted(self.store)} --out mine.xml` "
+                "and give --vehicle mine.xml"
             )
         console.say(str(self.out))
         pictures: list[Path] = []

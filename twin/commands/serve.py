@@ -40,8 +40,10 @@ class Serve(JsonOption):
     """address to serve on"""
     port: int = 9002
     """UDP port; ArduPilot's is 9002"""
-    exposed: bool = False
-    """allow an address that other machines reach: whoever reaches it drives the vehicle"""
+    exposed_to: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS[,ADDRESS ...]")] = None
+    """with a --host that other machines reach: who may drive, such as 192.168.1.20 or
+    192.168.1.0/24. The protocol has no token: whoever sends from there, or with such a false
+    address, drives the vehicle"""
     silence: Seconds = 2.0
     """seconds without a packet after which the client is lost and the vehicle flies its failsafe"""
     mavlink: str | None = None
@@ -79,7 +81,8 @@ class Serve(JsonOption):
             telemetry = MavlinkTelemetry(self.mavlink, (place.latitude_deg, place.longitude_deg))
         with ArduPilotServer(
             flown, channels, host=self.host, port=self.port, silence=self.silence,
-            exposed=self.exposed, telemetry=telemetry, tell=console.note,
+            exposed_to=[] if self.exposed_to is None else self.exposed_to.split(","),
+            telemetry=telemetry, tell=console.note,
         ) as server:  # fmt: skip
             where = "{}:{}".format(*server.address)
             parts = ", ".join(f"{k} {name}" for k, name in enumerate(channels.parts, 1))

@@ -46,6 +46,16 @@ class FlightSummary:
         means = np.array([self.w_mean_dive, self.w_mean_climb])
         return bool(abs(means[0] - means[1]) > MOST_APART or (np.abs(means) > MOST_MEAN).any())
 
+    def doubt(self, vehicle: str) -> str:
+        """Why the model of a vehicle of this name is not this vehicle's; empty where it may be."""
+        if not self.suspect:
+            return ""
+        return (
+            f"vertical water velocity is {100 * self.w_mean_dive:.1f} cm/s in dives and "
+            f"{100 * self.w_mean_climb:.1f} in climbs: the vehicle {vehicle} does not fit the log, "
+            "not the water"
+        )
+
     def describe(self) -> dict[str, float]:
         """The figures with their units in the names."""
         return {

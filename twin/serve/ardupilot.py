@@ -99,7 +99,7 @@ class ArduPilotServer:
         host: str = "127.0.0.1",
         port: int = PORT,
         silence: float = 2.0,
-        exposed: bool = False,
+        exposed_to: Sequence[str] = (),
         telemetry: Callable[[SteppedVehicle], None] | None = None,
         tell: Callable[[str], None] = lambda _: None,
     ) -> None:
@@ -111,17 +111,27 @@ class ArduPilotServer:
           host, port: where packets arrive; port 0 takes a free one.
           silence: [s] without a packet after which the client is lost: the vehicle then flies its
             failsafe in real time until a client comes back.
-          exposed: allow a host that other machines reach. The protocol has no password.
+          exposed_to: addresses and networks of the clients that may drive, where the host is one
+            that other machines reach. The protocol has no place for a token, and who can send
+            packets with a false address is let in too.
           telemetry: called after each frame.
-          tell: takes a line when a client is refused because another one drives, once for each.
+          tell: takes a line when a client is refused, once for each.
 
         Raises:
-          InputError: a host that other machines reach without `exposed`, or the port is taken.
+          InputError: a host that other machines reach without `exposed_to`, one that they do not
+            reach with it, no such address, or the port is taken.
         """
-        if not exposed and not _own_machine(host):
+        self._allowed = [_network(word) for word in exposed_to]
+        if not self._allowed and not _own_machine(host):
             raise InputError(
-                f"{host} can be reached by other machines, and the protocol has no password: serve "
-                "on 127.0.0.1, or say --exposed on a network that you trust"
+                f"{host} can be reached by other machines, and the protocol has no field for a "
+                "token: serve on 127.0.0.1, or name who may drive, --exposed-to ADDRESS, on a "
+                "network that you trust"
+            )
+        if self._allowed and _own_machine(host):
+            raise InputError(
+                f"--exposed-to is for other machines, which do not reach {host}: give --host too, "
+                "such as 0.0.0.0, or leave it out"
             )
         if not silence > 0.0:
             raise InputError(f"silence must be above 0 s, not {silence:g}")
@@ -168,15 +178,16 @@ class ArduPilotServer:
         """Fly the frame of a packet and answer it."""
         packet = _unpack(data)
         driver = self._client or sender
-        if packet is None or driver != sender:
+        why = ""
+        if not self._may_drive(sender):
+            why = "its address is not among those of --exposed-to"
+        elif driver != sender:
+            why = "{}:{} drives, until it is silent for {:g} s".format(*driver, self.silence)
+        if packet is None or why:
             self.served.refused += 1
             if packet is not None and sender not in self._refused:
                 self._refused.add(sender)
-                self._tell(
-                    "{}:{} is refused: {}:{} drives, until it is silent for {:g} s".format(
-                        *sender, *driver, self.silence
-                    )
-                )
+                self._tell("{}:{} is refused: {}".format(*sender, why))
             return
         rate, frame, pulses = packet
         self._client, self._heard = sender, time.monotonic()
@@ -196,6 +207,11 @@ class ArduPilotServer:
                 self._telemetry(self.flown)
         with contextlib.suppress(ConnectionError):  # a client that has just gone
             self._socket.sendto(self._answer, sender)
+
+    def _may_drive(self, sender: tuple[str, int]) -> bool:
+        """Whether a sender is of this machine or among those that the server is exposed to."""
+        address = ipaddress.ip_address(sender[0])
+        return address.is_loopback or any(address in one for one in self._allowed)
 
     def _drift(self, until: Callable[[], bool]) -> None:
         """The client is lost: fly the failsafe in real time until a packet comes."""
@@ -222,6 +238,16 @@ def _own_machine(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def _network(word: str) -> ipaddress.IPv4Network:
+    try:
+        return ipaddress.IPv4Network(word.strip(), strict=False)
+    except ValueError as error:
+        raise InputError(
+            f"--exposed-to {word!r} is no address or network, such as 192.168.1.20 or "
+            "192.168.1.0/24"
+        ) from error
 
 
 def _unpack(data: bytes) -> tuple[float, int, tuple[int, ...]] | None:

@@ -27,6 +27,7 @@ from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
 from twin.logs.fix import fixes_of, place_of
 from twin.logs.flown_dive import FlownDive
 from twin.records.reader import MissionStore
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,9 @@ class FlownTracks:
     """Which vehicle's flight model, or why there is none"""
 
 
-def flown(run: MissionStore, missions: Sequence[int], vehicle: str | None = None) -> FlownTracks:
+def flown(
+    run: MissionStore, missions: Sequence[int], vehicle: str | Vehicle | None = None
+) -> FlownTracks:
     """Tracks of these missions.
 
     Args:

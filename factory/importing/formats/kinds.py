@@ -83,16 +83,20 @@ OG1 = Importer(
 NGDAC = Importer(
     name="ngdac",
     vehicle="any glider",
-    files="IOOS NGDAC netCDF, a profile a file; all of a deployment together",
-    channels="depth, CTD, the file's track, reported current; attitude and fixes where the file "
-    "keeps the vehicle's own sensors",
+    files="IOOS NGDAC netCDF, a profile a file, all of a deployment together; time series of "
+    "pyglider",
+    channels="depth, CTD, the file's track, reported current; attitude, actuators and fixes where "
+    "the file keeps the vehicle's own sensors; the fixes that a time series' track goes through",
     suffixes=frozenset({".nc"}),
-    marks=frozenset({"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv"}),
+    marks=frozenset(
+        {"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv", "profile_index",
+         "profile_direction", "distance_over_ground"}
+    ),
     period=5.0,
     read="factory.importing.formats.ngdac_reader:read_ngdac",
     lacks=frozenset({"measured_pump", "measured_shift", "measured_rotation"}),
-)
-"""Profile files of the U.S. IOOS National Glider DAC."""
+)  # fmt: skip
+"""Profile files of the U.S. IOOS National Glider DAC, and time series of pyglider."""
 
 SPRAY = Importer(
     name="spray",

@@ -1,4 +1,5 @@
-"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment.
+"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment; and
+of pyglider's time series, a deployment a file.
 
 CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
 fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import reference_declination, to_degrees
+from factory.importing.angles import in_degrees, reference_declination, to_degrees
 from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
 from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
@@ -28,6 +29,14 @@ from factory.importing.deployment_log import (
     each_file,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.ngdac_pyglider import (
+    MAGNETIC,
+    SERIES,
+    SLOCUM,
+    actuators,
+    fixes_of_track,
+    sensor_columns,
+)
 from factory.importing.netcdf import (
     as_array,
     attributes_of,
@@ -66,7 +75,6 @@ READ = (
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
 _KIND = "NGDAC file"
-_MAGNETIC = ("m_heading",)
 _BAD = (3.0, 4.0, 9.0)
 """QARTOD flags: suspect, bad, missing."""
 
@@ -81,6 +89,12 @@ class NgdacProfile:
     current: tuple[float, float, float] | None
     """Time [s], eastward and northward [m/s]."""
     attributes: dict[str, dict[str, Any]]
+    platform: str
+    """Model of the glider, where the file names it."""
+    sensors: dict[str, str]
+    """Names of columns by the actuator's sensor that they are of."""
+    series: bool
+    """Whether it is a whole deployment."""
 
 
 def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
@@ -115,11 +129,12 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
         file.set_auto_mask(True)
         variables = file.variables
         names = [*variables, *file.groups]
-        if CLOCK not in variables or not {"profile_id", "profile_time"} & set(variables):
+        if CLOCK not in variables or not {"profile_id", "profile_time", SERIES} & set(variables):
             raise WrongFormat(path, names)
         try:
             dimensions = variables[CLOCK].dimensions
-            wanted = [n for n in (*READ, *extra) if n in variables]
+            sensors = sensor_columns(variables)
+            wanted = [n for n in (*READ, *sensors.values(), *extra) if n in variables]
             along = [
                 n for n in wanted
                 if variables[n].dimensions == dimensions and variables[n].dtype != str
@@ -129,19 +144,25 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
             attributes = {n: attributes_of(variables[n]) for n in along}
             flags = [f"{n}_qc" for n in along if f"{n}_qc" in variables]
             name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
+            platform = str(getattr(file, "glider_model", "glider"))
             time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
             current = _current(variables, path, tally)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     if not np.isfinite(time).any():
         raise InputError(f"{path.name} holds no measurement with a time")
-    note_unread(_KIND, names, (*READ, *extra, *flags), tally)
-    tally.add("read", path.name, len(time), "measurements of a profile")
+    note_unread(_KIND, names, (*READ, *sensors.values(), *extra, *flags), tally)
+    series = SERIES in names and not {"profile_id", "profile_time"} & set(names)
+    what = "measurements" if series else "measurements of a profile"
+    tally.add("read", path.name, len(time), what)
     return NgdacProfile(
         deployment=name,
         columns={CLOCK: time, **columns},
         current=current,
         attributes=attributes,
+        platform=platform,
+        sensors=sensors,
+        series=series,
     )
 
 
@@ -187,7 +208,16 @@ def _log(
     if not len(fixes) and track:
         latitude = track["latitude"]
         places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
+    if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
+        latitude, longitude = track["latitude"], track["longitude"]
+        known = np.isfinite(columns["depth"])
+        depths = Channel(time[known], columns["depth"][known]).at(latitude.time)
+        fixes, lines = fixes_of_track(
+            latitude.time, latitude.values, longitude.values, depths, tally
+        )
+        track = {} if lines else track
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
+    channels |= actuators(time, columns, profiles[0].sensors, tally)
     depth = columns.get("depth")
     if depth is not None and np.nanmedian(depth) < 0.0:
         tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
@@ -226,7 +256,7 @@ def _log(
         }  # fmt: skip
     return DeploymentLog(
         deployment=name,
-        platform="glider",
+        platform=profiles[0].platform,
         channels={key: channel for key, channel in channels.items() if len(channel)},
         fixes=fixes,
         magnetic_variation=variation,
@@ -281,19 +311,28 @@ def _attitude(
     """Attitude in degree, true heading, and the variation that was added."""
     channels: dict[str, Channel] = {}
     variation = EMPTY
-    for target, names in ANGLES.items():
-        there = [n for n in names if n in columns and np.isfinite(columns[n]).any()]
+    found = {
+        target: [n for n in names if n in columns and np.isfinite(columns[n]).any()]
+        for target, names in ANGLES.items()
+    }
+    degrees = any(
+        in_degrees(target.removeprefix("measured_"), columns[there[0]])
+        for target, there in found.items() if there
+    )  # fmt: skip
+    for target, there in found.items():
         if not there:
             continue
         leave_out(there[1:], f"{there[0]} is taken", tally)
         source, kind = there[0], target.removeprefix("measured_")
         values, words = columns[source], attributes[source]
-        if str(words.get("units", "")).lower() in ("rad", "radian", "radians"):
-            values = to_degrees(values, source, tally, kind=kind)
+        sensor = str(words.get("source", source))
+        radian = str(words.get("units", "")).lower() in ("rad", "radian", "radians")
+        if radian or sensor.startswith(SLOCUM):  # pyglider writes a Slocum's angles as they are
+            values = to_degrees(values, source, tally, kind=kind, likely=degrees)
         elif kind == "pitch":
             values = from_degrees(values, source, tally, flying=True)
         said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
-        if kind == "heading" and (source in _MAGNETIC or "magnetic" in said.lower()):
+        if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
             if options.variation_deg is not None:
                 variation = Channel(time[:1], np.array([options.variation_deg]))
             else:

@@ -5,6 +5,7 @@ Dive numbers of a Seaglider: what the table of its dives says of each, fixes amo
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from collections.abc import Sequence
@@ -121,7 +122,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             row: Columns = {"dive": np.array([dive])}
             for number in NUMBERS:
                 if number in variables:
-                    row[number] = as_array(variables[number][...])[:1]
+                    row[number] = _number_in(variables[number])
             row |= _fixes(variables, tally)
             row |= _waypoint(variables)
             for words in RECKONED:
@@ -185,6 +186,15 @@ def _carried(variables: Any, name: str) -> Channel:
     there = np.isfinite(time) & np.isfinite(values)
     time, first = np.unique(time[there], return_index=True)
     return Channel(time, values[there][first])
+
+
+def _number_in(variable: Any) -> Array:
+    """A number, (1,); older basestations write some letter by letter."""
+    if variable.dtype == str or variable.dtype.kind not in "fiu":
+        with contextlib.suppress(ValueError):
+            return np.array([float(text_of(variable))])
+        return np.array([np.nan])
+    return as_array(variable[...])[:1]
 
 
 def _glider(file: Any, path: Path) -> str:

@@ -271,3 +271,24 @@ def test_base_stations_files_say_where_the_glider_was_sent(tmp_path: Path) -> No
         assert known.mean() > 0.9
         assert waypoint[row, :count][known] == pytest.approx(north[row], rel=2e-3)
     assert "log_TGT_LATLONG" in report.names["basestation file"]["read"]
+
+
+def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path: Path) -> None:
+    found = {}
+    for kind in ("letters", "number", "words"):
+        folder = tmp_path / kind
+        folder.mkdir()
+        paths = write_basestation(folder, FLIGHT)
+        for path in paths:
+            with netCDF4.Dataset(path, "a") as file:
+                if kind == "number":
+                    file.createVariable("log_INTERNAL_PRESSURE", "f8", ())[...] = 7.05105
+                    continue
+                file.createDimension("seven", 7)
+                letters = file.createVariable("log_INTERNAL_PRESSURE", "S1", ("seven",))
+                letters[:] = list("7.05105" if kind == "letters" else "unknown")
+        found[kind] = import_logs("seaglider", paths)[0]
+    vacuum = found["number"]["measured_vacuum"].values
+    assert np.isfinite(vacuum).any()
+    np.testing.assert_array_equal(found["letters"]["measured_vacuum"].values, vacuum)
+    assert "measured_vacuum" not in found["words"]

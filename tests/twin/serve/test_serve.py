@@ -211,13 +211,49 @@ def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(vehicle: str, serve: C
 def test_other_machines_are_let_in_only_on_request() -> None:
     vehicle = SteppedVehicle(scenario(seconds=60.0))
     channels = Channels.of(vehicle.vehicle)
-    with pytest.raises(InputError, match=r"0\.0\.0\.0 can be reached by other machines"):
-        ArduPilotServer(vehicle, channels, host="0.0.0.0", port=0)
+    for words, said in (
+        ({"host": "0.0.0.0"}, r"0\.0\.0\.0 can be reached by other machines.*--exposed-to"),
+        ({"exposed_to": ["10.0.0.7"]}, r"do not reach 127\.0\.0\.1: give --host"),
+        ({"host": "0.0.0.0", "exposed_to": ["10.0.0"]}, r"'10\.0\.0' is no address or network"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ArduPilotServer(vehicle, channels, port=0, **words)
     with (
         ArduPilotServer(vehicle, channels, port=0) as server,
         pytest.raises(InputError, match="cannot serve on 127"),
     ):
         ArduPilotServer(vehicle, channels, port=server.address[1])
+
+
+def test_only_the_named_addresses_drive() -> None:
+    """Packets from elsewhere are handed over as the socket would: one machine has one address."""
+    vehicle = SteppedVehicle(scenario(seconds=60.0))
+    told: list[str] = []
+    with ArduPilotServer(
+        vehicle, Channels.of(vehicle.vehicle), host="0.0.0.0", port=0, tell=told.append,
+        exposed_to=["192.168.1.20", "10.1.0.0/16"],
+    ) as server:  # fmt: skip
+        server._socket.close()
+        server._socket = Unsent()
+        for address, frames in (("192.168.1.21", 0), ("192.168.1.21", 0), ("10.1.7.7", 1)):
+            server._take(struct.pack("<HHI16H", 18458, 10, 1, *(1500,) * 16), (address, 5000))
+            assert server.served.frames == frames
+        assert server.served.refused == 2
+        assert told == ["192.168.1.21:5000 is refused: its address is not among those of "
+                        "--exposed-to"]  # fmt: skip
+        server._client = None  # silent for long
+        server._take(struct.pack("<HHI16H", 18458, 10, 2, *(1500,) * 16), ("127.0.0.1", 5000))
+        assert server.served.frames == 2
+
+
+class Unsent:
+    """A socket on which answers go nowhere."""
+
+    def sendto(self, *_: object) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
 
 
 def test_channels_are_parts() -> None:
