@@ -68,13 +68,9 @@ class Adapt(JsonOption):
         )
         console.answer(run=run.folder, changed=fit.start is not None, adaptation=fit)
         console.table(
-            [
-                {"constant": name, "estimate": value, "deviation": sd}
-                for name, (value, sd) in fit.factors.items()
-            ],
+            fit.rows(),
             title=f"by {counted(fit.glides, 'steady glide')}"
-            f"{' and the Doppler log' if fit.log else ''}: ln of the factors on drag, lift slope "
-            "and induced drag, rad, kg, 1/Pa",
+            f"{' and the Doppler log' if fit.log else ''}",
             digits=2,
         )
         console.say()

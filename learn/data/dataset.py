@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -110,6 +110,7 @@ class Selection:
         limit: int | None = None,
         period: float | None = None,
         start: FlightStart | None = None,
+        advise: Callable[[Iterable[str]], str] = leave_out,
     ) -> None:
         """Open the store; signals are read later.
 
@@ -120,6 +121,7 @@ class Selection:
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
           start: of the flight filter in every mission, of networks that adapted.
+          advise: what else to do about channels that are missing or damaged, for errors.
 
         Raises:
           StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
@@ -129,7 +131,7 @@ class Selection:
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         with fast_reading(store_path(store)):
             self._reader = open_reader(store)
-        self._start = start
+        self._start, self._advise = start, advise
         try:
             self._open(tuple(dict.fromkeys(channels)), split, limit, period)
         except BaseException:
@@ -153,7 +155,7 @@ class Selection:
                 f"store {store} has no channel {missing[0]}"
                 + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
                 + "; generate the store again or import it with the files that hold it"
-                + leave_out(missing)
+                + self._advise(missing)
             )
         known = SPLIT in reader or split != "all"
         parts = np.array(reader.splits if known else ["all"] * count)
@@ -216,12 +218,15 @@ class Selection:
                 order, rows, self._stored[places[order]], values, strict=True
             ):
                 own = padded[:stored]
-                reader.check_possible(name, own, mission=int(row), advice=leave_out([name]))
+                reader.check_possible(name, own, mission=int(row), advice=self._advise([name]))
                 signals[place][name] = _signal(name, own, self._step, reader.logged)
         if self.vehicle is not None:
             for place, found in enumerate(signals):
                 row = int(self.rows[places[place]])
-                found |= estimate(found, self.vehicle, self.period, mission=row, start=self._start)
+                found |= estimate(
+                    found, self.vehicle, self.period,
+                    mission=row, advise=self._advise, start=self._start,
+                )  # fmt: skip
         return [
             MissionSequence(
                 index=int(self.rows[place]),

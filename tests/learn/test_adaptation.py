@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -27,6 +28,7 @@ from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.flight_fit import FOULED
 from twin.navigation.settings import ESTIMATED, estimate
+from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
 
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
@@ -112,13 +114,34 @@ def test_the_command_says_what_it_found_and_what_does_not_do(place, monkeypatch,
     assert said["adaptation"]["log"] is True
     assert PROGRAM.main(words) == 2  # a run of that name is there
     assert PROGRAM.main([*words, "--overwrite"]) == 0
-    assert "that may have growth on it" in capsys.readouterr().out
+    table = capsys.readouterr().out
+    assert "that may have growth on it" in table
+    for name, unit in (("drag", "ln of the factor"), ("ballast", "kg"), ("pitch_x", "rad")):
+        assert re.search(rf"^{name} .* {unit}$", table, re.MULTILINE)
     assert PROGRAM.main([*words[:3], "--missions", "7"]) == 2
     assert "has no mission 7: it has 3" in capsys.readouterr().err
     origin = open_run("first")
     with pytest.raises(InputError, match="--dives 0"):
         learn.adapt(origin, "heavy.zarr", Path("runs/none"), dives=0)
     assert not Path("runs/none").exists()
+
+
+@pytest.mark.parametrize(
+    ("lacks", "labels", "told"),
+    [("roll_rate", "none", "reads it; `twin identify` fits a glider"),
+     ("dvl_surge", "dvl", "`--labels none`"), ("depth", "none", "the files that hold it$")],
+)  # fmt: skip
+def test_a_log_that_lacks_a_channel_is_sent_where_it_is_taken(place, tmp_path, lacks, labels, told):
+    """Not to networks without the flight filter, which adapting refuses."""
+    whole = open_store(place / "heavy.zarr").load()
+    store = write_store(whole.drop_vars(f"measured_{lacks}"), tmp_path / "bare.zarr")
+    with pytest.raises(StoreError, match=f"no channel measured_{lacks}.*{told}") as refused:
+        learn.adapt(place / "runs" / "first", store, tmp_path / "x", labels=labels)
+    assert "--without" not in str(refused.value)
+    whole["measured_pitch"][0, 9] = np.nan
+    store = write_store(whole, tmp_path / "hole.zarr")
+    with pytest.raises(StoreError, match=r"not finite at 1 samples.*repair the store$"):
+        learn.adapt(place / "runs" / "first", store, tmp_path / "x", labels=labels)
 
 
 def test_networks_that_do_not_read_the_filter_cannot_adapt(place):

@@ -59,6 +59,9 @@ ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
 """steps at most; a step in prior deviations, and a damping, with which it ends"""
 SURE = 1e-6
 """of a deviation: a hull that is held"""
+LN = "ln of the factor"
+UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
+"""Of each constant, as reports name it"""
 FILE, NEAR, FOULED = "file", "near", "fouled"
 """A hull: as its file says; as near to it as `FlightSpread` has them; with growth, or without"""
 
@@ -94,7 +97,14 @@ class FlightFit:
     log: bool
     """Whether a Doppler log went in"""
     factors: Mapping[str, tuple[float, float]]
-    """Estimate and deviation of every constant"""
+    """Estimate and deviation of every constant, in UNITS"""
+
+    def rows(self) -> list[dict[str, object]]:
+        """Of a table: name, estimate, deviation and unit of every constant."""
+        return [
+            {"constant": name, "estimate": value, "deviation": sd, "unit": UNITS[name]}
+            for name, (value, sd) in self.factors.items()
+        ]
 
 
 def steady_glides(

@@ -6,7 +6,7 @@ An on-board filter makes the estimated channels from the measured ones.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -174,6 +174,7 @@ def estimate(
     period: float,
     *,
     mission: int,
+    advise: Callable[[Sequence[str]], str] = lambda _: "",
     start: FlightStart | None = None,
 ) -> dict[str, Array]:
     """All of ESTIMATED, each (time,), of one whole mission with one sample every `period` [s].
@@ -182,6 +183,7 @@ def estimate(
       signals: what the filter reads.
       vehicle: as its file says.
       mission: for errors.
+      advise: what else to do about such channels than to repair the store, for errors.
       start: what earlier dives said of the vehicle.
 
     Raises:
@@ -193,8 +195,8 @@ def estimate(
         if bad.size:
             raise StoreError(
                 f"channel {name} of mission {mission} is not finite at {bad.size} samples, first "
-                f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store, or "
-                "train without it (`learn fit --without flight`)"
+                f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store"
+                + advise([name])
             )
     made = FlightFilter(vehicle, period, start=start).run(signals)
     return {name: np.ascontiguousarray(made[:, k]) for k, name in enumerate(ESTIMATED)}
