@@ -1,8 +1,8 @@
 """Adaptation: a run's networks fitted to one vehicle by its first dives.
 
-Fitted are the hull's seven constants (`twin.navigation.flight_fit`): the flight filter that the
-networks read begins with them, and its surge takes the place of theirs in steady glides. Weights
-stay as they are.
+Fitted are the hull's seven constants (`twin.navigation.flight_fit`): a second flight filter begins
+with them, and in steady glides its surge is mixed with the networks'. These stay as they are, and
+so does the filter that they read.
 """
 
 from __future__ import annotations

@@ -13,13 +13,6 @@ from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
 
-HULLS = {
-    "file": "as its file says, so that nothing is changed",
-    "near": "near its file",
-    "fouled": "that may have growth on it",
-}
-"""By `FlightFit.hull`"""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Adapt(JsonOption):
@@ -75,8 +68,9 @@ class Adapt(JsonOption):
         )
         console.say()
         console.item(
-            f"held-back glides are best with a hull {HULLS[fit.hull]}: they leave "
-            f"{100.0 * fit.left_over:.0f} % of the squared residual that the file's leaves"
+            f"the hull that was found leaves of held-back glides {100.0 * fit.left_over:.0f} % of "
+            "the squared residual that the file's leaves"
+            + ("" if fit.start else ": the file's is the better one, and nothing is changed")
         )
         console.say(f"run: {run.folder}")
         return EXIT_OK

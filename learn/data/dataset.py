@@ -14,7 +14,7 @@ from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
 from twin.navigation.features import feature_matrix, leave_out
 from twin.navigation.flight_filter import FlightStart
-from twin.navigation.settings import ESTIMATED, estimate, sources
+from twin.navigation.settings import ESTIMATED, estimate, estimate_adapted, sources
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logged import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
@@ -120,7 +120,7 @@ class Selection:
           split: train, validation, test or all.
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
-          start: of the flight filter in every mission, of networks that adapted.
+          start: of the second flight filter of networks that adapted, whose ADAPTED come beside.
           advise: what else to do about channels that are missing or damaged, for errors.
 
         Raises:
@@ -223,10 +223,10 @@ class Selection:
         if self.vehicle is not None:
             for place, found in enumerate(signals):
                 row = int(self.rows[places[place]])
-                found |= estimate(
-                    found, self.vehicle, self.period,
-                    mission=row, advise=self._advise, start=self._start,
-                )  # fmt: skip
+                own = estimate(found, self.vehicle, self.period, mission=row, advise=self._advise)
+                if self._start is not None:
+                    own |= estimate_adapted(found, self.vehicle, self.period, self._start)
+                found |= own
         return [
             MissionSequence(
                 index=int(self.rows[place]),
