@@ -1,15 +1,15 @@
 """Adaptation: a run's networks fitted to one vehicle by its first dives.
 
-Fitted are the hull's seven constants (`twin.navigation.flight_fit`): the flight filter that the
-networks read begins with them, and its surge takes the place of theirs in steady glides. Weights
-stay as they are.
+Fitted are the hull's seven constants (`twin.navigation.flight_fit`): a second flight filter begins
+with them, and in steady glides its surge is mixed with the networks'. These stay as they are, and
+so does the filter that they read.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,9 +20,11 @@ from learn.data.dataset import MissionSequence, Selection
 from learn.run import ADAPTATION, METRICS, Run, open_run, write_description
 from learn.run_folder import is_run
 from twin.errors import InputError
+from twin.identify.logged_missions import NEEDED
 from twin.navigation.dives import find_dives
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter_kernels import CHANNELS
 from twin.navigation.flight_fit import FlightFit, Glides, adapt_flight, steady_glides
 from twin.navigation.settings import ESTIMATED
 from twin.records.reader import MissionStore
@@ -33,6 +35,8 @@ Adapting = Literal["none", "dvl"]
 """Velocities to adapt on: none but the depth's, or those of a Doppler log in water lock"""
 LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
 FIXES = ("measured_gps_north", "measured_gps_east")
+NOT_IDENTIFIED_BY = frozenset(CHANNELS) - frozenset(NEEDED)
+"""Rates, accelerations and density: the flight filter needs them, `twin identify` does not"""
 
 
 def adapt(
@@ -103,7 +107,7 @@ def first_glides(
     with MissionStore(store) as reader:
         wanted += [name for name in FIXES if name in reader]
     found: list[Glides] = []
-    with Selection(store, wanted, period=run.period) as selection:
+    with Selection(store, wanted, period=run.period, advise=instead) as selection:
         assert selection.vehicle is not None  # estimated channels are among the wanted
         flight = FlightFilter(selection.vehicle, run.period)
         rows = selection.rows.tolist()
@@ -116,6 +120,22 @@ def first_glides(
             if len(found) >= dives:
                 break
     return found
+
+
+def instead(channels: Iterable[str]) -> str:
+    """What to do on a log that lacks these channels; empty where only the log itself helps.
+
+    Networks that do without them do not read the flight filter, and so cannot adapt.
+    """
+    lost = set(channels)
+    if lost <= set(LOG_CHANNELS):
+        return ", or adapt by the depth rate alone: `--labels none`"
+    if lost - set(LOG_CHANNELS) <= NOT_IDENTIFIED_BY:
+        return (
+            ". The flight filter, through which a run adapts, reads it; `twin identify` fits a "
+            "glider's parameters without it"
+        )
+    return ""
 
 
 def dive_spans(mission: MissionSequence, *, logged: bool) -> list[slice]:

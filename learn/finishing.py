@@ -30,6 +30,7 @@ from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED
+from twin.numbers import Array
 from twin.records.attributes import SENSORS, SPLIT
 from twin.records.presence import is_store, read_attributes
 from twin.records.reader import MissionStore
@@ -200,9 +201,13 @@ def _familiarity(run: Run) -> Familiarity:
 
 def _error_model(run: Run, split: str) -> ErrorModel:
     seconds: list[float] = []
+    errors: list[Array] = []
 
     def watch(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
         seconds.append(reference.mission.samples * reference.mission.period)
+        surge = estimates[NETWORK].surge
+        assert surge is not None
+        errors.append(surge - reference.surge)
 
     found: Evaluation = evaluate(
         run.networks(),
@@ -214,7 +219,7 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         period=run.period,
     )
     ideal = found.provenance.get("sensors") == IDEAL_SENSORS
-    return fit_error_model(found.methods[NETWORK].scores, seconds, ideal_compass=ideal)
+    return fit_error_model(found.methods[NETWORK].scores, seconds, errors, ideal_compass=ideal)
 
 
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:

@@ -195,7 +195,7 @@ class Run:
                 correlation=tuple(tuple(map(float, row)) for row in said["correlation"]),
                 depth_rate=float(said["depth_rate"]),
             )
-            return Adapted(start=start, deviation=self.error_model().velocity_sd)
+            return Adapted(start=start, deviation=self.error_model().surge_sd)
         except (TypeError, KeyError, ValueError, InputError) as error:
             raise StoreError(
                 f"{self.folder / DESCRIPTION} is damaged: its adaptation is not one ({error}); "

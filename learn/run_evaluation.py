@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import SPLITS, Selection, any_channel
+from learn.data.dataset import SPLITS, MissionSequence, Selection, any_channel
 from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Watch, evaluate
 from learn.networks.familiarity import Familiarity, ended
@@ -36,12 +36,13 @@ def evaluate_run(
     Of a store of logs none are drawn, since the true tracks are unknown, and `limit` does not hold.
     """
     logged = is_log_store(store)
-    showcase, coverage = Showcase(), Coverage(run.error_model())
+    hulls = _hulls(run, store)
+    outside = None if hulls is None else hulls.outside
+    showcase, coverage = Showcase(), Coverage(run.error_model(), run.adapted, outside)
     at_fixes = None if logged else _consistency(run, store)
     seeing = watches if logged else (showcase.add, coverage.add, *watches)
     if at_fixes is not None:
         seeing = (at_fixes.add, *seeing)
-    hulls = _hulls(run, store)
     if hulls is not None:
         seeing = (hulls.add, *seeing)
 
@@ -78,8 +79,14 @@ class Hulls:
 
     def add(self, reference: Any, estimates: Mapping[str, Estimate]) -> None:
         """See one mission."""
-        constants = ended(self._flight, reference.mission)
-        self._found.append(self._familiar.outside(np.array(constants)))
+        self._found.append(self._told(reference.mission))
+
+    def outside(self, mission: MissionSequence) -> float:
+        """Of one mission, as `Familiarity.outside`."""
+        return self._told(mission)[0]
+
+    def _told(self, mission: MissionSequence) -> tuple[float, str]:
+        return self._familiar.outside(np.array(ended(self._flight, mission)))
 
     def figures(self) -> dict[str, Any]:
         """Share of missions outside, the median figure, and the constant that most often is it."""
@@ -94,12 +101,11 @@ class Hulls:
 
 def _hulls(run: Run, store: str | StorePath) -> Hulls | None:
     """None for networks that do not read the flight filter."""
-    familiar, adapted = run.familiar, run.adapted
+    familiar = run.familiar
     if familiar is None:
         return None
     with MissionStore(store) as reader:
-        start = None if adapted is None else adapted.start
-        return Hulls(familiar, FlightFilter(reader.vehicle, run.period, start=start))
+        return Hulls(familiar, FlightFilter(reader.vehicle, run.period))
 
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:

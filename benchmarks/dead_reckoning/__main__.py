@@ -72,7 +72,9 @@ def _run(options: argparse.Namespace) -> int:
     rows = [
         {"method": name, "labels": found["labels"], "dives": dives,
          "dead reckoning, %": f"{one['dr_velocity_percent']:.3f}",
-         "95 %": f"{one['low']:.3f} to {one['high']:.3f}", "surge MSE": f"{one['surge_mse']:.2e}"}
+         "95 %": f"{one['low']:.3f} to {one['high']:.3f}", "surge MSE": f"{one['surge_mse']:.2e}",
+         "worse": f"{one['worse']:.0f}",
+         "within": f"{100.0 * one['within']:.0f} %" if "within" in one else ""}
         for name, found in methods.items()
         for dives, one in found["dives"].items()
         if dives == "0" or found["labels"] != "none"

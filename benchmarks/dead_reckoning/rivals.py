@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from benchmarks.dead_reckoning.scoring import VELOCITIES
+from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
 
@@ -37,12 +37,13 @@ class Rival(NamedTuple):
 
 
 def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:
-    """Surge and sway by mission as a Dataset; shorter missions end in NaN."""
+    """Surge, sway and its interval, if any, by mission; shorter missions end in NaN."""
     longest = max(len(row["surge"]) for row in rows.values())
+    names = [name for name in (*VELOCITIES, INTERVAL) if all(name in row for row in rows.values())]
     filled = {
         name: np.stack([np.pad(np.asarray(row[name], np.float32), (0, longest - len(row[name])),
                                constant_values=np.nan) for row in rows.values()])
-        for name in VELOCITIES
+        for name in names
     }  # fmt: skip
     data = {name: (("mission", "time"), values) for name, values in filled.items()}
     return xr.Dataset(data, coords={"mission": list(rows)})
@@ -121,14 +122,17 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         from learn.adaptation import FIXES, LOG_CHANNELS, dive_spans
         from learn.data.dataset import Selection
+        from learn.evaluation.deviation import surge_interval
+        from learn.networks.familiarity import ended
         from learn.networks.predictor import Adapted
         from twin.navigation.features import channels_of
         from twin.navigation.flight_filter import FlightFilter
         from twin.navigation.flight_fit import adapt_flight, steady_glides
-        from twin.navigation.settings import ESTIMATED, estimate
+        from twin.navigation.settings import ESTIMATED, estimate_adapted
 
         run = trained(train, seed, seconds, kind)
-        networks = run.networks()
+        networks, model = run.networks(), run.error_model()
+        familiar = networks["surge"].familiar
         wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
         said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
         with Selection(test, wanted) as selection:
@@ -138,23 +142,21 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
             for mission in selection.each():
                 spans = dive_spans(mission, logged=False)
                 log = labels == "dvl"
+                outside = familiar.outside(np.array(ended(flight, mission)))[0]
                 glides = steady_glides(flight, mission.signals, spans, log=log)
                 for dives in DIVES:
                     first, start = glides if whole else glides[:dives], None
                     with contextlib.suppress(InputError):
                         start = adapt_flight(flight, first, log=log).start if first else None
-                    signals = mission.signals | estimate(
-                        mission.signals, vehicle, mission.period, mission=mission.index, start=start
-                    )
-                    one = [dataclasses.replace(mission, signals=signals)]
-                    adapted = None
+                    one, adapted = [mission], None
                     if start is not None:
-                        own = run.error_model().velocity_sd
-                        adapted = Adapted(start=start, deviation=own)
+                        second = estimate_adapted(mission.signals, vehicle, mission.period, start)
+                        one = [dataclasses.replace(mission, signals=mission.signals | second)]
+                        adapted = Adapted(start=start, deviation=model.surge_sd)
                     said[dives][mission.index] = {
                         name: dataclasses.replace(ensemble, adapted=adapted).predict(one)[0][0]
                         for name, ensemble in networks.items()
-                    }
+                    } | {INTERVAL: surge_interval(model, one[0], adapted, outside)}
         return {dives: table(rows) for dives, rows in said.items()}
 
     return Rival(predict, labels)

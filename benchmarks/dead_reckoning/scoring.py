@@ -3,12 +3,15 @@
 A method's predictions are a netCDF file or a table of CSV:
 
     netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
-             of those that it adapted on, as many samples as the store; NaN behind a mission's end
-    CSV      mission, time_s, surge, sway [, dives]
+             of those that it adapted on, as many samples as the store; NaN behind a mission's end;
+             surge_interval likewise, where a method says within how much of surge 68 % are
+    CSV      mission, time_s, surge, sway [, surge_interval] [, dives]
 
 Scored are `dr_velocity_percent`, the error of the track through the water at the end over the path,
 with the true attitude so that surge and sway alone count, and `surge_mse`; from where the dives
-that a method may adapt on have ended. The interval is a bootstrap over missions.
+that a method may adapt on have ended. The interval is a bootstrap over missions. `worse` are the
+missions that are more than 5 % worse than without adaptation; `within` is the share of a mission's
+samples whose surge is as near to the truth as a method says of 68 %.
 """
 
 from __future__ import annotations
@@ -41,6 +44,9 @@ CHANNELS = (
 )  # fmt: skip
 DRAWS = 2000
 VELOCITIES = ("surge", "sway")
+INTERVAL = "surge_interval"
+WORSE = 1.05
+"""times the error without adaptation"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +88,7 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
     """
     percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said}
     squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
+    within: dict[int, list[float]] = {d: [] for d in percent if INTERVAL in said[d]}
     for mission in missions(store):
         begin = mission.begin(dives)
         if begin is None:
@@ -91,6 +98,9 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
             off = surge[begin:] - mission.signals["true_surge"][begin:]
             squared[adapted].append((float(off @ off), off.size))
             percent[adapted].append(_percent(mission, surge, sway, begin))
+            if adapted in within:
+                interval = said[adapted][INTERVAL].sel(mission=mission.index).values[begin:]
+                within[adapted].append(float(np.mean(np.abs(off) < interval[: off.size])))
     found = {}
     for adapted in percent:
         each, rng = np.array(percent[adapted]), np.random.default_rng(0)
@@ -100,7 +110,10 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
         found[str(adapted)] = {
             "dr_velocity_percent": float(each.mean()), "low": float(low), "high": float(high),
             "surge_mse": float(total / count), "missions": float(each.size),
+            "worse": float(np.sum(each > WORSE * np.array(percent[0]))),
         }  # fmt: skip
+        if adapted in within:
+            found[str(adapted)]["within"] = float(np.mean(within[adapted]))
     # what did not adapt says the same after any dives
     return {str(adapted): found.get(str(adapted), found["0"]) for adapted in DIVES}
 
@@ -149,7 +162,8 @@ def read_predictions(path: Path) -> dict[int, xr.Dataset]:
             ["mission", *(["dives"] if "dives" in table else [])]
         ).cumcount()
         index = [name for name in ("dives", "mission", "time") if name in table]
-        data = table.set_index(index)[list(VELOCITIES)].to_xarray()
+        names = [name for name in (*VELOCITIES, INTERVAL) if name in table]
+        data = table.set_index(index)[names].to_xarray()
     elif path.suffix == ".nc":
         data = xr.load_dataset(path)
     else:

@@ -13,13 +13,6 @@ from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.cli.text_table import counted
 
-HULLS = {
-    "file": "as its file says, so that nothing is changed",
-    "near": "near its file",
-    "fouled": "that may have growth on it",
-}
-"""By `FlightFit.hull`"""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Adapt(JsonOption):
@@ -68,19 +61,16 @@ class Adapt(JsonOption):
         )
         console.answer(run=run.folder, changed=fit.start is not None, adaptation=fit)
         console.table(
-            [
-                {"constant": name, "estimate": value, "deviation": sd}
-                for name, (value, sd) in fit.factors.items()
-            ],
+            fit.rows(),
             title=f"by {counted(fit.glides, 'steady glide')}"
-            f"{' and the Doppler log' if fit.log else ''}: ln of the factors on drag, lift slope "
-            "and induced drag, rad, kg, 1/Pa",
+            f"{' and the Doppler log' if fit.log else ''}",
             digits=2,
         )
         console.say()
         console.item(
-            f"held-back glides are best with a hull {HULLS[fit.hull]}: they leave "
-            f"{100.0 * fit.left_over:.0f} % of the squared residual that the file's leaves"
+            f"the hull that was found leaves of held-back glides {100.0 * fit.left_over:.0f} % of "
+            "the squared residual that the file's leaves"
+            + ("" if fit.start else ": the file's is the better one, and nothing is changed")
         )
         console.say(f"run: {run.folder}")
         return EXIT_OK

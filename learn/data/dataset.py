@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
 from twin.navigation.features import feature_matrix, leave_out
 from twin.navigation.flight_filter import FlightStart
-from twin.navigation.settings import ESTIMATED, estimate, sources
+from twin.navigation.settings import ESTIMATED, estimate, estimate_adapted, sources
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logged import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
@@ -110,6 +110,7 @@ class Selection:
         limit: int | None = None,
         period: float | None = None,
         start: FlightStart | None = None,
+        advise: Callable[[Iterable[str]], str] = leave_out,
     ) -> None:
         """Open the store; signals are read later.
 
@@ -119,7 +120,8 @@ class Selection:
           split: train, validation, test or all.
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
-          start: of the flight filter in every mission, of networks that adapted.
+          start: of the second flight filter of networks that adapted, whose ADAPTED come beside.
+          advise: what else to do about channels that are missing or damaged, for errors.
 
         Raises:
           StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
@@ -129,7 +131,7 @@ class Selection:
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         with fast_reading(store_path(store)):
             self._reader = open_reader(store)
-        self._start = start
+        self._start, self._advise = start, advise
         try:
             self._open(tuple(dict.fromkeys(channels)), split, limit, period)
         except BaseException:
@@ -153,7 +155,7 @@ class Selection:
                 f"store {store} has no channel {missing[0]}"
                 + (f" (nor {', '.join(missing[1:])})" if missing[1:] else "")
                 + "; generate the store again or import it with the files that hold it"
-                + leave_out(missing)
+                + self._advise(missing)
             )
         known = SPLIT in reader or split != "all"
         parts = np.array(reader.splits if known else ["all"] * count)
@@ -211,7 +213,7 @@ class Selection:
         rows, reader = self.rows[places[order]], self._reader
         signals: list[dict[str, NDArray[np.float64]]] = [{} for _ in places]
         for name in self._names:
-            values, advice = reader.rows(name, rows), leave_out([name])
+            values, advice = reader.rows(name, rows), self._advise([name])
             for place, row, stored, padded in zip(
                 order, rows, self._stored[places[order]], values, strict=True
             ):
@@ -221,7 +223,10 @@ class Selection:
         if self.vehicle is not None:
             for place, found in enumerate(signals):
                 row = int(self.rows[places[place]])
-                found |= estimate(found, self.vehicle, self.period, mission=row, start=self._start)
+                own = estimate(found, self.vehicle, self.period, mission=row, advise=self._advise)
+                if self._start is not None:
+                    own |= estimate_adapted(found, self.vehicle, self.period, self._start)
+                found |= own
         return [
             MissionSequence(
                 index=int(self.rows[place]),

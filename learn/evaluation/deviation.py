@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,9 +32,12 @@ from twin.navigation.dead_reckoning import (
 )
 from twin.navigation.estimators.base import VelocityDeviation
 from twin.navigation.estimators.baseline import SHALLOW_DEPTH
+from twin.navigation.settings import ADAPTED
 
 if TYPE_CHECKING:
+    from learn.data.dataset import MissionSequence
     from learn.evaluation.score import MissionScore, ReferenceVelocity
+    from learn.networks.predictor import Adapted
     from twin.navigation.estimators.baseline import Estimate
 
 SECONDS_PER_HOUR = 3600.0
@@ -42,6 +45,8 @@ BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR
 """[s] correlation time of errors that last a mission through."""
 SHORT_STEP = 1e-3
 """Sample period over correlation time below which a series replaces a difference."""
+WITHIN = 0.68
+"""of the samples within the surge's interval"""
 COMPASS_SD = math.radians(0.8)
 """[rad] heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
 
@@ -64,6 +69,9 @@ class ErrorModel:
     """[s] its correlation time: a quarter of the semidiurnal tide."""
     fix_sd: float = 4.0
     """[m] each component of a GPS fix: 3 to 5 m is usual."""
+    surge_interval: float = 0.0
+    """[m/s] either way, within which 68 % of the samples of each validation mission were, in the
+    mean; 0 of runs that did not look"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -71,9 +79,18 @@ class ErrorModel:
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"error model {field.name} is {value!r}: it must be at least 0")
 
+    @property
+    def surge_sd(self) -> float:
+        """[m/s] lasting error of surge: it has that of both components, sway hardly errs."""
+        return math.sqrt(2.0) * self.velocity_sd
+
 
 def fit_error_model(
-    scores: Sequence[MissionScore], seconds: Sequence[float], *, ideal_compass: bool
+    scores: Sequence[MissionScore],
+    seconds: Sequence[float],
+    surge_errors: Sequence[Array] = (),
+    *,
+    ideal_compass: bool,
 ) -> ErrorModel:
     """An error model whose velocity error is what missions showed that no network was trained on.
 
@@ -83,6 +100,7 @@ def fit_error_model(
     Args:
       scores: of the networks, on validation missions.
       seconds: duration of each mission.
+      surge_errors: [m/s] of each mission, (time,).
     """
     drifts = [
         score.tracks["velocity"].end_m / duration
@@ -93,7 +111,35 @@ def fit_error_model(
     if not drifts:
         return ErrorModel(heading_sd=heading)
     rms = math.sqrt(math.fsum(d * d for d in drifts) / len(drifts))
-    return ErrorModel(velocity_sd=rms / math.sqrt(2.0), heading_sd=heading)
+    interval = 0.0
+    if surge_errors:  # missions count alike, whatever their length
+        weights = np.concatenate([np.full(len(e), 1.0 / len(e)) for e in surge_errors])
+        far = np.abs(np.concatenate(list(surge_errors)))
+        order = np.argsort(far)
+        share = np.cumsum(weights[order]) / len(surge_errors)
+        interval = float(far[order[np.searchsorted(share, WITHIN)]])
+    return ErrorModel(velocity_sd=rms / math.sqrt(2.0), heading_sd=heading, surge_interval=interval)
+
+
+def surge_interval(
+    model: ErrorModel, mission: MissionSequence, adapted: Adapted | None, outside: float | None
+) -> Array:
+    """[m/s] either way, within which 68 % of the surge's errors are said to be, (time,).
+
+    It is what validation missions showed, times the outside figure above 1. Of an adapted run the
+    lasting part of it is, in steady glides, what is left of it in the mean with the filter's surge.
+
+    Args:
+      mission: with ADAPTED, if the run adapted.
+      adapted: what the run knows of its vehicle.
+      outside: as `Familiarity.outside`; None: unknown.
+    """
+    square = np.full(mission.samples, model.surge_interval**2)
+    if adapted is None:
+        return np.sqrt(square) * max(1.0, outside or 0.0)
+    _, steady, sd = (mission.signals[name] for name in ADAPTED)
+    weight = adapted.weight(steady, sd)
+    return np.asarray(np.sqrt(np.maximum(square - weight * adapted.deviation**2, weight * sd**2)))
 
 
 def network_position_sd(
@@ -119,11 +165,19 @@ def network_position_sd(
 
 
 class Coverage:
-    """Counts missions that end within two predicted deviations; its `add` is a watch."""
+    """Counts missions that end within two predicted deviations, and samples within the surge's
+    interval; its `add` is a watch."""
 
-    def __init__(self, model: ErrorModel) -> None:
-        self._model = model
+    def __init__(
+        self,
+        model: ErrorModel,
+        adapted: Adapted | None = None,
+        outside: Callable[[MissionSequence], float] | None = None,
+    ) -> None:
+        """Before the first mission; `outside` gives the figure of one."""
+        self._model, self._adapted, self._outside = model, adapted, outside
         self._ends: list[tuple[float, float]] = []
+        self._within: list[float] = []
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
         """See one mission; the estimate called `network` is judged."""
@@ -132,15 +186,24 @@ class Coverage:
         error = horizontal_error(track[-1:], reference.water_track[-1:])
         deviation = network_position_sd(reference, estimate, self._model)
         self._ends.append((float(error[0]), float(deviation[-1])))
+        if self._model.surge_interval:
+            assert estimate.surge is not None
+            mission = reference.mission
+            outside = None if self._outside is None else self._outside(mission)
+            interval = surge_interval(self._model, mission, self._adapted, outside)
+            self._within.append(float(np.mean(np.abs(estimate.surge - reference.surge) < interval)))
 
     def figures(self) -> dict[str, float | None]:
-        """Mean predicted deviation at mission end [m], and the share within two of them."""
+        """Mean predicted deviation at mission end [m], the share within two of them, and that of
+        the samples whose surge is within its interval."""
+        within = float(np.mean(self._within)) if self._within else None
         if not self._ends:
-            return {"position_sd_m_mean": None, "within_2sd": None}
+            return {"position_sd_m_mean": None, "within_2sd": None, "surge_within": within}
         errors, deviations = np.array(self._ends).T
         return {
             "position_sd_m_mean": float(deviations.mean()),
             "within_2sd": float((errors <= 2.0 * deviations).mean()),
+            "surge_within": within,
         }
 
 

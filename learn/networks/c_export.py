@@ -27,14 +27,15 @@ from learn.networks import c_step
 from learn.networks.c_step import indented
 from learn.networks.network_estimator import FASTEST
 from learn.networks.onnx_export import TOLERANCE, Parity
-from learn.networks.predictor import MIXED, Ensemble, Predictor
+from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
 from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_c import NUMBERS, c_flight
-from twin.navigation.settings import ESTIMATED, sources
+from twin.navigation.flight_filter_kernels import OUTPUTS
+from twin.navigation.settings import ESTIMATED, MIXED, sources
 from twin.records.schema import VARIABLES
 from twin.records.storage.whole import whole_file
 from twin.vehicle.vehicle import Vehicle
@@ -85,8 +86,11 @@ def c_header(
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
         start = networks["surge"].start
-        flight = c_flight(FlightFilter(vehicle, period, start=start))
-        flight_state = f"    double flight[{NUMBERS}];\n"
+        filters = [FlightFilter(vehicle, period)]
+        if start is not None:
+            filters.append(FlightFilter(vehicle, period, start=start))
+        flight = c_flight(*filters)
+        flight_state = f"    double flight[{len(filters)}][{NUMBERS}];\n"
         familiar = networks["surge"].familiar
         outside = "" if familiar is None else familiar.c_function()
     return f"""\
@@ -174,13 +178,15 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     estimated = [c for c in ESTIMATED if c in read.channels]
     flight = []
     if estimated:
+        filters = 1 + (networks["surge"].start is not None)  # as the networks read it; adapted
         flight = [
-            f"double estimated[{len(ESTIMATED)}];",
-            "gt_flight(state->flight, sample, estimated);",
+            f"double estimated[{filters}][{len(OUTPUTS)}];",
+            f"for (int k = 0; k < {filters}; k++)",
+            "    gt_flight(gt_begins + k, state->flight[k], sample, estimated[k]);",
         ]
     statements = read.statements
     for channel in estimated:
-        place = f"estimated[{ESTIMATED.index(channel)}]"
+        place = f"estimated[0][{ESTIMATED.index(channel)}]"
         statements = statements.replace(f"sample->{channel}", place)
     means = []
     for velocity, ensemble in networks.items():
@@ -188,7 +194,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         total = " + ".join(f"gt_{velocity}_{k}(state->{velocity}_{k}, feature)" for k in members)
         mean = f"({total}) / {len(members)}.0f"
         if velocity == "surge" and ensemble.adapted is not None:
-            filtered, steady, sd = (f"(float)estimated[{ESTIMATED.index(c)}]" for c in MIXED)
+            filtered, steady, sd = (f"(float)estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
             own = c_step.number(ensemble.adapted.deviation**2)
             means.append(f"const float own = {mean}, sd = {sd};")
             means.append(f"const float weight = {steady} * {own} / ({own} + sd * sd);")

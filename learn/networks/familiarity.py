@@ -83,7 +83,7 @@ static inline float glider_outside(const glider_state *state)
     static const double reach[] = {reach};
     double most = 0.0;
     for (int i = 0; i < {len(CONSTANTS)}; i++)
-        most = fmax(most, fabs(state->flight[{GUESS} + i] - mean[i]) / reach[i]);
+        most = fmax(most, fabs(state->flight[0][{GUESS} + i] - mean[i]) / reach[i]);
     return (float)most;
 }}
 """

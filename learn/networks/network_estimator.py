@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from learn.networks.predictor import MIXED, Ensemble, Prediction
+from learn.networks.predictor import Ensemble, Prediction
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
@@ -29,7 +29,8 @@ from twin.navigation.estimators.base import (
 from twin.navigation.estimators.glide_deviation import usual_speed
 from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
-from twin.navigation.settings import ESTIMATED, sources
+from twin.navigation.flight_filter_kernels import OUTPUTS
+from twin.navigation.settings import ADAPTED, ESTIMATED, MIXED, sources
 from twin.records.reader import MissionStore
 from twin.records.schema.limits import simulated_limits
 from twin.records.storage.store_path import StorePath
@@ -84,13 +85,16 @@ class NetworkVelocity(VelocityEstimator):
         self.channels = sources(self._features.channels)
         self._guard = ChannelGuard(self.channels, period)
         self._flight: FlightFilter | None = None
+        self._second: FlightFilter | None = None
         if set(self._features.channels) & set(ESTIMATED):
             if vehicle is None:
                 raise InputError(
                     "these networks read the flight filter, which needs a vehicle: "
                     "NetworkVelocity(networks, period, vehicle)"
                 )
-            self._flight = FlightFilter(vehicle, period, start=networks["surge"].start)
+            self._flight = FlightFilter(vehicle, period)
+            if self._adapted is not None:
+                self._second = FlightFilter(vehicle, period, start=self._adapted.start)
         place = {name: k for k, name in enumerate(names)}
         self._columns = {
             name: [np.array([place[f] for f in one.features], int) for one in members]
@@ -135,8 +139,9 @@ class NetworkVelocity(VelocityEstimator):
         """See `VelocityEstimator`."""
         self._guard.reset()
         self._features.reset()
-        if self._flight is not None:
-            self._flight.reset()
+        for flight in (self._flight, self._second):
+            if flight is not None:
+                flight.reset()
         self._states = {
             name: [one.network.initial_state(1) for one in members]
             for name, members in self._members.items()
@@ -149,22 +154,26 @@ class NetworkVelocity(VelocityEstimator):
             return BodyVelocity(surge=0.0, sway=0.0)
         sample = kept
         if self._flight is not None:
-            sample = {**sample, **dict(zip(ESTIMATED, self._flight.step(sample), strict=True))}
+            said = dict(zip(ESTIMATED, self._flight.step(sample), strict=True))
+            if self._second is not None:
+                second = self._second.step(sample)
+                said |= {c: second[OUTPUTS.index(n)] for c, n in zip(ADAPTED, MIXED, strict=True)}
+            sample = {**sample, **said}
         seen = self._features.step(sample).astype(np.float32)
         mean = {}
         with torch.inference_mode():
             for name, members in self._members.items():
-                said = []
+                each = []
                 for k, one in enumerate(members):
                     scaled = one.normalisation.inputs(seen[self._columns[name][k]])
                     y, self._states[name][k] = one.network.step(
                         torch.from_numpy(scaled)[None], self._states[name][k]
                     )
                     scales = one.normalisation
-                    said.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
-                value = float(np.mean(said))
+                    each.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
+                value = float(np.mean(each))
                 if name == "surge" and self._adapted is not None:
-                    filtered, steady, sd = (sample[c] for c in MIXED)
+                    filtered, steady, sd = (sample[c] for c in ADAPTED)
                     value += self._adapted.weight(steady, sd) * (filtered - value)
                 mean[name] = min(max(value, -FASTEST), FASTEST) if value == value else 0.0
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
@@ -174,8 +183,9 @@ class NetworkVelocity(VelocityEstimator):
         found: dict[str, NDArray[Any]] = {
             f"features:{name}": value for name, value in self._features.state().items()
         } | {f"guard:{name}": value for name, value in self._guard.state().items()}
-        if self._flight is not None:
-            found |= {f"flight:{name}": value for name, value in self._flight.state().items()}
+        for prefix, flight in (("flight:", self._flight), ("second:", self._second)):
+            if flight is not None:
+                found |= {prefix + name: value for name, value in flight.state().items()}
         for name, states in self._states.items():
             found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
         return found
@@ -196,8 +206,9 @@ class NetworkVelocity(VelocityEstimator):
                 states[k] = torch.from_numpy(np.array(saved, np.float32))
         self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))
-        if self._flight is not None:
-            self._flight.restore(_below("flight:", state))
+        for prefix, flight in (("flight:", self._flight), ("second:", self._second)):
+            if flight is not None:
+                flight.restore(_below(prefix, state))
 
 
 def network_deviation(run: Run, vehicle: Vehicle) -> VelocityDeviation:

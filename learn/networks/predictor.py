@@ -26,7 +26,7 @@ from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
 from twin.navigation.flight_filter import FlightStart
-from twin.navigation.settings import ESTIMATED
+from twin.navigation.settings import ADAPTED
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
 
@@ -213,24 +213,20 @@ def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 class Adapted:
     """What networks know of one vehicle, beside their weights.
 
-    In steady glides their surge is mixed with the flight filter's, by the variances of both: the
-    filter begins with what earlier dives said of the hull. Elsewhere it is theirs.
+    In steady glides their surge is mixed with that of a second flight filter, by the variances of
+    both: it begins with what earlier dives said of the hull. Elsewhere it is theirs, and they read
+    the filter that they were trained on: with the other one their inputs are none that they know.
     """
 
     start: FlightStart
-    """Of the flight filter"""
+    """Of the second filter"""
     deviation: float
     """[m/s] of the networks' surge on missions of other vehicles"""
 
     def weight(self, steady: Any, filter_sd: Any) -> Any:
-        """Of the filter's surge, from `estimated_steady` and `estimated_surge_sd` [m/s]."""
+        """Of the filter's surge, from `adapted_steady` and `adapted_surge_sd` [m/s]."""
         own = self.deviation**2
         return steady * own / (own + filter_sd**2)
-
-
-MIXED = ("estimated_surge", "estimated_steady", "estimated_surge_sd")
-"""Channels that go into an adapted network's surge"""
-assert set(MIXED) <= set(ESTIMATED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -270,14 +266,14 @@ class Ensemble:
 
     @property
     def start(self) -> FlightStart | None:
-        """Of the flight filter in a mission."""
+        """Of the second flight filter in a mission."""
         return None if self.adapted is None else self.adapted.start
 
     def _steadied(self, mean: Floats, mission: MissionSequence) -> Floats:
-        """The mean, with the flight filter's surge where an adapted vehicle glides steadily."""
+        """The mean, with the second filter's surge where an adapted vehicle glides steadily."""
         if self.adapted is None or self.target != "surge":
             return mean
-        filtered, steady, sd = (mission.signals[name] for name in MIXED)
+        filtered, steady, sd = (mission.signals[name] for name in ADAPTED)
         weight = self.adapted.weight(steady, sd)
         return (mean + weight * (filtered - mean)).astype(np.float32)
 

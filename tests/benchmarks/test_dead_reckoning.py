@@ -55,6 +55,16 @@ def test_the_truth_has_no_error_and_a_scale_error_is_seen(made, tmp_path):
     scaled = score(test, dives, {0: data * 1.05, 1: data * 1.02})
     assert scaled["0"]["surge_mse"] > scaled["1"]["surge_mse"] > 0.0
     assert 3.0 < scaled["0"]["dr_velocity_percent"] < 7.0
+    count = figures["0"]["missions"]
+    assert (scaled["0"]["worse"], scaled["1"]["worse"]) == (0.0, 0.0)
+    assert score(test, dives, {0: data * 1.02, 1: data * 1.05})["1"]["worse"] == count
+    assert "within" not in scaled["0"]
+    for interval, wanted in (
+        (np.abs(0.06 * data["surge"]) + 1e-9, 1.0),
+        (0.0 * data["surge"], 0.0),
+    ):
+        told = {0: (data * 1.05).assign(surge_interval=interval)}
+        assert score(test, dives, told)["0"]["within"] == wanted
     broken = data.copy(deep=True)
     broken["surge"][0, 7] = np.nan
     with pytest.raises(InputError, match="not finite at sample 7"):

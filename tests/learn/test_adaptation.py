@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -25,8 +26,8 @@ from learn.run import ADAPTATION, FAMILIARITY, Run, open_run, write_description
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightSpread, FlightStart
-from twin.navigation.flight_fit import FOULED
-from twin.navigation.settings import ESTIMATED, estimate
+from twin.navigation.settings import ESTIMATED, estimate_adapted
+from twin.records.store import open_store, write_store
 from twin.vehicle.vehicle import load_vehicle
 
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
@@ -56,7 +57,7 @@ def place(tmp_path_factory) -> Path:
 def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
     origin = open_run(place / "runs" / "first")
     run, fit = learn.adapt(origin, place / "heavy.zarr", place / "runs" / "calypso", missions=(0,))
-    assert fit.hull == FOULED
+    assert fit.start is not None
     assert fit.factors["drag"][0] == pytest.approx(np.log(1.5), abs=0.08)
     again = open_run(run.folder)
     assert again.adapted == run.adapted != origin.adapted
@@ -69,7 +70,7 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
     gliding = mission.signals["measured_depth"] > 5.0
     errors = [np.sqrt(np.mean((p.surge - true)[gliding] ** 2)) for p in (ours, theirs)]
     assert errors[0] < 0.7 * errors[1]  # of so small a network
-    assert np.array_equal(ours.sway, theirs.sway) is False  # they read the filter's, too
+    assert np.array_equal(ours.sway, theirs.sway)  # the networks read what they were trained on
 
     vehicle = load_vehicle()
     estimator = NetworkVelocity.open(str(run.folder), vehicle, mission.period)
@@ -81,11 +82,17 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
         ]
     )
     assert np.allclose(found, ours.surge[:kept], atol=2e-5)
+    other = NetworkVelocity.open(str(run.folder), vehicle, mission.period)
+    other.restore(estimator.state())
+    sample = {c: mission.signals[c][kept] for c in estimator.channels}
+    assert other.step(sample) == estimator.step(sample)
+    coverage = learn.evaluate(again, place / "heavy.zarr", split="all", baselines=())
+    assert 0.0 < coverage.figures["uncertainty"]["surge_within"] < 1.0
     if shutil.which("cc") is not None:
         networks = again.networks()
         start = networks["surge"].start
         signals = dict(mission.signals)
-        signals |= estimate(signals, vehicle, mission.period, mission=0, start=start)
+        signals |= estimate_adapted(signals, vehicle, mission.period, start)
         one = type(mission)(index=0, split="all", period=mission.period, signals=signals)
         parity = export_c(networks, place / "glider_velocity.h", one, vehicle)
         assert parity.largest < 1e-5
@@ -108,17 +115,37 @@ def test_the_command_says_what_it_found_and_what_does_not_do(place, monkeypatch,
     assert PROGRAM.main([*words, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["changed"] is True
-    assert said["adaptation"]["hull"] == FOULED
     assert said["adaptation"]["log"] is True
     assert PROGRAM.main(words) == 2  # a run of that name is there
     assert PROGRAM.main([*words, "--overwrite"]) == 0
-    assert "that may have growth on it" in capsys.readouterr().out
+    table = capsys.readouterr().out
+    assert "of held-back glides" in table
+    for name, unit in (("drag", "ln of the factor"), ("ballast", "kg"), ("pitch_x", "rad")):
+        assert re.search(rf"^{name} .* {unit}$", table, re.MULTILINE)
     assert PROGRAM.main([*words[:3], "--missions", "7"]) == 2
     assert "has no mission 7: it has 3" in capsys.readouterr().err
     origin = open_run("first")
     with pytest.raises(InputError, match="--dives 0"):
         learn.adapt(origin, "heavy.zarr", Path("runs/none"), dives=0)
     assert not Path("runs/none").exists()
+
+
+@pytest.mark.parametrize(
+    ("lacks", "labels", "told"),
+    [("roll_rate", "none", "reads it; `twin identify` fits a glider"),
+     ("dvl_surge", "dvl", "`--labels none`"), ("depth", "none", "the files that hold it$")],
+)  # fmt: skip
+def test_a_log_that_lacks_a_channel_is_sent_where_it_is_taken(place, tmp_path, lacks, labels, told):
+    """Not to networks without the flight filter, which adapting refuses."""
+    whole = open_store(place / "heavy.zarr").load()
+    store = write_store(whole.drop_vars(f"measured_{lacks}"), tmp_path / "bare.zarr")
+    with pytest.raises(StoreError, match=f"no channel measured_{lacks}.*{told}") as refused:
+        learn.adapt(place / "runs" / "first", store, tmp_path / "x", labels=labels)
+    assert "--without" not in str(refused.value)
+    whole["measured_pitch"][0, 9] = np.nan
+    store = write_store(whole, tmp_path / "hole.zarr")
+    with pytest.raises(StoreError, match=r"not finite at 1 samples.*repair the store$"):
+        learn.adapt(place / "runs" / "first", store, tmp_path / "x", labels=labels)
 
 
 def test_networks_that_do_not_read_the_filter_cannot_adapt(place):

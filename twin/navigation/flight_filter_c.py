@@ -45,23 +45,26 @@ NUMBERS = CARRIED
 """Doubles of the filter's state, zero before the first sample."""
 
 
-def c_flight(flight: FlightFilter) -> str:
-    """`gt_flight(double *carried, const glider_sample *sample, double *estimated)`: OUTPUTS of a
-    sample, for the filter's vehicle and period."""
-    law, inertia, hull, prior, rate_variance, period = flight.model
-    constants, covariance = flight.begins
+def c_flight(*flights: FlightFilter) -> str:
+    """`gt_flight(const gt_begin *begin, double *carried, const glider_sample *sample, double
+    *estimated)`: OUTPUTS of a sample, for the filters' one vehicle and period; `gt_begins` has
+    what each of them begins with."""
+    law, inertia, hull, prior, _, period = flights[0].model
+    begins = ",\n    ".join(
+        f"{{{_row(flight.begins[0])},\n     {_row(flight.begins[1].ravel())},\n"
+        f"     {float(flight.model.rate_variance)!r}}}"
+        for flight in flights
+    )
     numbers = {
         "LAW": _row(law),
         "INERTIA": _row(inertia.ravel()),
         "PRIOR": _row(prior),
-        "CONSTANTS": _row(constants),
-        "BEGINS": _row(covariance.ravel()),
+        "BEGINS": f"{{{begins}}}",
         "MASS": repr(float(hull[0])),
         "VOLUME": repr(float(hull[1])),
         "GRAVITY": repr(float(hull[2])),
         "REFERENCE": repr(float(hull[3])),
         "SQUEEZE": repr(float(hull[4])),
-        "VARIANCE": repr(float(rate_variance)),
         "PERIOD": repr(float(period)),
         "OCEAN": repr(STANDARD_OCEAN[0]),
         "DEEPER": repr(STANDARD_OCEAN[1]),
@@ -92,6 +95,12 @@ _SETTINGS: dict[str, float | int] = {
 }  # fmt: skip
 
 _TEXT = """\
+/* What a filter begins with: constants, their covariance, and the variance of a depth rate. */
+typedef struct {
+    double constants[7], covariance[49], rate;
+} gt_begin;
+static const gt_begin gt_begins[] = @BEGINS@;
+
 /* Steady balance of forces: speed, angle of attack, sideslip and the downward part of the
  * direction into `out`; 0 where nothing pulls along the hull. */
 static int gt_balance(const double *x, const double *c, const double *start, int iterations,
@@ -149,10 +158,11 @@ static double gt_surge(const double *out, double rate)
 
 /* A correction of the seven constants by the depth rate; gives the deviation of surge over surge
  * that they leave. */
-static double gt_correct(double *c, double *cov, const double *x, double rate, double *out)
+static double gt_correct(double *c, double *cov, const double *x, double rate, double noise,
+                         double *out)
 {
     static const double prior[] = @PRIOR@;
-    double before[7], slope[7], gain[7], start[3], variance = @VARIANCE@;
+    double before[7], slope[7], gain[7], start[3], variance = noise;
     memcpy(before, c, sizeof before);
     for (int again = 0; again < @RELINEARISED@; again++) {
         memcpy(start, out, sizeof start);
@@ -166,7 +176,7 @@ static double gt_correct(double *c, double *cov, const double *x, double rate, d
         gt_balance(x, c, start, @ITERATIONS@, out);
         const double here = out[0] * out[3];
         double surprise = rate - here;
-        variance = @VARIANCE@;
+        variance = noise;
         for (int j = 0; j < 7; j++)
             slope[j] -= here / (@NUDGE@ * prior[j]);
         for (int i = 0; i < 7; i++) {
@@ -203,16 +213,15 @@ static double gt_correct(double *c, double *cov, const double *x, double rate, d
 
 /* Surge and sway [m/s], angle of attack [rad], whether the glide is steady, and the deviation of
  * surge [m/s], by a balance of forces that is learned on the way. */
-static void gt_flight(double *carried, const glider_sample *sample, double *estimated)
+static void gt_flight(const gt_begin *begin, double *carried, const glider_sample *sample,
+                      double *estimated)
 {
-    static const double constants[] = @CONSTANTS@;
-    static const double covariance[] = @BEGINS@;
     const double degree = 3.14159265358979323846 / 180.0;
     const int first = carried[@STARTED@] == 0.0;
     double *c = carried + @GUESS@, *cov = carried + @COVARIANCE@;
     if (first) {
-        memcpy(c, constants, sizeof constants);
-        memcpy(cov, covariance, sizeof covariance);
+        memcpy(c, begin->constants, sizeof begin->constants);
+        memcpy(cov, begin->covariance, sizeof begin->covariance);
     }
     const double depth = sample->measured_depth, density = sample->measured_density;
     const double fx = sample->measured_specific_force_x, fy = sample->measured_specific_force_y;
@@ -260,7 +269,7 @@ static void gt_flight(double *carried, const glider_sample *sample, double *esti
         && rate * out[3] > 0.0;
     if (steady && carried[@SINCE_UPDATE@] > @EVERY_S@) {
         carried[@SINCE_UPDATE@] = 0.0;
-        carried[@SPREAD@] = gt_correct(c, cov, x, rate, out);
+        carried[@SPREAD@] = gt_correct(c, cov, x, rate, begin->rate, out);
     }
     memcpy(carried + @WARM@, out, 3 * sizeof *out);
     estimated[2] = out[1];

@@ -59,8 +59,9 @@ ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
 """steps at most; a step in prior deviations, and a damping, with which it ends"""
 SURE = 1e-6
 """of a deviation: a hull that is held"""
-FILE, NEAR, FOULED = "file", "near", "fouled"
-"""A hull: as its file says; as near to it as `FlightSpread` has them; with growth, or without"""
+LN = "ln of the factor"
+UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
+"""Of each constant, as reports name it"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,16 +86,24 @@ class FlightFit:
     """What dives say of a hull."""
 
     start: FlightStart | None
-    """For a filter; None: held-back glides are best with the hull of the file"""
-    hull: str
-    """That by which held-back glides are best: FILE, NEAR or FOULED"""
+    """For a filter; None: held-back glides are better with the hull of the file"""
     left_over: float
-    """Squared residual of held-back glides by that hull, over that by the file's"""
+    """Squared residual of held-back glides by the hull of the others, over that by the file's"""
+    widened: float
+    """By which the deviations are wider than a fit gives them: its residuals' root mean square, at
+    least 1. What steady flight does not explain is no noise that goes with the number of glides"""
     glides: int
     log: bool
     """Whether a Doppler log went in"""
     factors: Mapping[str, tuple[float, float]]
-    """Estimate and deviation of every constant"""
+    """Estimate and deviation of every constant, in UNITS"""
+
+    def rows(self) -> list[dict[str, object]]:
+        """Of a table: name, estimate, deviation and unit of every constant."""
+        return [
+            {"constant": name, "estimate": value, "deviation": sd, "unit": UNITS[name]}
+            for name, (value, sd) in self.factors.items()
+        ]
 
 
 def steady_glides(
@@ -141,11 +150,11 @@ def _log(signals: Mapping[str, Array], period: float) -> Array:
 
 
 def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) -> FlightFit:
-    """Fit a hull to its first dives, by the prior with which held-back ones are best.
+    """Fit a hull that may have growth on it to its first dives.
 
     Each dive in turn is held back (of a single one, each quarter) and predicted by the constants of
-    the others, with the Doppler log where `log`: of a hull as its file says, of one near it, and of
-    one with growth on it.
+    the others, with the Doppler log where `log`, and by those of the file. A hull near its file is
+    no third: depth rates do not tell it from a fouled one, and its deviations would be too small.
 
     Raises:
       InputError: fewer steady glides than a fit needs, or no water lock in any.
@@ -160,30 +169,28 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
         raise InputError(
             "the Doppler log has no water lock in a steady glide: adapt without it (--labels none)"
         )
-    near = FlightSpread().prior
-    wide = near.copy()
-    wide[[DRAG, INDUCED]] = GROWTH
-    priors = {FILE: SURE * near, NEAR: near, FOULED: wide}
+    prior = FlightSpread().prior
+    prior[[DRAG, INDUCED]] = GROWTH
     errors = LogErrors.over(whole.depth) if log else None
     parts = [d for d in dives if len(d)] if len(dives) > 1 else _quarters(whole)
-    fits = {hull: _fit(flight, whole, prior, errors) for hull, prior in priors.items()}
-    left = dict.fromkeys(priors, 0.0)
+    fits = [_fit(flight, whole, one, errors) for one in (prior, SURE * prior)]
+    left = np.zeros(2)
     for k, held in enumerate(parts):
         others = _joined([p for j, p in enumerate(parts) if j != k])
-        for hull, prior in priors.items():
-            unknowns, _ = _fit(flight, others, prior, errors, begin=fits[hull][0])
+        for j, one in enumerate((prior, SURE * prior)):
+            unknowns, _ = _fit(flight, others, one, errors, begin=fits[j][0])
             rows, _, _ = _residuals(flight, held, unknowns, errors)
-            left[hull] += float(np.minimum(rows**2, HUBER**2).sum())
-    best = min(left, key=left.__getitem__)
-    unknowns, covariance = fits[best]
+            left[j] += np.minimum(rows**2, HUBER**2).sum()
+    unknowns, covariance = fits[0]
+    rows, _, _ = _residuals(flight, whole, unknowns, errors)
+    widened = max(1.0, float(np.sqrt(np.mean(rows**2))))
     size = len(CONSTANTS)
-    constants, covariance = unknowns[:size], covariance[:size, :size]
-    start = FlightStart.of(constants, covariance, LASTING_RATE_SD)
+    start = FlightStart.of(unknowns[:size], widened**2 * covariance[:size, :size], LASTING_RATE_SD)
     said = zip(CONSTANTS, start.constants, start.deviations, strict=True)
     return FlightFit(
-        start=None if best == FILE else start,
-        hull=best,
-        left_over=left[best] / left[FILE],
+        start=start if left[0] < left[1] else None,
+        left_over=float(left[0] / left[1]),
+        widened=widened,
         glides=len(whole),
         log=log,
         factors={name: (value, sd) for name, value, sd in said},

@@ -6,7 +6,7 @@ An on-board filter makes the estimated channels from the measured ones.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,6 +156,10 @@ Array = NDArray[np.float64]
 ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
 """Of `twin.navigation.flight_filter`, in the order of its outputs."""
 
+MIXED = ("surge", "steady", "surge_sd")
+ADAPTED = tuple(f"adapted_{name}" for name in MIXED)
+"""Of a second filter, which begins with what earlier dives said: what goes into a surge."""
+
 CTD = "measured_density"
 """What a vehicle without a CTD lacks of the channels behind them."""
 
@@ -174,7 +178,7 @@ def estimate(
     period: float,
     *,
     mission: int,
-    start: FlightStart | None = None,
+    advise: Callable[[Sequence[str]], str] = lambda _: "",
 ) -> dict[str, Array]:
     """All of ESTIMATED, each (time,), of one whole mission with one sample every `period` [s].
 
@@ -182,7 +186,7 @@ def estimate(
       signals: what the filter reads.
       vehicle: as its file says.
       mission: for errors.
-      start: what earlier dives said of the vehicle.
+      advise: what else to do about such channels than to repair the store, for errors.
 
     Raises:
       InputError: the vehicle does not glide by lift and drag coefficients.
@@ -193,11 +197,25 @@ def estimate(
         if bad.size:
             raise StoreError(
                 f"channel {name} of mission {mission} is not finite at {bad.size} samples, first "
-                f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store, or "
-                "train without it (`learn fit --without flight`)"
+                f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store"
+                + advise([name])
             )
-    made = FlightFilter(vehicle, period, start=start).run(signals)
+    made = FlightFilter(vehicle, period).run(signals)
     return {name: np.ascontiguousarray(made[:, k]) for k, name in enumerate(ESTIMATED)}
+
+
+def estimate_adapted(
+    signals: Mapping[str, Array], vehicle: Vehicle, period: float, start: FlightStart
+) -> dict[str, Array]:
+    """All of ADAPTED, each (time,): what a second filter says that begins with earlier dives.
+
+    Arguments as `estimate`, which has seen that the signals are finite.
+    """
+    made = FlightFilter(vehicle, period, start=start).run(signals)
+    return {
+        channel: np.ascontiguousarray(made[:, OUTPUTS.index(name)])
+        for channel, name in zip(ADAPTED, MIXED, strict=True)
+    }
 
 
 def can_estimate(vehicle: Vehicle, channels: Iterable[str]) -> bool:

@@ -8,13 +8,15 @@ import pytest
 from navigation import PERIOD, add_fixes, steady_mission, trimmed_mission, write_store
 
 from learn.data.dataset import MissionSequence, load_missions
-from learn.evaluation.deviation import Coverage, ErrorModel, fit_error_model
+from learn.evaluation.deviation import Coverage, ErrorModel, fit_error_model, surge_interval
 from learn.evaluation.evaluation import evaluate
 from learn.evaluation.judged_tracks import TrackCollector
 from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores, visible
+from learn.networks.predictor import Adapted
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.flight_filter import FlightStart
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
 from twin.seams import BASELINES
@@ -280,6 +282,25 @@ def test_the_error_model_is_what_validation_missions_showed(store, missions):
     bold = Coverage(ErrorModel(velocity_sd=1e-4, heading_sd=0.0))
     evaluate(oracles(missions, shift=0.01), store, split="all", baselines=(), watch=bold.add)
     assert bold.figures()["within_2sd"] == 0.0
+
+
+def test_the_surges_interval_holds_what_validation_missions_showed(store, missions):
+    """68 % of samples; wider outside of the training, narrower where an adapted run is sure."""
+    errors = [np.linspace(-0.01, 0.01, n) for n in (400, 900)]
+    scores = evaluate(oracles(missions), store, split="all", baselines=()).methods["network"].scores
+    model = fit_error_model(scores, [1.0] * len(scores), errors, ideal_compass=True)
+    assert model.surge_interval == pytest.approx(0.0068, rel=0.02)
+    for shift, outside, wanted in ((0.006, 0.5, 1.0), (0.008, 0.5, 0.0), (0.008, 1.5, 1.0)):
+        coverage = Coverage(model, outside=lambda _, far=outside: far)
+        evaluate(oracles(missions, shift=shift), store, baselines=(), watch=coverage.add)
+        assert coverage.figures()["surge_within"] == wanted
+    signals = {"adapted_surge": np.full(2, 0.4), "adapted_steady": np.array([0.0, 1.0]),
+               "adapted_surge_sd": np.full(2, 0.003)}  # fmt: skip
+    one = MissionSequence(index=0, split="all", period=1.0, signals=signals)
+    start = FlightStart.of(np.zeros(7), np.eye(7), 1e-2)
+    said = surge_interval(model, one, Adapted(start=start, deviation=0.004), 1.5)
+    left = model.surge_interval**2 - 0.004**4 / (0.004**2 + 0.003**2)
+    assert said == pytest.approx([model.surge_interval, np.sqrt(left)])
 
 
 def test_an_ensembles_spread_widens_the_uncertainty(store, missions):
