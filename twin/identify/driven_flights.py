@@ -1,0 +1,340 @@
+"""Driven flights: a propelled vehicle flown through its runs with the attitude that it had.
+
+The log gives the attitude, the body's rates and the positions of the parts. The three equations of
+translation are integrated, as a glider's flight model does (`twin.identify.translation`), here by
+the whole Fossen model: thrust, fins, moving masses, hull law. At every sample the same equations
+give the angular acceleration, so that the pitch and yaw rates of a second ahead follow from the
+measured ones. A hull whose fins leave it unstable in yaw, as that of REMUS 100 is (Prestero 2001),
+cannot be flown for longer on the logged positions alone: whatever it starts with grows threefold a
+second.
+
+Compared are the surge and sway of a Doppler log, the depth rate and both rates. A Doppler log over
+ground sees the current too; each run has one, an unknown of the fit beside the parameters, which
+parts from the speed where the run has other headings. So are the log's scale and its turn in its
+mount.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import jit
+from twin.errors import InputError
+from twin.fossen.equations import acceleration
+from twin.fossen.forces import ForceParameters, density_at, displaced_mass, parameters_of, pumped
+from twin.frames import euler_to_matrix
+from twin.identify.calibration import Calibration
+from twin.identify.comparison import ComparedQuantity, Comparison
+from twin.identify.driven_runs import DrivenRun
+from twin.identify.translation import Translation
+from twin.identify.unknowns import UnknownParameter
+from twin.mission.cruise import surplus_at
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+PIECE = 20.0
+"""[s] of a piece of a run: three times what the surge of such vehicles takes to settle, so that
+one piece says nothing of the next"""
+SETTLE = 15.0
+"""[s] after a start that are not compared"""
+START = 1.0
+"""[s] over which the velocity at a start is the median"""
+LEAD = 1.0
+"""[s] ahead that rates are told"""
+STEP = 0.1
+"""[s] longest of the integration"""
+CURRENT = 0.2
+"""[m/s] spread of each component of a run's current"""
+DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
+"""Spreads of a Doppler log's scale and of its turn in its mount [rad], of one instrument in all
+runs: the shipped instrument's (`twin.sensors.dvl`)"""
+LONGEST_CORRELATION = 60.0
+"""[s] up to which autocorrelation is summed"""
+CHANNELS = {
+    "surge": ("m s-1", 0.005),
+    "sway": ("m s-1", 0.005),
+    "depth_rate": ("m s-1", 0.005),
+    "pitch_rate": ("rad s-1", math.radians(0.05)),
+    "yaw_rate": ("rad s-1", math.radians(0.05)),
+}
+"""Unit of each channel, and the deviation that it is off by at least: a Doppler log's noise, a
+pressure sensor's, a gyroscope's. The rates are those of a second ahead."""
+FASTEST = 20.0
+"""[m/s] that no such vehicle reaches"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenMotion:
+    """How a run was flown; arrays are (time,)."""
+
+    velocity: Translation
+    """through the water"""
+    depth_rate: Array
+    """[m/s], filtered as the run's"""
+    turning: Array
+    """Roll, pitch and yaw acceleration [rad/s2], body FRD, (3, time)"""
+
+
+def fly_runs(
+    runs: Sequence[DrivenRun], calibration: Calibration, currents: Array
+) -> list[DrivenMotion]:
+    """Fly runs with their attitude.
+
+    Args:
+      currents: north, east [m/s] of each run, (runs, 2): what a Doppler log over ground has at the
+        start besides the motion through the water.
+
+    Raises:
+      InputError: the vehicle does not fly a run.
+    """
+    flown = []
+    for run, current in zip(runs, currents, strict=True):
+        depths, densities = run.density or (np.zeros(1), np.array([calibration.water_density]))
+        pitch = calibration.true_pitch(run.pitch)
+        turned = euler_to_matrix(run.roll, pitch, run.heading)
+        steps = max(1, math.ceil(run.period / STEP - 1e-9))
+        starts = run.use.copy()
+        starts[1:] &= ~run.use[:-1]
+        begun = np.full((len(pitch), 3), np.nan)
+        for first in np.flatnonzero(starts):
+            begun[first] = _start(run, int(first), calibration.vehicle, turned[first], current)
+        velocity, turning = _fly(
+            parameters_of(calibration.vehicle, depths, densities, np.zeros(0), np.zeros(0)),
+            run.depth,
+            np.ascontiguousarray(turned[:, 2, :]),
+            np.ascontiguousarray(run.rates.T),
+            np.ascontiguousarray(run.positions),
+            run.use,
+            begun,
+            run.period,
+            steps,
+        )
+        if not (np.abs(velocity) < FASTEST).all():
+            raise InputError(
+                f"vehicle {calibration.vehicle.name!r} does not fly run {run.index}: it leaves "
+                f"{FASTEST:g} m/s; look at the units and signs of its parts"
+            )
+        motion = Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
+        flown.append(
+            DrivenMotion(
+                velocity=motion,
+                depth_rate=run.filtered(motion.sink_rate(run.roll, pitch)),
+                turning=turning.T,
+            )
+        )
+    return flown
+
+
+@jit
+def _change(  # type: ignore[no-untyped-def]
+    p: ForceParameters, depth, down, rates, positions, velocity, still, flat
+):
+    """Acceleration (6,) [m/s2, rad/s2] with this attitude."""
+    nu = np.empty(6)
+    nu[:3], nu[3:] = velocity, rates
+    displaced = displaced_mass(p, depth, pumped(p, positions)[0])
+    return acceleration(
+        p, down, depth, nu, positions, displaced, density_at(p, depth), still, still, flat
+    )
+
+
+@jit
+def _fly(  # type: ignore[no-untyped-def]
+    p: ForceParameters, depth, down, rates, positions, use, begun, period, steps
+) -> Any:
+    """Velocity and angular acceleration (time, 3), by Heun's method, inputs linear in between;
+    0 where the run is not used."""
+    count = depth.size
+    velocity, turning = np.zeros((count, 3)), np.zeros((count, 3))
+    still, flat = np.zeros(3), np.zeros((3, 3))
+    now = np.zeros(3)
+    h = period / steps
+    for k in range(count):
+        if not use[k]:
+            continue
+        if not np.isnan(begun[k, 0]):
+            now = begun[k].copy()
+        velocity[k] = now
+        change = _change(p, depth[k], down[k], rates[k], positions[k], now, still, flat)
+        turning[k] = change[3:]
+        if k == count - 1 or not use[k + 1]:
+            continue
+        for step in range(steps):
+            a = (step + 1.0) / steps
+            first = change[:3].copy()
+            change = _change(
+                p,
+                depth[k] + a * (depth[k + 1] - depth[k]),
+                down[k] + a * (down[k + 1] - down[k]),
+                rates[k] + a * (rates[k + 1] - rates[k]),
+                positions[k] + a * (positions[k + 1] - positions[k]),
+                now + h * first,
+                still,
+                flat,
+            )
+            now = now + 0.5 * h * (first + change[:3])
+            now = np.minimum(np.maximum(now, -50.0), 50.0)
+    return velocity, turning
+
+
+def _start(
+    run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array
+) -> Array:
+    """Velocity through the water [m/s] at a start: the Doppler log's, or without one that at which
+    thrust and drag balance."""
+    near = slice(first, first + max(round(START / run.period), 1))
+    velocity, measured = np.zeros(3), run.velocity[:, near]
+    if np.isfinite(measured[0]).any():
+        known = np.isfinite(measured).any(axis=1)
+        velocity[known] = np.nanmedian(measured[known], axis=1)
+        if run.ground[near].mean() > 0.5:
+            velocity -= turned.T @ np.array([*current, 0.0])
+        return velocity
+    place = vehicle.steered_index("speed")
+    assert place is not None
+    rate, slow, fast = float(run.positions[first, place]), 0.0, FASTEST
+    for _ in range(40):
+        middle = 0.5 * (slow + fast)
+        slow, fast = (middle, fast) if surplus_at(vehicle, middle)(rate) > 0.0 else (slow, middle)
+    return np.array([slow, 0.0, 0.0])
+
+
+def settled(run: DrivenRun) -> NDArray[np.bool_]:
+    """Samples of a run in which its start is forgotten."""
+    skip = round(SETTLE / run.period)
+    out, since = np.zeros(len(run.use), bool), 0
+    for k, used in enumerate(run.use):
+        since = since + 1 if used else 0
+        out[k] = since > skip
+    return out
+
+
+class DrivenFlights(Comparison):
+    """The channels of CHANNELS, a series for each piece of a run."""
+
+    step = 1e-3
+
+    def __init__(
+        self,
+        runs: Sequence[DrivenRun],
+        nominal: Calibration,
+        parameters: tuple[UnknownParameter, ...],
+    ):
+        self.runs = runs
+        self.afloat = [
+            k for k, run in enumerate(runs) if (run.ground & np.isfinite(run.velocity[0])).any()
+        ]
+        """runs whose Doppler log sees the current"""
+        self.biases = (
+            "dvl_scale",
+            "dvl_turn",
+            *(
+                f"current_{axis} of run {runs[k].index}"
+                for k in self.afloat
+                for axis in ("north", "east")
+            ),
+        )
+        self.started = np.zeros((len(runs), 2))
+        """currents [m/s] that the runs' starts are freed of"""
+        self.pieces = [piece for k, run in enumerate(runs) for piece in _pieces(k, run)]
+        """Run and compared samples of each piece by channel"""
+        # ground velocity of a current of 1 m/s north and east, body FRD, (time, 3, 2)
+        self.turned = [
+            euler_to_matrix(run.roll, run.pitch, run.heading).transpose(0, 2, 1)[:, :, :2]
+            for run in runs
+        ]
+        period = runs[0].period
+        lengths = {name: period for name in CHANNELS} | {"pitch_rate": LEAD, "yaw_rate": LEAD}
+        super().__init__(
+            nominal,
+            parameters,
+            {
+                name: ComparedQuantity(
+                    unit=unit, least=least, longest=round(LONGEST_CORRELATION / lengths[name])
+                )
+                for name, (unit, least) in CHANNELS.items()
+            },
+            {name: range(len(self.pieces)) for name in CHANNELS},
+        )
+        self._kept: tuple[bytes, list[DrivenMotion]] | None = None
+
+    def currents(self, x: Array) -> Array:
+        """North, east [m/s] of each run at these offsets, (runs, 2)."""
+        found = np.zeros((len(self.runs), 2))
+        found[self.afloat] = CURRENT * x[len(self.parameters) + 2 :].reshape(-1, 2)
+        return found
+
+    def flown(self, x: Array) -> list[DrivenMotion]:
+        """How all runs are flown at these offsets; those of biases do not matter."""
+        key = x[: len(self.parameters)].tobytes() + self.started.tobytes()
+        if self._kept is None or self._kept[0] != key:
+            self._kept = (key, fly_runs(self.runs, self.calibration(x), self.started))
+        return self._kept[1]
+
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less run, see the base."""
+        currents = self.currents(x)
+        scale, turn = x[len(self.parameters) :][:2] * (DOPPLER_SCALE, DOPPLER_TURN)
+        whole = []
+        for run, motion, turned, current in zip(
+            self.runs, self.flown(x), self.turned, currents, strict=True
+        ):
+            over = turned @ current * run.ground[:, None]
+            surge, sway = motion.velocity.surge, motion.velocity.sway
+            whole.append(
+                {
+                    "surge": (1.0 + scale) * (surge + over[:, 0]) - run.velocity[0],
+                    "sway": sway + over[:, 1] - turn * surge - run.velocity[1],
+                    "depth_rate": motion.depth_rate - run.depth_rate,
+                    "pitch_rate": ahead(run, motion, 1),
+                    "yaw_rate": ahead(run, motion, 2),
+                }
+            )
+        return {
+            name: [whole[k][name][chosen[name]] for k, chosen in self.pieces] for name in CHANNELS
+        }
+
+
+def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
+    """Rate [rad/s] about an axis that the equations tell from each sample a second ahead, less the
+    measured one there, (time - a second,)."""
+    count = round(LEAD / run.period)
+    grown = np.concatenate([[0.0], np.cumsum(0.5 * run.period * (
+        motion.turning[axis, 1:] + motion.turning[axis, :-1]))])  # fmt: skip
+    rate = run.rates[axis]
+    return (grown[count:] - grown[:-count]) - (rate[count:] - rate[:-count])
+
+
+def _pieces(number: int, run: DrivenRun) -> list[tuple[int, dict[str, NDArray[np.int_]]]]:
+    good, count = settled(run), round(LEAD / run.period)
+    length = round(PIECE / run.period)
+    found = []
+    for first in range(0, len(good) - length, length):
+        rows = np.arange(first, first + length)
+        rows = rows[good[rows]]
+        if len(rows) < length // 2:
+            continue
+        inside = rows[(rows < len(good) - run.window) & (rows >= run.window)]
+        leads = rows[(rows % count == 0) & (rows < len(good) - count)]
+        leads = leads[good[leads + count]]
+        known = np.isfinite(run.velocity)
+        found.append(
+            (
+                number,
+                {
+                    "surge": rows[known[0, rows]],
+                    "sway": rows[known[1, rows]],
+                    "depth_rate": inside,
+                    "pitch_rate": leads,
+                    "yaw_rate": leads,
+                },
+            )
+        )
+    return found
