@@ -35,6 +35,7 @@ from twin.identify.driven_runs import DrivenRun
 from twin.identify.translation import Translation
 from twin.identify.unknowns import UnknownParameter
 from twin.mission.cruise import surplus_at
+from twin.mission.glide_balance import mass_matrix
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class DrivenMotion:
     depth_rate: Array
     """[m/s], filtered as the run's"""
     turning: Array
-    """Roll, pitch and yaw acceleration [rad/s2], body FRD, (3, time)"""
+    """Roll, pitch and yaw acceleration [rad/s2], body FRD, (3, time): means up to the next sample"""
 
 
 def fly_runs(
@@ -115,6 +116,8 @@ def fly_runs(
             begun,
             run.period,
             steps,
+            np.array([part.lag for part in calibration.vehicle.parts]),
+            _rolled(calibration.vehicle, run.positions[0]),
         )
         if not (np.abs(velocity) < FASTEST).all():
             raise InputError(
@@ -134,23 +137,27 @@ def fly_runs(
 
 @jit
 def _change(  # type: ignore[no-untyped-def]
-    p: ForceParameters, depth, down, rates, positions, velocity, still, flat
+    p: ForceParameters, depth, down, rates, positions, velocity, still, flat, rolling, rolled
 ):
-    """Acceleration (6,) [m/s2, rad/s2] with this attitude."""
+    """Acceleration (6,) [m/s2, rad/s2] with this attitude and roll acceleration `rolling`."""
     nu = np.empty(6)
     nu[:3], nu[3:] = velocity, rates
     displaced = displaced_mass(p, depth, pumped(p, positions)[0])
-    return acceleration(
+    change = acceleration(
         p, down, depth, nu, positions, displaced, density_at(p, depth), still, still, flat
     )
+    return change + rolled * (rolling - change[3])
 
 
 @jit
 def _fly(  # type: ignore[no-untyped-def]
-    p: ForceParameters, depth, down, rates, positions, use, begun, period, steps
+    p: ForceParameters, depth, down, rates, positions, use, begun, period, steps, lags, rolled
 ) -> Any:
-    """Velocity and angular acceleration (time, 3), by Heun's method, inputs linear in between;
-    0 where the run is not used."""
+    """Velocity and angular acceleration (time, 3), by Heun's method; 0 where the run is not used.
+
+    Between samples a part goes on as one with its lag [s] to a command that holds, the attitude and
+    the rates along straight lines. `turning` is the mean up to the next sample.
+    """
     count = depth.size
     velocity, turning = np.zeros((count, 3)), np.zeros((count, 3))
     still, flat = np.zeros(3), np.zeros((3, 3))
@@ -162,26 +169,42 @@ def _fly(  # type: ignore[no-untyped-def]
         if not np.isnan(begun[k, 0]):
             now = begun[k].copy()
         velocity[k] = now
-        change = _change(p, depth[k], down[k], rates[k], positions[k], now, still, flat)
-        turning[k] = change[3:]
         if k == count - 1 or not use[k + 1]:
             continue
+        rolling = (rates[k + 1, 0] - rates[k, 0]) / period
+        change = _change(
+            p, depth[k], down[k], rates[k], positions[k], now, still, flat, rolling, rolled
+        )
         for step in range(steps):
             a = (step + 1.0) / steps
-            first = change[:3].copy()
+            gone = (1.0 - np.exp(-a * period / lags)) / (1.0 - np.exp(-period / lags))
+            first = change
             change = _change(
                 p,
                 depth[k] + a * (depth[k + 1] - depth[k]),
                 down[k] + a * (down[k + 1] - down[k]),
                 rates[k] + a * (rates[k + 1] - rates[k]),
-                positions[k] + a * (positions[k + 1] - positions[k]),
-                now + h * first,
+                positions[k] + gone * (positions[k + 1] - positions[k]),
+                now + h * first[:3],
                 still,
                 flat,
+                rolling,
+                rolled,
             )
-            now = now + 0.5 * h * (first + change[:3])
+            now = now + 0.5 * h * (first[:3] + change[:3])
             now = np.minimum(np.maximum(now, -50.0), 50.0)
+            turning[k] += (first[3:] + change[3:]) / (2.0 * steps)
     return velocity, turning
+
+
+def _rolled(vehicle: Vehicle, positions: Array) -> Array:
+    """What a roll acceleration of 1 rad/s2 by a moment takes along, (6,).
+
+    The roll acceleration is the measured one: a hull is so slim that half a degree of the roll
+    sensor would give it 0.3 rad/s2.
+    """
+    column = np.linalg.inv(mass_matrix(vehicle, positions))[:, 3]
+    return np.asarray(column / column[3])
 
 
 def _start(
@@ -306,8 +329,7 @@ def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
     """Rate [rad/s] about an axis that the equations tell from each sample a second ahead, less the
     measured one there, (time - a second,)."""
     count = round(LEAD / run.period)
-    grown = np.concatenate([[0.0], np.cumsum(0.5 * run.period * (
-        motion.turning[axis, 1:] + motion.turning[axis, :-1]))])  # fmt: skip
+    grown = np.concatenate([[0.0], np.cumsum(run.period * motion.turning[axis, :-1])])
     rate = run.rates[axis]
     return (grown[count:] - grown[:-count]) - (rate[count:] - rate[:-count])
 

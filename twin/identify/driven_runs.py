@@ -143,7 +143,7 @@ def _run(
     if len(depth) < 3 * window:
         return None
     use = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
-    use &= depth > vehicle.hull_diameter
+    use &= depth > vehicle.hull_length
     if "measured_gap" in signals:
         use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
     roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
