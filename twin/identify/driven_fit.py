@@ -98,11 +98,6 @@ def identify_driven(
             f"only {pieces} pieces of 20 s under water without a gap in {len(runs)} runs; "
             f"identification needs at least {LEAST_PIECES}"
         )
-    doppler = any(np.isfinite(run.velocity[0]).any() for run in runs)
-    if not doppler and parameters is None:
-        notes.setdefault(
-            "pitch_offset", "needs a Doppler log: depth rate alone confuses it with the speed"
-        )
     free = tuple(p for p in wanted if p.name not in notes)
     if not free:
         reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())

@@ -53,6 +53,9 @@ STEP = 0.1
 """[s] longest of the integration"""
 CURRENT = 0.2
 """[m/s] spread of each component of a run's current"""
+PITCH = math.radians(0.25)
+"""[rad] spread of each run's pitch sensor about its zero: by the data sheets of attitude sensors
+and by the bias that a gyroscope has from switching on to switching off"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
 """Spreads of a Doppler log's scale and of its turn in its mount [rad], of one instrument in all
 runs: the shipped instrument's (`twin.sensors.dvl`)"""
@@ -83,56 +86,52 @@ class DrivenMotion:
     """Roll, pitch and yaw acceleration [rad/s2], body FRD, (3, time): means up to the next sample"""
 
 
-def fly_runs(
-    runs: Sequence[DrivenRun], calibration: Calibration, currents: Array
-) -> list[DrivenMotion]:
-    """Fly runs with their attitude.
+def fly_run(
+    run: DrivenRun, calibration: Calibration, current: Array, offset: float = 0.0
+) -> DrivenMotion:
+    """Fly a run with its attitude.
 
     Args:
-      currents: north, east [m/s] of each run, (runs, 2): what a Doppler log over ground has at the
-        start besides the motion through the water.
+      current: north, east [m/s], (2,): what a Doppler log over ground has at the start besides the
+        motion through the water.
+      offset: true pitch [rad] less the sensor's, beside that of the calibration.
 
     Raises:
-      InputError: the vehicle does not fly a run.
+      InputError: the vehicle does not fly it.
     """
-    flown = []
-    for run, current in zip(runs, currents, strict=True):
-        depths, densities = run.density or (np.zeros(1), np.array([calibration.water_density]))
-        pitch = calibration.true_pitch(run.pitch)
-        turned = euler_to_matrix(run.roll, pitch, run.heading)
-        steps = max(1, math.ceil(run.period / STEP - 1e-9))
-        starts = run.use.copy()
-        starts[1:] &= ~run.use[:-1]
-        begun = np.full((len(pitch), 3), np.nan)
-        for first in np.flatnonzero(starts):
-            begun[first] = _start(run, int(first), calibration.vehicle, turned[first], current)
-        velocity, turning = _fly(
-            parameters_of(calibration.vehicle, depths, densities, np.zeros(0), np.zeros(0)),
-            run.depth,
-            np.ascontiguousarray(turned[:, 2, :]),
-            np.ascontiguousarray(run.rates.T),
-            np.ascontiguousarray(run.positions),
-            run.use,
-            begun,
-            run.period,
-            steps,
-            np.array([part.lag for part in calibration.vehicle.parts]),
-            _rolled(calibration.vehicle, run.positions[0]),
+    depths, densities = run.density or (np.zeros(1), np.array([calibration.water_density]))
+    pitch = calibration.true_pitch(run.pitch) + offset
+    turned = euler_to_matrix(run.roll, pitch, run.heading)
+    steps = max(1, math.ceil(run.period / STEP - 1e-9))
+    starts = run.use.copy()
+    starts[1:] &= ~run.use[:-1]
+    begun = np.full((len(pitch), 3), np.nan)
+    for first in np.flatnonzero(starts):
+        begun[first] = _start(run, int(first), calibration.vehicle, turned[first], current)
+    velocity, turning = _fly(
+        parameters_of(calibration.vehicle, depths, densities, np.zeros(0), np.zeros(0)),
+        run.depth,
+        np.ascontiguousarray(turned[:, 2, :]),
+        np.ascontiguousarray(run.rates.T),
+        np.ascontiguousarray(run.positions),
+        run.use,
+        begun,
+        run.period,
+        steps,
+        np.array([part.lag for part in calibration.vehicle.parts]),
+        _rolled(calibration.vehicle, run.positions[0]),
+    )
+    if not (np.abs(velocity) < FASTEST).all():
+        raise InputError(
+            f"vehicle {calibration.vehicle.name!r} does not fly run {run.index}: it leaves "
+            f"{FASTEST:g} m/s; look at the units and signs of its parts"
         )
-        if not (np.abs(velocity) < FASTEST).all():
-            raise InputError(
-                f"vehicle {calibration.vehicle.name!r} does not fly run {run.index}: it leaves "
-                f"{FASTEST:g} m/s; look at the units and signs of its parts"
-            )
-        motion = Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
-        flown.append(
-            DrivenMotion(
-                velocity=motion,
-                depth_rate=run.filtered(motion.sink_rate(run.roll, pitch)),
-                turning=turning.T,
-            )
-        )
-    return flown
+    motion = Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
+    return DrivenMotion(
+        velocity=motion,
+        depth_rate=run.filtered(motion.sink_rate(run.roll, pitch)),
+        turning=turning.T,
+    )
 
 
 @jit
@@ -258,6 +257,7 @@ class DrivenFlights(Comparison):
         self.biases = (
             "dvl_scale",
             "dvl_turn",
+            *(f"pitch_offset of run {run.index}" for run in runs),
             *(
                 f"current_{axis} of run {runs[k].index}"
                 for k in self.afloat
@@ -286,20 +286,27 @@ class DrivenFlights(Comparison):
             },
             {name: range(len(self.pieces)) for name in CHANNELS},
         )
-        self._kept: tuple[bytes, list[DrivenMotion]] | None = None
+        self._kept: list[tuple[bytes, DrivenMotion] | None] = [None] * len(runs)
 
     def currents(self, x: Array) -> Array:
         """North, east [m/s] of each run at these offsets, (runs, 2)."""
-        found = np.zeros((len(self.runs), 2))
-        found[self.afloat] = CURRENT * x[len(self.parameters) + 2 :].reshape(-1, 2)
+        found, first = np.zeros((len(self.runs), 2)), len(self.parameters) + 2 + len(self.runs)
+        found[self.afloat] = CURRENT * x[first:].reshape(-1, 2)
         return found
 
     def flown(self, x: Array) -> list[DrivenMotion]:
-        """How all runs are flown at these offsets; those of biases do not matter."""
-        key = x[: len(self.parameters)].tobytes() + self.started.tobytes()
-        if self._kept is None or self._kept[0] != key:
-            self._kept = (key, fly_runs(self.runs, self.calibration(x), self.started))
-        return self._kept[1]
+        """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
+        count, calibration = len(self.parameters), self.calibration(x)
+        found = []
+        for k, run in enumerate(self.runs):
+            offset = x[count + 2 + k]
+            key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
+            kept = self._kept[k]
+            if kept is None or kept[0] != key:
+                motion = fly_run(run, calibration, self.started[k], PITCH * float(offset))
+                kept = self._kept[k] = (key, motion)
+            found.append(kept[1])
+        return found
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
         """Model less run, see the base."""

@@ -20,7 +20,7 @@ from twin.vehicle.parts import Fin, Part, Propeller
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 DEGREE = math.pi / 180.0
-SHARED = ("neutral_density", "pitch_offset")
+SHARED = ("neutral_density",)
 """Those of a glider that such a vehicle has too"""
 DERIVATIVES = {
     "Xuu": ("drag straight ahead", 0.3),
