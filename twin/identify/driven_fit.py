@@ -1,28 +1,28 @@
 """Driven fit: a propelled vehicle from its own runs, and how it flies those that it has not seen.
 
-    vehicle = load_vehicle("remus")
-    runs = load_runs("bag.zarr", vehicle)
-    found = identify_driven(runs[:-1], vehicle)
-    judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
+vehicle = load_vehicle("remus")
+runs = load_runs("bag.zarr", vehicle)
+found = identify_driven(runs[:-1], vehicle)
+judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.identify.answer import Identification, IdentifiedParameter
+from twin.identify.answer import DRIVEN, Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.driven_flights import DrivenFlights, ahead
 from twin.identify.driven_runs import DrivenRun
-from twin.identify.driven_unknowns import choose_driven, driven_parameters
+from twin.identify.driven_unknowns import driven_parameters
 from twin.identify.fit import UNDETERMINED
-from twin.identify.unknowns import UnknownParameter
+from twin.identify.unknowns import UnknownParameter, choose, with_known
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -55,7 +55,8 @@ class DrivenErrors:
     """[rad/s] root mean square"""
     depth_rate_m_s: float
     """[m/s] root mean square"""
-    flights: int
+    pieces: int
+    """of 20 s"""
     against: str
     """"truth" of a simulated store, or "log": what the sensors measured"""
 
@@ -69,7 +70,7 @@ def identify_driven(
     vehicle: Vehicle,
     *,
     parameters: Sequence[str] | None = None,
-    known: Sequence[str] = (),
+    known: Mapping[str, float] | None = None,
     progress: Callable[[float], None] = lambda part: None,
 ) -> Identification:
     """Estimate the parameters of a propelled vehicle from its runs.
@@ -78,7 +79,7 @@ def identify_driven(
       runs: of one vehicle, of one sample period.
       vehicle: to start from.
       parameters: names to estimate; by default all that `driven_parameters` has.
-      known: names whose value in `vehicle` is known; not estimated.
+      known: values that are known and not estimated, by name.
       progress: called with the part done, 0 to 1.
 
     Raises:
@@ -86,12 +87,10 @@ def identify_driven(
     """
     densities = [float(np.median(run.density[1])) for run in runs if run.density is not None]
     water = float(np.median(densities)) if densities else vehicle.reference_density
-    nominal = Calibration(vehicle=vehicle, water_density=water)
-    wanted = driven_parameters(vehicle)
-    if parameters is not None:
-        wanted = choose_driven(vehicle, list(parameters))
-    choose_driven(vehicle, list(known))
-    notes = {p.name: "given as known" for p in wanted if p.name in known}
+    everything = driven_parameters(vehicle)
+    nominal = with_known(Calibration(vehicle=vehicle, water_density=water), known or {}, everything)
+    wanted = everything if parameters is None else choose(parameters, everything)
+    notes = {p.name: "given as known" for p in wanted if p.name in (known or {})}
     pieces = len(DrivenFlights(runs, nominal, ()).pieces)
     if pieces < LEAST_PIECES:
         raise InputError(
@@ -188,9 +187,9 @@ def _result(
                 note="" if sure else "with the others only: the runs do not determine it",
             )
         )
-    sure = [k for k in range(len(names)) if deviation[k] <= UNDETERMINED]
-    correlation = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(sure, sure)]
-    order = [names[k] for k in sure]
+    told = [k for k in range(len(names)) if deviation[k] <= UNDETERMINED]
+    correlation = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(told, told)]
+    order = [names[k] for k in told]
     estimates.sort(key=lambda e: order.index(e.name) if e.name in order else len(order))
     noise = problem.reweight(x)["depth_rate"]
     missed, missed0 = problem.missed(x), problem.missed(np.zeros_like(x))
@@ -199,7 +198,7 @@ def _result(
     return Identification(
         calibration=fitted.calibration,
         nominal=problem.nominal,
-        model="driven",
+        model=DRIVEN,
         estimates=tuple(estimates),
         correlation=correlation,
         depth_rate_rmse=_rms(rates),
@@ -212,6 +211,13 @@ def _result(
         current_change=None,
         nominal_current_change=None,
     )
+
+
+def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
+    """Median surge [m/s] of runs by their Doppler logs; the vehicle file's without any."""
+    known = [run.velocity[0][run.use & np.isfinite(run.velocity[0])] for run in runs]
+    surge = np.concatenate(known)
+    return float(np.median(surge)) if surge.size else vehicle.cruise_speed
 
 
 def _rms(values: Array) -> float:
@@ -237,7 +243,9 @@ def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
     motions = problem.flown(x)
     for number, rows in problem.pieces:
         run, motion = runs[number], motions[number]
-        surge = run.velocity[0] - problem.turned[number][:, 0] @ problem.started[number] * run.ground
+        surge = (
+            run.velocity[0] - problem.turned[number][:, 0] @ problem.started[number] * run.ground
+        )
         if true and run.true_velocity is not None:
             surge = run.true_velocity[0]
         part = rows["depth_rate"]
@@ -263,6 +271,6 @@ def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
         speed_m_s=float(np.mean(off)),
         turn_rate_rad_s=turn_off,
         depth_rate_m_s=depth_off,
-        flights=len(problem.pieces),
+        pieces=len(problem.pieces),
         against="truth" if true else "log",
     )

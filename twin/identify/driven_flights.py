@@ -83,7 +83,7 @@ class DrivenMotion:
     depth_rate: Array
     """[m/s], filtered as the run's"""
     turning: Array
-    """Roll, pitch and yaw acceleration [rad/s2], body FRD, (3, time): means up to the next sample"""
+    """Roll, pitch and yaw acceleration [rad/s2], body FRD, means up to the next sample, (3, time)"""
 
 
 def fly_run(
@@ -206,9 +206,7 @@ def _rolled(vehicle: Vehicle, positions: Array) -> Array:
     return np.asarray(column / column[3])
 
 
-def _start(
-    run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array
-) -> Array:
+def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array) -> Array:
     """Velocity through the water [m/s] at a start: the Doppler log's, or without one that at which
     thrust and drag balance."""
     near = slice(first, first + max(round(START / run.period), 1))
@@ -274,7 +272,7 @@ class DrivenFlights(Comparison):
             for run in runs
         ]
         period = runs[0].period
-        lengths = {name: period for name in CHANNELS} | {"pitch_rate": LEAD, "yaw_rate": LEAD}
+        lengths = dict.fromkeys(CHANNELS, period) | {"pitch_rate": LEAD, "yaw_rate": LEAD}
         super().__init__(
             nominal,
             parameters,

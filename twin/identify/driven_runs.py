@@ -136,9 +136,16 @@ def _run(
     """One run; None where one of the channels that it needs says nothing."""
     depth, roll, pitch = (filled(signals[name]) for name in NEEDED[:3])
     heading = filled(unwrapped(signals["measured_heading"]))
-    rates = [filled(signals[name]) for name in RATES]
+    measured = [filled(signals[name]) for name in RATES]
+    rates = [rate for rate in measured if rate is not None]
     window = max(round(DEPTH_WINDOW / period), LEAST_WINDOW) | 1
-    if depth is None or heading is None or roll is None or pitch is None or any(r is None for r in rates):
+    if (
+        depth is None
+        or heading is None
+        or roll is None
+        or pitch is None
+        or any(r is None for r in rates)
+    ):
         return None
     if len(depth) < 3 * window:
         return None
@@ -175,7 +182,7 @@ def _run(
         roll=roll,
         pitch=pitch,
         heading=heading,
-        rates=np.stack([np.asarray(rate) for rate in rates]),
+        rates=np.stack(rates),
         velocity=velocity,
         ground=ground,
         positions=positions,

@@ -12,10 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from twin.errors import InputError, unknown_name
+from twin.errors import InputError
 from twin.identify.calibration import Calibration
 from twin.identify.unknowns import PARAMETERS, UnknownParameter
 from twin.vehicle.laws import BodyAxes
+from twin.vehicle.laws.body_axes import added_mass_coupling
 from twin.vehicle.parts import Fin, Part, Propeller
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -55,6 +56,11 @@ ARM_SPREAD = 0.3
 """of the righting arm's logarithm"""
 
 
+def driven(vehicle: Vehicle) -> bool:
+    """Whether a propeller drives it: it is identified by its runs, not by a glider's dives."""
+    return vehicle.steered("speed") is not None
+
+
 def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
     """What can be estimated of a vehicle: the numbers that its file has.
 
@@ -80,9 +86,7 @@ def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
         if given.get(name)
     ]
     found += [
-        _factor(
-            f"added_mass_{name}", f"added {what}", spread, _added_mass(k), _set_added_mass(k)
-        )
+        _factor(f"added_mass_{name}", f"added {what}", spread, _added_mass(k), _set_added_mass(k))
         for k, name, what, spread in ADDED_MASSES
         if vehicle.added_mass[k, k] > 0.0
     ]
@@ -115,21 +119,6 @@ def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
             )
         )
     return tuple(found)
-
-
-def choose_driven(
-    vehicle: Vehicle, names: list[str] | tuple[str, ...]
-) -> tuple[UnknownParameter, ...]:
-    """Those of these names, in the order of `driven_parameters`.
-
-    Raises:
-      InputError: an unknown name, with the nearest.
-    """
-    known = driven_parameters(vehicle)
-    for name in names:
-        if name not in (own := [p.name for p in known]):
-            raise InputError(unknown_name(f"parameter of {vehicle.name!r}", name, own))
-    return tuple(p for p in known if p.name in names)
 
 
 def _with(calibration: Calibration, **changes: object) -> Calibration:
@@ -188,7 +177,11 @@ def _set_added_mass(k: int) -> Callable[[Calibration, float], Calibration]:
     def put(calibration: Calibration, value: float) -> Calibration:
         matrix = calibration.vehicle.added_mass.copy()
         matrix[k, k] = value
-        return _with(calibration, added_mass=matrix)
+        law = calibration.vehicle.law
+        assert isinstance(law, BodyAxes)
+        if not law.coupling:
+            return _with(calibration, added_mass=matrix)
+        return _with(calibration, added_mass=matrix, coupling=added_mass_coupling(matrix))
 
     return put
 
@@ -243,4 +236,3 @@ def _set_arm(calibration: Calibration, value: float) -> Calibration:
     change = 1e-3 * value - vehicle.metacentric_height
     place[2] += change * vehicle.mass / vehicle.static_mass
     return _with(calibration, static_cg=place)
-

@@ -41,6 +41,11 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
             return parse_vehicle(flown.xml, flown.path)
         kind = _kind(found)
         if kind is None:
+            if any(f"{said}_propeller" in found for said in ("measured", "commanded")):
+                raise InputError(
+                    f"store {store} is of a vehicle under a propeller and does not say which: give "
+                    "--vehicle, such as remus or tethys, or the path of its own file"
+                )
             check_channels(found, "a flight model")  # no --vehicle helps a log without them
             said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
             raise InputError(
