@@ -56,20 +56,24 @@ CURRENT = 0.2
 PITCH = math.radians(0.25)
 """[rad] spread of each run's pitch sensor about its zero: by the data sheets of attitude sensors
 and by the bias that a gyroscope has from switching on to switching off"""
+SENSORS = ("pitch_offset", "dvl_scale", "dvl_turn")
+"""Errors that each run has of its own"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
-"""Spreads of a Doppler log's scale and of its turn in its mount [rad], of one instrument in all
-runs: the shipped instrument's (`twin.sensors.dvl`)"""
+"""Spreads of a Doppler log's scale and of its turn in its mount [rad] in each run: the shipped
+instrument's (`twin.sensors.dvl`)"""
 LONGEST_CORRELATION = 60.0
 """[s] up to which autocorrelation is summed"""
 CHANNELS = {
     "surge": ("m s-1", 0.005),
     "sway": ("m s-1", 0.005),
     "depth_rate": ("m s-1", 0.005),
-    "pitch_rate": ("rad s-1", math.radians(0.05)),
-    "yaw_rate": ("rad s-1", math.radians(0.05)),
+    "pitch_rate": ("rad s-1", math.radians(0.2)),
+    "yaw_rate": ("rad s-1", math.radians(0.2)),
 }
-"""Unit of each channel, and the deviation that it is off by at least: a Doppler log's noise, a
-pressure sensor's, a gyroscope's. The rates are those of a second ahead."""
+"""Unit of each channel, and the deviation that it is off by at least: a Doppler log's noise and a
+pressure sensor's. The rates are those of a second ahead; theirs is what a fin that moves between
+two samples makes of them. With a gyroscope's own noise, a tenth of that, every manoeuvre would be
+an outlier, and the rest has little but noise to tell of moments."""
 FASTEST = 20.0
 """[m/s] that no such vehicle reaches"""
 
@@ -83,7 +87,7 @@ class DrivenMotion:
     depth_rate: Array
     """[m/s], filtered as the run's"""
     turning: Array
-    """Roll, pitch and yaw acceleration [rad/s2], body FRD, means up to the next sample, (3, time)"""
+    """Roll, pitch and yaw acceleration [rad/s2], body FRD, means up to the next, (3, time)"""
 
 
 def fly_run(
@@ -253,9 +257,7 @@ class DrivenFlights(Comparison):
         ]
         """runs whose Doppler log sees the current"""
         self.biases = (
-            "dvl_scale",
-            "dvl_turn",
-            *(f"pitch_offset of run {run.index}" for run in runs),
+            *(f"{name} of run {run.index}" for name in SENSORS for run in runs),
             *(
                 f"current_{axis} of run {runs[k].index}"
                 for k in self.afloat
@@ -288,7 +290,8 @@ class DrivenFlights(Comparison):
 
     def currents(self, x: Array) -> Array:
         """North, east [m/s] of each run at these offsets, (runs, 2)."""
-        found, first = np.zeros((len(self.runs), 2)), len(self.parameters) + 2 + len(self.runs)
+        found = np.zeros((len(self.runs), 2))
+        first = len(self.parameters) + len(SENSORS) * len(self.runs)
         found[self.afloat] = CURRENT * x[first:].reshape(-1, 2)
         return found
 
@@ -297,7 +300,7 @@ class DrivenFlights(Comparison):
         count, calibration = len(self.parameters), self.calibration(x)
         found = []
         for k, run in enumerate(self.runs):
-            offset = x[count + 2 + k]
+            offset = x[count + k]
             key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
             kept = self._kept[k]
             if kept is None or kept[0] != key:
@@ -309,10 +312,17 @@ class DrivenFlights(Comparison):
     def missed(self, x: Array) -> dict[str, list[Array]]:
         """Model less run, see the base."""
         currents = self.currents(x)
-        scale, turn = x[len(self.parameters) :][:2] * (DOPPLER_SCALE, DOPPLER_TURN)
+        count, runs = len(self.parameters), len(self.runs)
+        _, scales, turns = x[count : count + len(SENSORS) * runs].reshape(-1, runs)
         whole = []
-        for run, motion, turned, current in zip(
-            self.runs, self.flown(x), self.turned, currents, strict=True
+        for run, motion, turned, current, scale, turn in zip(
+            self.runs,
+            self.flown(x),
+            self.turned,
+            currents,
+            DOPPLER_SCALE * scales,
+            DOPPLER_TURN * turns,
+            strict=True,
         ):
             over = turned @ current * run.ground[:, None]
             surge, sway = motion.velocity.surge, motion.velocity.sway
