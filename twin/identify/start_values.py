@@ -36,16 +36,17 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
       InputError: the log does not say which kind of glider it is of.
     """
     with MissionStore(store) as found:
+        driven = any(f"{said}_propeller" in found for said in ("measured", "commanded"))
+        if driven and not found.says_vehicle:
+            raise InputError(
+                f"store {store} is of a vehicle under a propeller and does not say which: give "
+                "--vehicle, such as remus or tethys, or the path of its own file"
+            )
         if not found.logged:
             flown = found.vehicle
             return parse_vehicle(flown.xml, flown.path)
         kind = _kind(found)
         if kind is None:
-            if any(f"{said}_propeller" in found for said in ("measured", "commanded")):
-                raise InputError(
-                    f"store {store} is of a vehicle under a propeller and does not say which: give "
-                    "--vehicle, such as remus or tethys, or the path of its own file"
-                )
             check_channels(found, "a flight model")  # no --vehicle helps a log without them
             said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
             raise InputError(
