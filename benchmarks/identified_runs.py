@@ -1,6 +1,7 @@
 """Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
 
     python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--runs 4] [--json]
+    python -m benchmarks.identified_runs --sway sail.zarr
 
 For every seed a vehicle is made that no fit knows: every derivative of its hull law within 15 %,
 drag by -25 to +35 %, thrust 15 %, fins -25 to +30 % and 1.5 deg askew, its centre of gravity 1 mm
@@ -12,6 +13,9 @@ fit has not seen, closed loop in MuJoCo under the guidance of the shipped vehicl
 is what each is off from the true one: mean size of the error of surge over its mean, yaw rate and
 depth rate root mean square over theirs, sample by sample. `spread` is the root mean square error of
 the determined parameters in their stated deviations.
+
+`--sway` is for a store of real runs that has a Doppler log and gyroscopes, and no controls: what a
+steady turn's sway is per yaw rate, fitted to all deployments but one and applied to that one.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from twin import load_vehicle, parse_current, parse_floor, simulate
 from twin.identify import identify_driven, load_runs
@@ -32,7 +37,9 @@ from twin.identify.driven_unknowns import driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario
+from twin.records.logged import log_rows
 from twin.records.mission_dataset import dataset_of
+from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.records.trajectory import Trajectory
 from twin.sensors import SensorSuite
@@ -185,6 +192,45 @@ def study(name: str, seed: int, runs: int, folder: Path) -> dict[str, Any]:
     }
 
 
+MEAN = 2.0
+"""[s] over which sway and yaw rate are taken"""
+SLOWEST = 0.3
+"""[m/s] of surge below which a vehicle does not fly"""
+
+
+def left_out_sway(path: str) -> None:
+    """Print the median size of the sway about its own median, as it is and less what the other
+    deployments' law makes of the yaw rate."""
+    found: dict[str, list[Array]] = {}
+    with MissionStore(path) as store:
+        for row, dive in enumerate(log_rows(store)):
+            count, length = store.samples[row], round(MEAN / store.period)
+            surge, sway, rate = (
+                store.rows(f"measured_{name}", [row])[0, :count].astype(float)
+                for name in ("dvl_surge", "dvl_sway", "yaw_rate")
+            )
+            good = np.isfinite(surge + sway + rate) & (surge > SLOWEST)
+            for first in range(0, count - length, length):
+                part = slice(first, first + length)
+                if good[part].all():
+                    pair = np.array([np.mean(rate[part]), np.median(sway[part])])
+                    found.setdefault(dive.deployment, []).append(pair)
+    pairs = {name: np.array(values).T for name, values in found.items()}
+    for name, (rate, sway) in pairs.items():
+        others = [p for other, p in pairs.items() if other != name]
+        rates, sways = (np.concatenate([p[k] for p in others]) for k in (0, 1))
+        slope = float(least_squares(
+            lambda x, r=rates, s=sways: s - x[0] * r - x[1], np.zeros(2), loss="soft_l1",
+            f_scale=0.02,
+        ).x[0])  # fmt: skip
+        rest = sway - slope * rate
+        as_is, left = (float(np.median(np.abs(x - np.median(x)))) for x in (sway, rest))
+        print(
+            f"{name}: {len(sway)} pieces, sway {100 * as_is:.2f} cm/s, less the others' law "
+            f"({slope:.2f} m) {100 * left:.2f} cm/s"
+        )
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -192,7 +238,11 @@ def main() -> None:
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--sway", help="store of real runs: the sway of their turns alone")
     options = parser.parse_args()
+    if options.sway:
+        left_out_sway(options.sway)
+        return
     with tempfile.TemporaryDirectory() as folder:
         for seed in map(int, options.seeds.split(",")):
             found = study(options.vehicle, seed, options.runs, Path(folder))
