@@ -14,9 +14,9 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from twin import Vehicle
     from twin.cli.progress import Progress
     from twin.identify import DrivenErrors, Handling, Identification, Refinement
-    from twin.vehicle.vehicle import Vehicle
 
 
 UNUSUAL = 2.0
@@ -27,7 +27,7 @@ UNUSUAL = 2.0
 class Identify(JsonOption):
     """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density.
 
-    Of a vehicle under a propeller: drag, thrust, fins, moments and trim, from its runs.
+    Of a propelled vehicle: drag, thrust, fins, moments and trim, from its runs.
 
     Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
     takes longer.
@@ -65,7 +65,7 @@ class Identify(JsonOption):
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
     unseen: str = ""
-    """runs of a vehicle under a propeller that are not fitted, such as 4,5: the identified vehicle
+    """runs of a propelled vehicle that are not fitted, such as 4,5: the identified vehicle
     and the one that it started from are judged by them"""
     no_fixes: bool = False
     """fit the depth rate only; without this option the change of current between GPS fixes is
@@ -124,7 +124,7 @@ class Identify(JsonOption):
             return self._driven(console, vehicle)
         if self.unseen:
             raise InputError(
-                f"--unseen {self.unseen} is of vehicles under a propeller, and "
+                f"--unseen {self.unseen} is of propelled vehicles, and "
                 f"{vehicle.name!r} is a glider: give --missions, and fly the others by `twin check "
                 "--logs`"
             )
@@ -210,7 +210,7 @@ class Identify(JsonOption):
         return 0
 
     def _driven(self, console: Console, vehicle: Vehicle) -> int:
-        """The same of a vehicle under a propeller."""
+        """The same of a propelled vehicle."""
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
         from twin.identify import (
@@ -235,7 +235,7 @@ class Identify(JsonOption):
         ):
             if given:
                 raise InputError(
-                    f"--{option} is of gliders, and a propeller drives {vehicle.name!r}: leave it "
+                    f"--{option} is of gliders, and {vehicle.name!r} is propelled: leave it "
                     "out, or give a glider with --vehicle"
                 )
         known = parse_numbers("known", self.known, "a parameter and its value, such as Xuu=1.1")
