@@ -14,8 +14,9 @@ import tyro
 from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
+    from twin import Vehicle
     from twin.cli.progress import Progress
-    from twin.identify import Handling, Identification, Refinement
+    from twin.identify import DrivenErrors, Handling, Identification, Refinement
 
 
 UNUSUAL = 2.0
@@ -25,6 +26,8 @@ UNUSUAL = 2.0
 @dataclass(frozen=True, kw_only=True)
 class Identify(JsonOption):
     """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density.
+
+    Of a propelled vehicle: drag, thrust, fins, moments and trim, from its runs.
 
     Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
     takes longer.
@@ -61,6 +64,9 @@ class Identify(JsonOption):
     """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
+    unseen: str = ""
+    """runs of a propelled vehicle that are not fitted, such as 4,5: the identified vehicle
+    and the one that it started from are judged by them"""
     no_fixes: bool = False
     """fit the depth rate only; without this option the change of current between GPS fixes is
     compared too, where the log has fixes"""
@@ -75,10 +81,12 @@ class Identify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, report, write."""
+        from twin import load_vehicle
         from twin.cli.options import check_plot_path, parse_numbers, parse_rows
         from twin.errors import InputError
         from twin.identify import (
             confused,
+            driven,
             identify,
             load_calibration,
             load_logs,
@@ -111,6 +119,15 @@ class Identify(JsonOption):
             raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
         started = self.vehicle if self.vehicle is not None else start_vehicle(self.store)
+        vehicle = load_vehicle(started) if isinstance(started, str) else started
+        if driven(vehicle):
+            return self._driven(console, vehicle)
+        if self.unseen:
+            raise InputError(
+                f"--unseen {self.unseen} is of propelled vehicles, and "
+                f"{vehicle.name!r} is a glider: give --missions, and fly the others by `twin check "
+                "--logs`"
+            )
         nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
         if self.start is not None:
             nominal = read_figures(self.start, nominal)
@@ -190,6 +207,81 @@ class Identify(JsonOption):
             console.say(f"plot: {self.plot}")
         if refined is not None:
             console.answer(**refined.describe())
+        return 0
+
+    def _driven(self, console: Console, vehicle: Vehicle) -> int:
+        """The same of a propelled vehicle."""
+        from twin.cli.options import parse_numbers, parse_rows
+        from twin.errors import InputError
+        from twin.identify import (
+            confused,
+            cruise_of,
+            driven_failures,
+            identify_driven,
+            judge,
+            load_runs,
+            provenance_of,
+            write_vehicle,
+        )
+
+        for option, given in (
+            ("export", self.export),
+            ("start", self.start),
+            ("plot", self.plot),
+            ("model", "" if self.model == "flight" else self.model),
+            ("no-fixes", self.no_fixes),
+            ("pitch-scale", self.pitch_scale is not None),
+            ("pitch-offset", self.pitch_offset is not None),
+        ):
+            if given:
+                raise InputError(
+                    f"--{option} is of gliders, and {vehicle.name!r} is propelled: leave it "
+                    "out, or give a glider with --vehicle"
+                )
+        known = parse_numbers("known", self.known, "a parameter and its value, such as Xuu=1.1")
+        runs = load_runs(self.store, vehicle, parse_rows(self.missions))
+        unseen = []
+        if self.unseen:
+            rows = parse_rows(self.unseen)
+            unseen = load_runs(self.store, vehicle, rows)
+            runs = [run for run in runs if run.index not in (rows or ())]
+            if not runs:
+                raise InputError(f"--unseen {self.unseen} leaves no run to fit")
+        with console.progress(total=1.0, label="identify", unit="") as progress:
+            report = _Stages(progress, refines=False, handles=False).of("fit")
+            found = identify_driven(
+                runs, vehicle, parameters=self.parameters or None, known=known, progress=report
+            )
+        self._say(console, found, len(runs), None)
+        _remark(console, found)
+        for text in confused(found):
+            console.warn(text)
+        for part in runs[0].silent:
+            console.warn(f"the runs have no position of {part}: it is flown at rest")
+        for part in runs[0].commanded:
+            console.warn(
+                f"the runs have commands of {part}, and no positions: they are what the file's lag "
+                "and largest rate make of them"
+            )
+        if unseen:
+            _say_unseen(console, judge(unseen, found.calibration), judge(unseen, found.nominal))
+        if self.out is not None:
+            failures: tuple[str, ...] = ()
+            if not self.no_handling:
+                failures = driven_failures(found.calibration, cruise_of(runs, vehicle))
+            console.answer(failures=list(failures))
+            if failures:
+                raise InputError(
+                    f"{self.out} is not written, the vehicle does not fly under guidance: "
+                    + "; ".join(failures)
+                )
+            write_vehicle(
+                found.calibration,
+                self.out,
+                provenance_of(found, self.store),
+                overwrite=self.overwrite,
+            )
+            console.say(f"vehicle: {self.out}")
         return 0
 
     def _say(
@@ -281,6 +373,24 @@ class Identify(JsonOption):
                 for e in found.estimates
             },
         )
+
+
+def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:
+    """How the identified vehicle flies the runs that it was not fitted to, beside the first one."""
+    console.table(
+        [
+            {
+                "vehicle": name,
+                "speed": f"{100.0 * errors.speed:.2f} %",
+                "yaw rate, a second ahead": f"{100.0 * errors.turn_rate:.1f} %",
+                "depth rate": f"{100.0 * errors.depth_rate:.1f} %",
+            }
+            for name, errors in (("identified", mine), ("started from", before))
+        ],
+        title=f"errors on runs that were not fitted, {mine.pieces} pieces of 20 s; speed by the "
+        + ("truth of the simulation" if mine.against == "truth" else "Doppler log less a current"),
+    )
+    console.answer(unseen={"identified": mine.describe(), "started_from": before.describe()})
 
 
 STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}

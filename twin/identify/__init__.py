@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from twin.identify.calibration import load_calibration as load_calibration
     from twin.identify.conventions import read_figures as read_figures
     from twin.identify.conventions import write_figures as write_figures
+    from twin.identify.driven_fit import DrivenErrors as DrivenErrors
+    from twin.identify.driven_fit import cruise_of as cruise_of
+    from twin.identify.driven_fit import identify_driven as identify_driven
+    from twin.identify.driven_fit import judge as judge
+    from twin.identify.driven_proof import driven_failures as driven_failures
+    from twin.identify.driven_runs import DrivenRun as DrivenRun
+    from twin.identify.driven_runs import load_runs as load_runs
+    from twin.identify.driven_unknowns import driven as driven
     from twin.identify.fit import ALWAYS as ALWAYS
     from twin.identify.fit import identify as identify
     from twin.identify.handling import Handling as Handling

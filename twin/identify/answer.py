@@ -121,6 +121,8 @@ class Identification:
         return next(e for e in self.estimates if e.name == name)
 
 
+DRIVEN = "driven"
+"""Model of a vehicle under a propeller: `twin.identify.driven_flights`"""
 CLOSE = 0.95
 """Correlation, as printed, from which on two estimates are said not to be told apart"""
 
@@ -142,7 +144,9 @@ def confused(found: Identification) -> list[str]:
         mine = [names[i] for i in sorted(group)]
         most = max(abs(found.correlation[i, j]) for i in group for j in group if i != j)
         knowable = [name for name in mine if name in NAMES]
-        if set(mine) & {p.name for p in PITCHING}:
+        if found.model == DRIVEN:
+            advice = "turns, dives and other speeds, and changes between them, would separate them"
+        elif set(mine) & {p.name for p in PITCHING}:
             advice = (
                 "dives at other pitches with the same pump, and at other pump volumes, would "
                 "separate them"

@@ -58,25 +58,6 @@ class Calibration:
     heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """[rad] of cos, sin of the heading (magnets aboard) and of twice the heading (soft iron)."""
 
-    def __post_init__(self) -> None:
-        vehicle = self.vehicle
-        lacks = [
-            what
-            for what, there in (
-                (f"the hull law {FlowFrame.kind!r}", isinstance(vehicle.law, FlowFrame)),
-                ("one moving battery", len(vehicle.masses) == 1),
-                ("a pump", vehicle.steered("buoyancy") is not None),
-            )
-            if not there
-        ]
-        if lacks:
-            raise VehicleError(
-                f"vehicle {vehicle.name!r} has no flight model: that is of gliders with the hull "
-                f"law {FlowFrame.kind!r}, one moving battery and a pump, and it lacks "
-                f"{' and '.join(lacks)} (hull law {vehicle.law.kind!r}; parts: "
-                f"{', '.join(vehicle.part_names) or 'none'})"
-            )
-
     def true_pitch(self, measured: Array) -> Array:
         """Pitch [rad] of the hull, from the sensor's [rad]."""
         return self.pitch_scale * measured + self.pitch_offset
@@ -130,6 +111,26 @@ class Calibration:
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
 
+def require_glider(vehicle: Vehicle) -> None:
+    """Refuse a vehicle that the flight model of gliders does not fly; raises VehicleError."""
+    lacks = [
+        what
+        for what, there in (
+            (f"the hull law {FlowFrame.kind!r}", isinstance(vehicle.law, FlowFrame)),
+            ("one moving battery", len(vehicle.masses) == 1),
+            ("a pump", vehicle.steered("buoyancy") is not None),
+        )
+        if not there
+    ]
+    if lacks:
+        raise VehicleError(
+            f"vehicle {vehicle.name!r} has no flight model: that is of gliders with the hull "
+            f"law {FlowFrame.kind!r}, one moving battery and a pump, and it lacks "
+            f"{' and '.join(lacks)} (hull law {vehicle.law.kind!r}; parts: "
+            f"{', '.join(vehicle.part_names) or 'none'})"
+        )
+
+
 def load_calibration(
     vehicle: str | Path | Vehicle,
     *,
@@ -149,6 +150,7 @@ def load_calibration(
         pump, or a figure in the file that is none.
     """
     loaded = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    require_glider(loaded)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
     if loaded.hull_thermal_expansion > 0.0:
         calibration = calibration.replace(

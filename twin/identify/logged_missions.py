@@ -189,8 +189,10 @@ def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
     return kept, powered
 
 
-def _filled(values: Array) -> Array | None:
+def filled(values: Array | None) -> Array | None:
     """Values with gaps interpolated in time; None where fewer than two are finite."""
+    if values is None:
+        return None
     finite = np.isfinite(values)
     if finite.sum() < 2:
         return None
@@ -213,16 +215,16 @@ def log_of(
       displacement: north, east [m] over ground between its fixes.
       follows: whether it began shortly after the one before.
     """
-    depth = _filled(signals["measured_depth"])
+    depth = filled(signals["measured_depth"])
     finite = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
     window = max(round(WINDOW / period), LEAST_WINDOW) | 1
     if depth is None or len(depth) < 3 * window or np.nanmax(depth) < DIVE_DEPTH:
         return None
-    pitch, roll, pump = (_filled(signals[f"measured_{n}"]) for n in ("pitch", "roll", "pump"))
-    heading = _filled(np.rad2deg(_unwrapped(signals["measured_heading"])))
+    pitch, roll, pump = (filled(signals[f"measured_{n}"]) for n in ("pitch", "roll", "pump"))
+    heading = filled(np.rad2deg(unwrapped(signals["measured_heading"])))
     if pitch is None or roll is None or pump is None or heading is None:
         return None
-    optional = {name: _filled(signals[name]) for name in OPTIONAL if name in signals}
+    optional = {name: filled(signals[name]) for name in OPTIONAL if name in signals}
     density = optional.get("measured_density")
     if "measured_density" in signals and density is None:
         return None
@@ -256,7 +258,7 @@ def log_of(
     )
 
 
-def _unwrapped(degrees: Array) -> Array:
+def unwrapped(degrees: Array) -> Array:
     """Heading [rad] without jumps at north; NaN stays NaN."""
     out = np.full(len(degrees), np.nan)
     finite = np.isfinite(degrees)

@@ -36,6 +36,12 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
       InputError: the log does not say which kind of glider it is of.
     """
     with MissionStore(store) as found:
+        driven = any(f"{said}_propeller" in found for said in ("measured", "commanded"))
+        if driven and not found.says_vehicle:
+            raise InputError(
+                f"store {store} is of a vehicle under a propeller and does not say which: give "
+                "--vehicle, such as remus or tethys, or the path of its own file"
+            )
         if not found.logged:
             flown = found.vehicle
             return parse_vehicle(flown.xml, flown.path)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Calibration
@@ -244,26 +244,31 @@ NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 
 def choose(
-    names: Mapping[str, object] | tuple[str, ...] | list[str],
+    names: Mapping[str, object] | Sequence[str],
+    among: tuple[UnknownParameter, ...] = PARAMETERS,
 ) -> tuple[UnknownParameter, ...]:
-    """The parameters of these names, in the order of `PARAMETERS`.
+    """The parameters of these names, in the order of `among`.
 
     Raises:
       InputError: an unknown name, with the nearest.
     """
     for name in names:
-        if name not in NAMES:
-            raise InputError(unknown_name("parameter", name, NAMES))
-    return tuple(parameter for parameter in PARAMETERS if parameter.name in names)
+        if name not in (known := [parameter.name for parameter in among]):
+            raise InputError(unknown_name("parameter", name, known))
+    return tuple(parameter for parameter in among if parameter.name in names)
 
 
-def with_known(calibration: Calibration, known: Mapping[str, float]) -> Calibration:
+def with_known(
+    calibration: Calibration,
+    known: Mapping[str, float],
+    among: tuple[UnknownParameter, ...] = PARAMETERS,
+) -> Calibration:
     """The calibration with these values, in the parameters' units.
 
     Raises:
       InputError: an unknown name, or a value that there cannot be.
     """
-    for parameter in choose(known):
+    for parameter in choose(known, among):
         value = known[parameter.name]
         least = 0.0 if parameter.logarithmic else parameter.least
         if least is not None and (value < least or (parameter.logarithmic and value == 0.0)):

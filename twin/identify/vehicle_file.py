@@ -30,9 +30,11 @@ from twin.identify.calibration import (
     SENSOR_NUMERIC,
     Calibration,
 )
+from twin.identify.driven_unknowns import driven
 from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.storage.whole import whole_file
 from twin.vehicle.consumption import Consumption
+from twin.vehicle.laws import BodyAxes
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
@@ -47,6 +49,12 @@ def largest_step(vehicle: Vehicle) -> float:
     found = stiffness_of(vehicle)
     allowed = STEPS[-1] if found is None else found.longest
     return next((step for step in STEPS if step <= allowed), STEPS[-1])
+
+
+def driven_step(vehicle: Vehicle) -> float:
+    """[s] of a propelled vehicle's file, which stays unless it is too long for the vehicle."""
+    found, own = stiffness_of(vehicle), file_timestep(vehicle)
+    return own if found is None or own <= found.longest else largest_step(vehicle)
 
 
 CYLINDER = 1.1
@@ -77,6 +85,14 @@ WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "lift slope of the rudder": lambda v: [p.lift_slope for p in v.parts if isinstance(p, Fin)],
 }
 """What identification may change, by name."""
+DRIVEN_WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
+    "reference_density": lambda v: v.reference_density,
+    "hull law": lambda v: v.law.values(),
+    "added_mass": lambda v: v.added_mass,
+    "static_cg": lambda v: v.static_cg,
+    "parts": lambda v: np.concatenate([np.asarray(part.values()) for part in v.parts]),
+}
+"""The same of a vehicle under a propeller"""
 DIGITS = 10
 """Significant digits of a written number: far finer than any parameter is known."""
 
@@ -87,20 +103,93 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     Raises:
       VehicleError: the file has the elements in a form that cannot be edited.
     """
-    # the hull that is flown swells as the one that was identified
-    vehicle = calibration.vehicle.replace(
+    if driven(calibration.vehicle):
+        vehicle, measured = calibration.vehicle, ""
+        xml = _with_changes(vehicle)
+    else:
+        vehicle, measured = _swelling(calibration), _measured(calibration)
+        xml = _with_glide(vehicle)
+    for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
+        xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
+    xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
+    note = quoteattr(json.dumps(dict(provenance), sort_keys=True))
+    added = f'{measured}    <text name="{PROVENANCE}" data={note}/>\n'
+    xml = re.sub(r"    <!-- identified: .*?-->\n", "", xml, flags=re.DOTALL)
+    if xml.count("</custom>") != 1:
+        raise VehicleError(f"vehicle file {vehicle.path}: needs exactly one <custom> element")
+    xml = re.sub(r"[ \t]*</custom>", lambda match: added + match.group(0), xml)
+    _check(xml, vehicle)
+    return xml
+
+
+def _swelling(calibration: Calibration) -> Vehicle:
+    """The hull that is flown swells as the one that was identified."""
+    return calibration.vehicle.replace(
         hull_thermal_expansion=calibration.thermal_expansion,
         hull_thermal_lag=calibration.thermal_lag,
         hull_reference_temperature=REFERENCE_TEMPERATURE,
     )
+
+
+def _measured(calibration: Calibration) -> str:
+    """What identification reads of the water and the sensors again."""
+    hull = [calibration.water_density, calibration.thermal_expansion, calibration.thermal_lag]
+    sensors = [
+        calibration.pitch_scale,
+        calibration.pitch_offset,
+        calibration.heading_offset,
+        *calibration.heading_cycles,
+    ]
+    return (
+        "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
+        "         thermal lag [s] of the hull, as identification reads them -->\n"
+        f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
+        "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
+        "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
+        f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
+    )
+
+
+def _with_changes(vehicle: Vehicle) -> str:
+    """Text of a propelled vehicle's file with the numbers that differ from it."""
+    xml, changes = vehicle.xml, vehicle.changes()
+    original = parse_vehicle(xml, vehicle.path)
+    step = driven_step(vehicle)
+    if step != file_timestep(vehicle):
+        xml = _with_step(xml, vehicle, step)
+    for name, value in changes.items():
+        if name == "static_cg":
+            xml = _hull_place(xml, vehicle)
+        elif name == "derivatives":
+            assert isinstance(vehicle.law, BodyAxes)
+            assert isinstance(original.law, BodyAxes)
+            for (own, mine), (_, before) in zip(
+                vehicle.law.derivatives, original.law.derivatives, strict=True
+            ):
+                if mine != before:
+                    xml = _numeric(xml, own, [mine], vehicle)
+        elif name in vehicle.part_names:
+            for field, number in value.items():
+                xml = _numeric(xml, f"{name}.{field}", [number], vehicle)
+        elif name != "coupling":  # which follows from the added mass
+            xml = _numeric(xml, name, np.ravel(value), vehicle)
+    return xml
+
+
+def _with_step(xml: str, vehicle: Vehicle, step: float) -> str:
+    head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
+    return _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
+
+
+def _with_glide(vehicle: Vehicle) -> str:
+    """Text of a glider's file with what identification changes in it."""
     xml = vehicle.xml
     original = parse_vehicle(xml, vehicle.path)
     xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
     xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
     step = largest_step(vehicle)
     if step != file_timestep(vehicle):
-        head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
-        xml = _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
+        xml = _with_step(xml, vehicle, step)
     for name in SWELLING:
         if getattr(vehicle, name) != getattr(original, name):
             xml = _numeric(xml, name, [getattr(vehicle, name)], vehicle)
@@ -131,31 +220,6 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
             xml = _numeric(xml, f"{part.name}.neutral", [part.neutral], vehicle)
         if isinstance(part, Fin) and part.lift_slope != getattr(before, "lift_slope", None):
             xml = _numeric(xml, f"{part.name}.lift_slope", [part.lift_slope], vehicle)
-    for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
-        xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
-    xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
-    hull = [calibration.water_density, calibration.thermal_expansion, calibration.thermal_lag]
-    sensors = [
-        calibration.pitch_scale,
-        calibration.pitch_offset,
-        calibration.heading_offset,
-        *calibration.heading_cycles,
-    ]
-    note = quoteattr(json.dumps(dict(provenance), sort_keys=True))
-    added = (
-        "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
-        "         thermal lag [s] of the hull, as identification reads them -->\n"
-        f'    <numeric name="{HULL_NUMERIC}" data="{_text(hull)}"/>\n'
-        "    <!-- identified: true pitch = scale * measured + offset [rad]; true less measured\n"
-        "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
-        f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
-        f'    <text name="{PROVENANCE}" data={note}/>\n'
-    )
-    xml = re.sub(r"    <!-- identified: .*?-->\n", "", xml, flags=re.DOTALL)
-    if xml.count("</custom>") != 1:
-        raise VehicleError(f"vehicle file {vehicle.path}: needs exactly one <custom> element")
-    xml = re.sub(r"[ \t]*</custom>", lambda match: added + match.group(0), xml)
-    _check(xml, vehicle)
     return xml
 
 
@@ -315,7 +379,7 @@ def _pump_place(xml: str, vehicle: Vehicle) -> str:
 def _check(xml: str, vehicle: Vehicle) -> None:
     """What was written must read back as the vehicle that was meant."""
     again = parse_vehicle(xml, vehicle.path)
-    for name, value in WRITTEN.items():
+    for name, value in (DRIVEN_WRITTEN if driven(vehicle) else WRITTEN).items():
         mine, theirs = (np.atleast_1d(value(v)) for v in (vehicle, again))
         if (np.abs(mine - theirs) > 1e-8 * np.maximum(np.abs(mine), 1.0)).any():
             raise VehicleError(

@@ -1,0 +1,259 @@
+"""Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
+
+    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--runs 4] [--json]
+    python -m benchmarks.identified_runs --sway sail.zarr
+
+For every seed a vehicle is made that no fit knows: every derivative of its hull law within 15 %,
+drag by -25 to +35 %, thrust 15 %, fins -25 to +30 % and 1.5 deg askew, its centre of gravity 1 mm
+along the hull and its righting arm 15 %, added mass 15 %, water 1 kg/m3 off neutral. It flies
+`--runs` surveys in a current over a sea floor, guided as if it were the shipped one, with the
+sensors of `survey-field` (each run with errors of its own), and is identified from what they
+measured. Then the identified vehicle, the shipped one and the true one fly three missions that the
+fit has not seen, closed loop in MuJoCo under the guidance of the shipped vehicle's file. Printed
+is what each is off from the true one: mean size of the error of surge over its mean, yaw rate and
+depth rate root mean square over theirs, sample by sample. `spread` is the root mean square error of
+the determined parameters in their stated deviations.
+
+`--sway` is for a store of real runs that has a Doppler log and gyroscopes, and no controls: what a
+steady turn's sway is per yaw rate, fitted to all deployments but one and applied to that one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from twin import load_vehicle, parse_current, parse_floor, simulate
+from twin.identify import identify_driven, load_runs
+from twin.identify.calibration import Calibration
+from twin.identify.driven_unknowns import driven_parameters
+from twin.mission import Mission
+from twin.mission.segments import Circle, Transect
+from twin.physics.scenario import Scenario
+from twin.records.logged import log_rows
+from twin.records.mission_dataset import dataset_of
+from twin.records.reader import MissionStore
+from twin.records.store import write_store
+from twin.records.trajectory import Trajectory
+from twin.sensors import SensorSuite
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.2
+"""[s] of the runs"""
+FAST, TURN = {"remus": 1.8, "tethys": 1.0}, {"remus": 12.0, "tethys": 20.0}
+"""Largest speed [m/s] and smallest radius [m] of the surveys"""
+UNSEEN = 3
+START = 10.0
+"""[s] of each unseen mission that are not judged"""
+
+
+def other(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """A vehicle that differs from its file in every number."""
+    names = [one.name for one in vehicle.law.uncertainties()]
+    law = vehicle.law.scaled({name: float(rng.uniform(0.85, 1.15)) for name in names})
+    law = law.with_drag(float(rng.uniform(0.75, 1.35))) or law
+    propeller = vehicle.steering["speed"]
+    thrust = getattr(vehicle.part(propeller), "thrust_coefficient")  # noqa: B009
+    changes: dict[str, Any] = {
+        propeller: {"thrust_coefficient": thrust * float(rng.uniform(0.85, 1.15))}
+    }
+    for name in (vehicle.steering["heading"], vehicle.steering["pitch"]):
+        slope = getattr(vehicle.part(name), "lift_slope")  # noqa: B009
+        changes[name] = {
+            "lift_slope": slope * float(rng.uniform(0.75, 1.3)),
+            "neutral": float(np.deg2rad(rng.uniform(-1.5, 1.5))),
+        }
+    place = vehicle.static_cg.copy()
+    place[0] += 1e-3 * rng.uniform(-1.0, 1.0)
+    place[2] *= rng.uniform(0.85, 1.15)
+    root = np.sqrt(rng.uniform(0.85, 1.15, 6))
+    density = vehicle.reference_density + float(rng.uniform(-1.0, 1.0))
+    return vehicle.replace(
+        law=law,
+        static_cg=place,
+        added_mass=vehicle.added_mass * np.outer(root, root),
+        reference_density=density,
+        **changes,
+    )
+
+
+def survey(rng: np.random.Generator, fast: float, radius: float, ways: int = 6) -> Mission:
+    """Level ways and circles of a minute at other speeds, depths and headings."""
+    segments = []
+    for _ in range(ways):
+        common: dict[str, Any] = {
+            "speed_m_s": float(rng.uniform(0.6, 1.0) * fast),
+            "depth_m": float(rng.uniform(8.0, 30.0)),
+            "duration_s": 60.0,
+        }
+        if rng.random() < 0.4:
+            side = float(rng.choice([-1.0, 1.0]))
+            wide = float(rng.uniform(1.0, 2.5))
+            segments.append(Circle(radius_m=side * wide * radius, **common))
+        else:
+            segments.append(Transect(heading_deg=float(rng.uniform(0.0, 360.0)), **common))
+    return Mission(
+        name="survey",
+        start_heading_deg=float(rng.uniform(0.0, 360.0)),
+        start_depth_m=15.0,
+        segments=tuple(segments),
+    )
+
+
+def logged(truth: Vehicle, shipped: Vehicle, mission: Mission, seed: int) -> Trajectory:
+    """A run of the true vehicle with what its sensors measured."""
+    rng = np.random.default_rng(seed)
+    water = DensityProfile.constant(shipped.reference_density)
+    run = simulate(
+        Scenario(
+            vehicle=truth,
+            believed=shipped,
+            mission=mission,
+            density=water,
+            current=parse_current(f"uniform:{rng.normal(0, 0.1):.3f},{rng.normal(0, 0.1):.3f}"),
+            floor=parse_floor("rough:60"),
+            sample_period=PERIOD,
+        )
+    )
+    suite = SensorSuite.preset("survey-field")
+    seeds = np.random.SeedSequence(seed)
+    run.signals.update(suite.measure(run.signals, dt=PERIOD, rng_seed=seeds, density=water))
+    return run
+
+
+def closed_loop(
+    vehicle: Vehicle, truth: Vehicle, shipped: Vehicle, missions: list[Mission]
+) -> dict[str, float]:
+    """Errors [%] of a vehicle on missions that both fly under the same guidance."""
+    off: list[list[Array]] = [[], [], []]
+    size: list[list[Array]] = [[], [], []]
+    for mission in missions:
+        mine, real = (
+            simulate(
+                Scenario(
+                    vehicle=one,
+                    believed=shipped,
+                    mission=mission,
+                    density=DensityProfile.constant(shipped.reference_density),
+                )
+            )
+            for one in (vehicle, truth)
+        )
+        step = float(real.time[1] - real.time[0])
+        part = slice(round(START / step), min(len(mine.time), len(real.time)))
+        for k, name in enumerate(("true_surge", "true_yaw_rate", "true_depth")):
+            a, b = (run[name].astype(float) for run in (mine, real))
+            if name == "true_depth":
+                a, b = np.gradient(a, step), np.gradient(b, step)
+            off[k].append(a[part] - b[part])
+            size[k].append(b[part])
+    speed, turn, depth = (np.concatenate(one) for one in off)
+    surge, rate, sink = (np.concatenate(one) for one in size)
+    return {
+        "speed": 100.0 * float(np.abs(speed).mean() / surge.mean()),
+        "turn rate": 100.0 * float(np.sqrt((turn**2).mean() / (rate**2).mean())),
+        "depth rate": 100.0 * float(np.sqrt((depth**2).mean() / (sink**2).mean())),
+    }
+
+
+def study(name: str, seed: int, runs: int, folder: Path) -> dict[str, Any]:
+    """One vehicle: identified, and flown beside the true and the shipped one."""
+    shipped = load_vehicle(name)
+    truth = other(shipped, np.random.default_rng(seed))
+    rng = np.random.default_rng([seed, 1])
+    kind = name.partition(":")[0]
+    made = [
+        logged(truth, shipped, survey(rng, FAST[kind], TURN[kind]), 1000 * seed + k)
+        for k in range(runs)
+    ]
+    store = write_store(dataset_of(made), folder / f"{kind}-{seed}.zarr")
+    found = identify_driven(load_runs(store, shipped), shipped)
+    true = Calibration(vehicle=truth, water_density=shipped.reference_density)
+    known = {p.name: p.get(true) for p in driven_parameters(shipped)}
+    errors = [(e.value - known[e.name]) / e.deviation for e in found.estimates if e.determined]
+    unseen = [survey(rng, FAST[kind], TURN[kind]) for _ in range(UNSEEN)]
+    return {
+        "vehicle": name,
+        "seed": seed,
+        "identified": closed_loop(found.calibration.vehicle, truth, shipped, unseen),
+        "shipped": closed_loop(shipped, truth, shipped, unseen),
+        "determined": len(errors),
+        "spread": float(np.sqrt(np.mean(np.square(errors)))),
+    }
+
+
+MEAN = 2.0
+"""[s] over which sway and yaw rate are taken"""
+SLOWEST = 0.3
+"""[m/s] of surge below which a vehicle does not fly"""
+
+
+def left_out_sway(path: str) -> None:
+    """Print the median size of the sway about its own median, as it is and less what the other
+    deployments' law makes of the yaw rate."""
+    found: dict[str, list[Array]] = {}
+    with MissionStore(path) as store:
+        for row, dive in enumerate(log_rows(store)):
+            count, length = store.samples[row], round(MEAN / store.period)
+            surge, sway, rate = (
+                store.rows(f"measured_{name}", [row])[0, :count].astype(float)
+                for name in ("dvl_surge", "dvl_sway", "yaw_rate")
+            )
+            good = np.isfinite(surge + sway + rate) & (surge > SLOWEST)
+            for first in range(0, count - length, length):
+                part = slice(first, first + length)
+                if good[part].all():
+                    pair = np.array([np.mean(rate[part]), np.median(sway[part])])
+                    found.setdefault(dive.deployment, []).append(pair)
+    pairs = {name: np.array(values).T for name, values in found.items()}
+    for name, (rate, sway) in pairs.items():
+        others = [p for other, p in pairs.items() if other != name]
+        rates, sways = (np.concatenate([p[k] for p in others]) for k in (0, 1))
+        slope = float(least_squares(
+            lambda x, r=rates, s=sways: s - x[0] * r - x[1], np.zeros(2), loss="soft_l1",
+            f_scale=0.02,
+        ).x[0])  # fmt: skip
+        rest = sway - slope * rate
+        as_is, left = (float(np.median(np.abs(x - np.median(x)))) for x in (sway, rest))
+        print(
+            f"{name}: {len(sway)} pieces, sway {100 * as_is:.2f} cm/s, less the others' law "
+            f"({slope:.2f} m) {100 * left:.2f} cm/s"
+        )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--vehicle", default="remus", help="shipped name: remus or tethys")
+    parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--sway", help="store of real runs: the sway of their turns alone")
+    options = parser.parse_args()
+    if options.sway:
+        left_out_sway(options.sway)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in map(int, options.seeds.split(",")):
+            found = study(options.vehicle, seed, options.runs, Path(folder))
+            if options.json:
+                print(json.dumps(found), flush=True)
+                continue
+            for which in ("identified", "shipped"):
+                words = ", ".join(f"{k} {v:.2f} %" for k, v in found[which].items())
+                print(f"{found['vehicle']} {seed} {which:10s} {words}", flush=True)
+            print(f"    {found['determined']} determined, spread {found['spread']:.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,184 @@
+"""A vehicle under a propeller comes back from its runs, and flies those that no fit has seen."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin import load_vehicle, parse_current, parse_floor, simulate
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, StoreError
+from twin.identify import identify_driven, judge, load_runs
+from twin.identify.calibration import Calibration
+from twin.identify.driven_flights import DrivenFlights, fly_run, settled
+from twin.identify.driven_unknowns import driven_parameters
+from twin.mission import Mission
+from twin.mission.segments import Circle, Transect
+from twin.physics.scenario import Scenario
+from twin.records.mission_dataset import dataset_of
+from twin.records.store import write_store
+from twin.sensors import SensorSuite
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+
+SHIPPED = load_vehicle("remus")
+WATER = DensityProfile.constant(SHIPPED.reference_density)
+NAMES = (
+    "neutral_density", "Xuu", "Nuv", "Nrr", "propeller.thrust_coefficient", "rudder.lift_slope",
+    "rudder.neutral",
+)  # fmt: skip
+
+
+def other() -> Vehicle:
+    """More drag, less thrust, a larger rudder that sits askew, too heavy by 30 g."""
+    law = SHIPPED.law.with_drag(1.25)
+    assert law is not None
+    return SHIPPED.replace(
+        law=law,
+        reference_density=1031.0,
+        propeller={"thrust_coefficient": 0.9 * 0.00344775},
+        rudder={"lift_slope": 1.2 * 2.815, "neutral": np.deg2rad(1.0)},
+    )
+
+
+def plan(seed: int) -> Mission:
+    rng = np.random.default_rng(seed)
+    ways: list[Any] = []
+    for k in range(4):
+        speed, depth = float(rng.uniform(1.1, 1.8)), float(rng.uniform(8.0, 25.0))
+        ways.append(Transect(depth_m=depth, speed_m_s=speed, heading_deg=90.0 * k, duration_s=30.0))
+    ways.append(Circle(depth_m=12.0, speed_m_s=1.5, radius_m=20.0, duration_s=30.0))
+    return Mission(name="run", start_heading_deg=0.0, start_depth_m=12.0, segments=tuple(ways))
+
+
+def flown(vehicle: Vehicle, seed: int) -> Any:
+    return simulate(
+        Scenario(
+            vehicle=vehicle,
+            believed=SHIPPED,
+            mission=plan(seed),
+            density=WATER,
+            current=parse_current("uniform:0.1,-0.05"),
+            floor=parse_floor("rough:60"),
+            sample_period=0.2,
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three runs of a vehicle that the shipped file is not, with sensor errors."""
+    runs = [flown(other(), seed) for seed in range(3)]
+    for seed, run in enumerate(runs):
+        measured = SensorSuite.preset("survey-field").measure(
+            run.signals, dt=0.2, rng_seed=np.random.SeedSequence(seed), density=WATER
+        )
+        run.signals.update(measured)
+    path = tmp_path_factory.mktemp("driven") / "runs.zarr"
+    write_store(dataset_of(runs), path)
+    return path
+
+
+def test_the_true_vehicle_flies_its_runs(store: Path) -> None:
+    run = load_runs(store, SHIPPED)[0]
+    calibration = Calibration(vehicle=other(), water_density=SHIPPED.reference_density)
+    motion = fly_run(run, calibration, np.array([0.1, -0.05]))
+    assert run.true_velocity is not None
+    off = motion.velocity.surge - run.true_velocity[0]
+    assert np.abs(off[settled(run)]).max() < 5e-3
+    off = motion.velocity.sway - run.true_velocity[1]
+    assert np.abs(off[settled(run)]).max() < 5e-3
+
+
+def test_what_drives_and_turns_it_comes_back_and_flies_unseen_missions(store: Path) -> None:
+    runs = load_runs(store, SHIPPED)
+    found = identify_driven(runs[:2], SHIPPED, parameters=NAMES)
+    truth = Calibration(vehicle=other(), water_density=SHIPPED.reference_density)
+    known = {p.name: p.get(truth) for p in driven_parameters(SHIPPED)}
+    # the speed tells the ratio of thrust and drag; each alone is told by accelerations only
+    ratio = found["Xuu"].value / found["propeller.thrust_coefficient"].value
+    assert abs(ratio * 0.9 / 1.25 - 1.0) < 0.03
+    assert abs(found["rudder.lift_slope"].value - known["rudder.lift_slope"]) < 0.1
+    assert abs(found["rudder.neutral"].value - known["rudder.neutral"]) < 0.15
+    assert abs(found["neutral_density"].value - 1031.0) < 0.3
+    mine, before = judge(runs[2:], found.calibration), judge(runs[2:], found.nominal)
+    assert mine.against == "truth"
+    assert mine.speed < 0.01
+    assert mine.speed < 0.3 * before.speed
+    assert mine.turn_rate < 0.5 * before.turn_rate
+    real, same, shipped = (flown(v, 7) for v in (other(), found.calibration.vehicle, SHIPPED))
+    count = min(len(run.time) for run in (real, same, shipped))
+    surge = real["true_surge"][50:count]
+    off, rival = (np.abs(r["true_surge"][50:count] - surge).mean() for r in (same, shipped))
+    assert off < 0.01 * surge.mean()
+    assert off < 0.2 * rival
+
+
+def test_a_run_is_kept_where_nothing_has_changed_for_it(store: Path) -> None:
+    runs = load_runs(store, SHIPPED)
+    nominal = Calibration(vehicle=SHIPPED, water_density=SHIPPED.reference_density)
+    problem = DrivenFlights(runs, nominal, ())
+    first = problem.flown(np.zeros(problem.size))
+    moved = np.zeros(problem.size)
+    moved[1] = 1.0  # pitch offset of the second run
+    again = problem.flown(moved)
+    assert again[0] is first[0]
+    assert again[2] is first[2]
+    assert not np.array_equal(again[1].depth_rate, first[1].depth_rate)
+
+
+def test_the_command_fits_judges_and_writes(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.xml"
+    words = ["identify", str(store), "--vehicle", "remus", "--missions", "0-2", "--unseen", "2"]
+    words += ["--out", str(out), "--known", "Nuv=1", "--json", "--parameters", *NAMES]
+    assert PROGRAM.main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["model"] == "driven"
+    assert said["missions"] == 2
+    assert not said["parameters"]["Nuv"]["determined"]
+    assert said["unseen"]["identified"]["speed"] < 0.3 * said["unseen"]["started_from"]["speed"]
+    written = load_vehicle(out)
+    drag = dict(written.law.derivatives)["Xuu"]  # type: ignore[attr-defined]
+    assert drag == pytest.approx(-1.62 * said["parameters"]["Xuu"]["value"], rel=1e-8)
+    assert "identification" in written.xml
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "does not say which: give --vehicle, such as remus or tethys"),
+        (["--vehicle", "remus", "--start", "a.json"], "--start is of gliders"),
+        (["--vehicle", "remus", "--pitch-offset", "1"], "--pitch-offset is of gliders"),
+        (["--vehicle", "remus", "--parameters", "Xvu"], "unknown parameter 'Xvu'"),
+        (["--vehicle", "remus", "--unseen", "0-2"], "leaves no run to fit"),
+        (["--vehicle", "slocum-200", "--unseen", "2"], "is a glider"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(
+    store: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert PROGRAM.main(["identify", str(store), *words]) != 0
+    assert says in capsys.readouterr().err
+
+
+def test_runs_without_controls_are_refused_by_what_they_lack(store: Path, tmp_path: Path) -> None:
+    runs = [flown(SHIPPED, 0)]
+    for name in ("roll", "pitch", "heading", "depth", "roll_rate", "pitch_rate", "yaw_rate"):
+        runs[0].signals[f"measured_{name}"] = runs[0][f"true_{name}"]
+    for part in SHIPPED.part_names:
+        del runs[0].signals[f"commanded_{part}"]
+    path = tmp_path / "bare.zarr"
+    write_store(dataset_of(runs), path)
+    with pytest.raises(StoreError, match="no measured_propeller or commanded_propeller; no"):
+        load_runs(path, SHIPPED)
+
+
+def test_a_glider_has_no_runs() -> None:
+    with pytest.raises(InputError, match="has no propeller"):
+        driven_parameters(load_vehicle("slocum-200"))

@@ -1,0 +1,276 @@
+"""Driven fit: a propelled vehicle from its own runs, and how it flies those that it has not seen.
+
+vehicle = load_vehicle("remus")
+runs = load_runs("bag.zarr", vehicle)
+found = identify_driven(runs[:-1], vehicle)
+judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.identify.answer import DRIVEN, Identification, IdentifiedParameter
+from twin.identify.calibration import Calibration
+from twin.identify.driven_flights import DrivenFlights, ahead
+from twin.identify.driven_runs import DrivenRun
+from twin.identify.driven_unknowns import driven_parameters
+from twin.identify.fit import UNDETERMINED
+from twin.identify.unknowns import UnknownParameter, choose, with_known
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+LEAST_PIECES = 6
+"""Pieces of 20 s below which nothing is fitted: two minutes"""
+SILENT = 0.95
+"""Part of its spread that a parameter's deviation must fall below to be moved at all: above it the
+runs say nothing, and the vehicle file's number stands"""
+LOOKS = (5, 3, 3)
+"""Evaluations of each fit; between them weights, and the currents at the starts, are taken again"""
+ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
+SLOWEST = 0.1
+"""[m/s] below which a vehicle lies still"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DrivenErrors:
+    """How a vehicle flies runs that it has not seen, beside what they did."""
+
+    speed: float
+    """Mean size of the error of a flight's mean surge, over that surge"""
+    turn_rate: float
+    """Error of the yaw rate over the yaw rate, both root mean square"""
+    depth_rate: float
+    """Error of the depth rate over the depth rate, both root mean square"""
+    speed_m_s: float
+    """The same as numbers: mean size of the error [m/s]"""
+    turn_rate_rad_s: float
+    """[rad/s] root mean square"""
+    depth_rate_m_s: float
+    """[m/s] root mean square"""
+    pieces: int
+    """of 20 s"""
+    against: str
+    """"truth" of a simulated store, or "log": what the sensors measured"""
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able figures."""
+        return dataclasses.asdict(self)
+
+
+def identify_driven(
+    runs: Sequence[DrivenRun],
+    vehicle: Vehicle,
+    *,
+    parameters: Sequence[str] | None = None,
+    known: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] = lambda part: None,
+) -> Identification:
+    """Estimate the parameters of a propelled vehicle from its runs.
+
+    Args:
+      runs: of one vehicle, of one sample period.
+      vehicle: to start from.
+      parameters: names to estimate; by default all that `driven_parameters` has.
+      known: values that are known and not estimated, by name.
+      progress: called with the part done, 0 to 1.
+
+    Raises:
+      InputError: an unknown parameter, too few flights, or a vehicle that does not fly as the runs.
+    """
+    densities = [float(np.median(run.density[1])) for run in runs if run.density is not None]
+    water = float(np.median(densities)) if densities else vehicle.reference_density
+    everything = driven_parameters(vehicle)
+    nominal = with_known(Calibration(vehicle=vehicle, water_density=water), known or {}, everything)
+    wanted = everything if parameters is None else choose(parameters, everything)
+    notes = {p.name: "given as known" for p in wanted if p.name in (known or {})}
+    pieces = len(DrivenFlights(runs, nominal, ()).pieces)
+    if pieces < LEAST_PIECES:
+        raise InputError(
+            f"only {pieces} pieces of 20 s under water without a gap in {len(runs)} runs; "
+            f"identification needs at least {LEAST_PIECES}"
+        )
+    free = tuple(p for p in wanted if p.name not in notes)
+    if not free:
+        reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
+        raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
+    problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part))
+    first = problem.fitted(x)
+    spread = np.sqrt(np.diag(first.covariance))[: len(free)]
+    before = dict(zip((p.name for p in free), spread.tolist(), strict=True))
+    for parameter in free:
+        if before[parameter.name] > SILENT:
+            notes[parameter.name] = (
+                f"the runs leave it to {100.0 * before[parameter.name]:.0f} % of what was known"
+            )
+    kept = tuple(p for p in free if p.name not in notes)
+    if not kept:
+        raise InputError(
+            "the runs say nothing of any parameter: they need turns, dives and other speeds"
+        )
+    if kept != free:
+        problem, x = _without(problem, x, kept)
+    progress(1.0)
+    return _result(problem, x, wanted, notes, before)
+
+
+def _fitted(
+    runs: Sequence[DrivenRun],
+    nominal: Calibration,
+    parameters: tuple[UnknownParameter, ...],
+    progress: Callable[[float], None],
+) -> tuple[DrivenFlights, Array]:
+    """The problem with its weights, and where its fit ends."""
+    problem = DrivenFlights(runs, nominal, parameters)
+    x = np.zeros(problem.size)
+    for k, looks in enumerate(LOOKS):
+        x, _ = problem.fit(x, 1, max_nfev=looks, **ENDS)
+        problem.started = problem.currents(x)
+        progress((k + 1) / len(LOOKS))
+    problem.reweight(x)
+    return problem, x
+
+
+def _without(
+    problem: DrivenFlights, x: Array, kept: tuple[UnknownParameter, ...]
+) -> tuple[DrivenFlights, Array]:
+    """The fit gone on from `x` with fewer parameters, the others at the vehicle file's."""
+    stays = [k for k, p in enumerate(problem.parameters) if p in kept]
+    fewer = DrivenFlights(problem.runs, problem.nominal, kept)
+    fewer.started = problem.started
+    x = x[[*stays, *range(len(problem.parameters), len(x))]]
+    x, _ = fewer.fit(x, 1, max_nfev=LOOKS[-1], **ENDS)
+    return fewer, x
+
+
+def _result(
+    problem: DrivenFlights,
+    x: Array,
+    wanted: tuple[UnknownParameter, ...],
+    notes: dict[str, str],
+    before: dict[str, float],
+) -> Identification:
+    fitted = problem.fitted(x)
+    names = [p.name for p in problem.parameters]
+    deviation = np.sqrt(np.diag(fitted.covariance))
+    estimates = []
+    for parameter in wanted:
+        centre = parameter.get(problem.nominal)
+        if parameter.name not in names:
+            estimates.append(
+                IdentifiedParameter.of(
+                    parameter,
+                    nominal=centre,
+                    value=centre,
+                    deviation=before.get(parameter.name, np.nan),
+                    determined=False,
+                    note=notes[parameter.name],
+                )
+            )
+            continue
+        k = names.index(parameter.name)
+        sure = bool(deviation[k] <= UNDETERMINED)
+        estimates.append(
+            IdentifiedParameter.of(
+                parameter,
+                nominal=centre,
+                value=parameter.get(fitted.calibration),
+                deviation=float(deviation[k]),
+                determined=sure,
+                note="" if sure else "with the others only: the runs do not determine it",
+            )
+        )
+    told = [k for k in range(len(names)) if deviation[k] <= UNDETERMINED]
+    correlation = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(told, told)]
+    order = [names[k] for k in told]
+    estimates.sort(key=lambda e: order.index(e.name) if e.name in order else len(order))
+    noise = problem.reweight(x)["depth_rate"]
+    missed, missed0 = problem.missed(x), problem.missed(np.zeros_like(x))
+    rates, rates0 = (np.concatenate(m["depth_rate"]) for m in (missed, missed0))
+    period = problem.runs[0].period
+    return Identification(
+        calibration=fitted.calibration,
+        nominal=problem.nominal,
+        model=DRIVEN,
+        estimates=tuple(estimates),
+        correlation=correlation,
+        depth_rate_rmse=_rms(rates),
+        nominal_depth_rate_rmse=_rms(rates0),
+        robust_deviation=noise.deviation,
+        correlation_time=noise.samples * period,
+        samples=len(rates),
+        hours=len(rates) * period / 3600.0,
+        missions=len(problem.runs),
+        current_change=None,
+        nominal_current_change=None,
+    )
+
+
+def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
+    """Median surge [m/s] of runs by their Doppler logs; the vehicle file's without any."""
+    known = [run.velocity[0][run.use & np.isfinite(run.velocity[0])] for run in runs]
+    surge = np.concatenate(known)
+    return float(np.median(surge)) if surge.size else vehicle.cruise_speed
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
+    """Fly runs with their attitude and compare speed, depth rate, and yaw rate of a second ahead.
+
+    Of a run that has no truth the speed is compared with its Doppler log, less the one current that
+    fits it best.
+
+    Raises:
+      InputError: no Doppler log, nothing without a gap, or the vehicle does not fly.
+    """
+    true = all(run.true_velocity is not None for run in runs)
+    problem = DrivenFlights(runs, calibration, ())
+    x = np.zeros(problem.size)
+    for looks in LOOKS:
+        x, _ = problem.fit(x, 1, max_nfev=looks, **ENDS)
+        problem.started = problem.currents(x)
+    speeds, turns, depths = [], [], []
+    motions = problem.flown(x)
+    for number, rows in problem.pieces:
+        run, motion = runs[number], motions[number]
+        surge = (
+            run.velocity[0] - problem.turned[number][:, 0] @ problem.started[number] * run.ground
+        )
+        if true and run.true_velocity is not None:
+            surge = run.true_velocity[0]
+        part = rows["depth_rate"]
+        seen = part[np.isfinite(surge[part])]
+        if seen.size:
+            speeds.append((motion.velocity.surge[seen].mean(), surge[seen].mean()))
+        lead = rows["yaw_rate"]
+        turns.append((ahead(run, motion, 2)[lead], run.rates[2, lead]))
+        depths.append((motion.depth_rate[part] - run.depth_rate[part], run.depth_rate[part]))
+    if not speeds:
+        raise InputError("these runs have no velocity by a Doppler log to judge a vehicle by")
+    model, real = np.array(speeds).T
+    known = np.abs(real) > SLOWEST
+    (turn_off, turn), (depth_off, depth) = (
+        [_rms(np.concatenate(part)) for part in zip(*pairs, strict=True)]
+        for pairs in (turns, depths)
+    )
+    off = np.abs(model - real)[known]
+    return DrivenErrors(
+        speed=float(np.mean(off / np.abs(real[known]))),
+        turn_rate=turn_off / turn,
+        depth_rate=depth_off / depth,
+        speed_m_s=float(np.mean(off)),
+        turn_rate_rad_s=turn_off,
+        depth_rate_m_s=depth_off,
+        pieces=len(problem.pieces),
+        against="truth" if true else "log",
+    )

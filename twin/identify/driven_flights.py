@@ -1,0 +1,377 @@
+"""Driven flights: a propelled vehicle flown through its runs with the attitude that it had.
+
+The log gives the attitude, the body's rates and the positions of the parts. The three equations of
+translation are integrated, as a glider's flight model does (`twin.identify.translation`), here by
+the whole Fossen model: thrust, fins, moving masses, hull law. At every sample the same equations
+give the angular acceleration, so that the pitch and yaw rates of a second ahead follow from the
+measured ones. A hull whose fins leave it unstable in yaw, as that of REMUS 100 is (Prestero 2001),
+cannot be flown for longer on the logged positions alone: whatever it starts with grows threefold a
+second.
+
+Compared are the surge and sway of a Doppler log, the depth rate and both rates. A Doppler log over
+ground sees the current too; each run has one, an unknown of the fit beside the parameters, which
+parts from the speed where the run has other headings. So are the log's scale and its turn in its
+mount.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import jit
+from twin.errors import InputError
+from twin.fossen.equations import acceleration
+from twin.fossen.forces import ForceParameters, density_at, displaced_mass, parameters_of, pumped
+from twin.frames import euler_to_matrix
+from twin.identify.calibration import Calibration
+from twin.identify.comparison import ComparedQuantity, Comparison
+from twin.identify.driven_runs import DrivenRun
+from twin.identify.translation import Translation
+from twin.identify.unknowns import UnknownParameter
+from twin.mission.cruise import surplus_at
+from twin.mission.glide_balance import mass_matrix
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+PIECE = 20.0
+"""[s] of a piece of a run: three times what the surge of such vehicles takes to settle, so that
+one piece says nothing of the next"""
+SETTLE = 15.0
+"""[s] after a start that are not compared"""
+START = 1.0
+"""[s] over which the velocity at a start is the median"""
+LEAD = 1.0
+"""[s] ahead that rates are told"""
+STEP = 0.1
+"""[s] longest of the integration"""
+CURRENT = 0.2
+"""[m/s] spread of each component of a run's current"""
+PITCH = math.radians(0.25)
+"""[rad] spread of each run's pitch sensor about its zero: by the data sheets of attitude sensors
+and by the bias that a gyroscope has from switching on to switching off"""
+SENSORS = ("pitch_offset", "dvl_scale", "dvl_turn")
+"""Errors that each run has of its own"""
+DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
+"""Spreads of a Doppler log's scale and of its turn in its mount [rad] in each run: the shipped
+instrument's (`twin.sensors.dvl`)"""
+LONGEST_CORRELATION = 60.0
+"""[s] up to which autocorrelation is summed"""
+CHANNELS = {
+    "surge": ("m s-1", 0.005),
+    "sway": ("m s-1", 0.005),
+    "depth_rate": ("m s-1", 0.005),
+    "pitch_rate": ("rad s-1", math.radians(0.2)),
+    "yaw_rate": ("rad s-1", math.radians(0.2)),
+}
+"""Unit of each channel, and the deviation that it is off by at least: a Doppler log's noise and a
+pressure sensor's. The rates are those of a second ahead; theirs is what a fin that moves between
+two samples makes of them. With a gyroscope's own noise, a tenth of that, every manoeuvre would be
+an outlier, and the rest has little but noise to tell of moments."""
+FASTEST = 20.0
+"""[m/s] that no such vehicle reaches"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenMotion:
+    """How a run was flown; arrays are (time,)."""
+
+    velocity: Translation
+    """through the water"""
+    depth_rate: Array
+    """[m/s], filtered as the run's"""
+    turning: Array
+    """Roll, pitch and yaw acceleration [rad/s2], body FRD, means up to the next, (3, time)"""
+
+
+def fly_run(
+    run: DrivenRun, calibration: Calibration, current: Array, offset: float = 0.0
+) -> DrivenMotion:
+    """Fly a run with its attitude.
+
+    Args:
+      current: north, east [m/s], (2,): what a Doppler log over ground has at the start besides the
+        motion through the water.
+      offset: true pitch [rad] less the sensor's, beside that of the calibration.
+
+    Raises:
+      InputError: the vehicle does not fly it.
+    """
+    depths, densities = run.density or (np.zeros(1), np.array([calibration.water_density]))
+    pitch = calibration.true_pitch(run.pitch) + offset
+    turned = euler_to_matrix(run.roll, pitch, run.heading)
+    steps = max(1, math.ceil(run.period / STEP - 1e-9))
+    starts = run.use.copy()
+    starts[1:] &= ~run.use[:-1]
+    begun = np.full((len(pitch), 3), np.nan)
+    for first in np.flatnonzero(starts):
+        begun[first] = _start(run, int(first), calibration.vehicle, turned[first], current)
+    velocity, turning = _fly(
+        parameters_of(calibration.vehicle, depths, densities, np.zeros(0), np.zeros(0)),
+        run.depth,
+        np.ascontiguousarray(turned[:, 2, :]),
+        np.ascontiguousarray(run.rates.T),
+        np.ascontiguousarray(run.positions),
+        run.use,
+        begun,
+        run.period,
+        steps,
+        np.array([part.lag for part in calibration.vehicle.parts]),
+        _rolled(calibration.vehicle, run.positions[0]),
+    )
+    if not (np.abs(velocity) < FASTEST).all():
+        raise InputError(
+            f"vehicle {calibration.vehicle.name!r} does not fly run {run.index}: it leaves "
+            f"{FASTEST:g} m/s; look at the units and signs of its parts"
+        )
+    motion = Translation(surge=velocity[:, 0], sway=velocity[:, 1], heave=velocity[:, 2])
+    return DrivenMotion(
+        velocity=motion,
+        depth_rate=run.filtered(motion.sink_rate(run.roll, pitch)),
+        turning=turning.T,
+    )
+
+
+@jit
+def _change(  # type: ignore[no-untyped-def]
+    p: ForceParameters, depth, down, rates, positions, velocity, still, flat, rolling, rolled
+):
+    """Acceleration (6,) [m/s2, rad/s2] with this attitude and roll acceleration `rolling`."""
+    nu = np.empty(6)
+    nu[:3], nu[3:] = velocity, rates
+    displaced = displaced_mass(p, depth, pumped(p, positions)[0])
+    change = acceleration(
+        p, down, depth, nu, positions, displaced, density_at(p, depth), still, still, flat
+    )
+    return change + rolled * (rolling - change[3])
+
+
+@jit
+def _fly(  # type: ignore[no-untyped-def]
+    p: ForceParameters, depth, down, rates, positions, use, begun, period, steps, lags, rolled
+) -> Any:
+    """Velocity and angular acceleration (time, 3), by Heun's method; 0 where the run is not used.
+
+    Between samples a part goes on as one with its lag [s] to a command that holds, the attitude and
+    the rates along straight lines. `turning` is the mean up to the next sample.
+    """
+    count = depth.size
+    velocity, turning = np.zeros((count, 3)), np.zeros((count, 3))
+    still, flat = np.zeros(3), np.zeros((3, 3))
+    now = np.zeros(3)
+    h = period / steps
+    for k in range(count):
+        if not use[k]:
+            continue
+        if not np.isnan(begun[k, 0]):
+            now = begun[k].copy()
+        velocity[k] = now
+        if k == count - 1 or not use[k + 1]:
+            continue
+        rolling = (rates[k + 1, 0] - rates[k, 0]) / period
+        change = _change(
+            p, depth[k], down[k], rates[k], positions[k], now, still, flat, rolling, rolled
+        )
+        for step in range(steps):
+            a = (step + 1.0) / steps
+            gone = (1.0 - np.exp(-a * period / lags)) / (1.0 - np.exp(-period / lags))
+            first = change
+            change = _change(
+                p,
+                depth[k] + a * (depth[k + 1] - depth[k]),
+                down[k] + a * (down[k + 1] - down[k]),
+                rates[k] + a * (rates[k + 1] - rates[k]),
+                positions[k] + gone * (positions[k + 1] - positions[k]),
+                now + h * first[:3],
+                still,
+                flat,
+                rolling,
+                rolled,
+            )
+            now = now + 0.5 * h * (first[:3] + change[:3])
+            now = np.minimum(np.maximum(now, -50.0), 50.0)
+            turning[k] += (first[3:] + change[3:]) / (2.0 * steps)
+    return velocity, turning
+
+
+def _rolled(vehicle: Vehicle, positions: Array) -> Array:
+    """What a roll acceleration of 1 rad/s2 by a moment takes along, (6,).
+
+    The roll acceleration is the measured one: a hull is so slim that half a degree of the roll
+    sensor would give it 0.3 rad/s2.
+    """
+    column = np.linalg.inv(mass_matrix(vehicle, positions))[:, 3]
+    return np.asarray(column / column[3])
+
+
+def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array) -> Array:
+    """Velocity through the water [m/s] at a start: the Doppler log's, or without one that at which
+    thrust and drag balance."""
+    near = slice(first, first + max(round(START / run.period), 1))
+    velocity, measured = np.zeros(3), run.velocity[:, near]
+    if np.isfinite(measured[0]).any():
+        known = np.isfinite(measured).any(axis=1)
+        velocity[known] = np.nanmedian(measured[known], axis=1)
+        if run.ground[near].mean() > 0.5:
+            velocity -= turned.T @ np.array([*current, 0.0])
+        return velocity
+    place = vehicle.steered_index("speed")
+    assert place is not None
+    rate, slow, fast = float(run.positions[first, place]), 0.0, FASTEST
+    for _ in range(40):
+        middle = 0.5 * (slow + fast)
+        slow, fast = (middle, fast) if surplus_at(vehicle, middle)(rate) > 0.0 else (slow, middle)
+    return np.array([slow, 0.0, 0.0])
+
+
+def settled(run: DrivenRun) -> NDArray[np.bool_]:
+    """Samples of a run in which its start is forgotten."""
+    skip = round(SETTLE / run.period)
+    out, since = np.zeros(len(run.use), bool), 0
+    for k, used in enumerate(run.use):
+        since = since + 1 if used else 0
+        out[k] = since > skip
+    return out
+
+
+class DrivenFlights(Comparison):
+    """The channels of CHANNELS, a series for each piece of a run."""
+
+    step = 1e-3
+
+    def __init__(
+        self,
+        runs: Sequence[DrivenRun],
+        nominal: Calibration,
+        parameters: tuple[UnknownParameter, ...],
+    ):
+        self.runs = runs
+        self.afloat = [
+            k for k, run in enumerate(runs) if (run.ground & np.isfinite(run.velocity[0])).any()
+        ]
+        """runs whose Doppler log sees the current"""
+        self.biases = (
+            *(f"{name} of run {run.index}" for name in SENSORS for run in runs),
+            *(
+                f"current_{axis} of run {runs[k].index}"
+                for k in self.afloat
+                for axis in ("north", "east")
+            ),
+        )
+        self.started = np.zeros((len(runs), 2))
+        """currents [m/s] that the runs' starts are freed of"""
+        self.pieces = [piece for k, run in enumerate(runs) for piece in _pieces(k, run)]
+        """Run and compared samples of each piece by channel"""
+        # ground velocity of a current of 1 m/s north and east, body FRD, (time, 3, 2)
+        self.turned = [
+            euler_to_matrix(run.roll, run.pitch, run.heading).transpose(0, 2, 1)[:, :, :2]
+            for run in runs
+        ]
+        period = runs[0].period
+        lengths = dict.fromkeys(CHANNELS, period) | {"pitch_rate": LEAD, "yaw_rate": LEAD}
+        super().__init__(
+            nominal,
+            parameters,
+            {
+                name: ComparedQuantity(
+                    unit=unit, least=least, longest=round(LONGEST_CORRELATION / lengths[name])
+                )
+                for name, (unit, least) in CHANNELS.items()
+            },
+            {name: range(len(self.pieces)) for name in CHANNELS},
+        )
+        self._kept: list[tuple[bytes, DrivenMotion] | None] = [None] * len(runs)
+
+    def currents(self, x: Array) -> Array:
+        """North, east [m/s] of each run at these offsets, (runs, 2)."""
+        found = np.zeros((len(self.runs), 2))
+        first = len(self.parameters) + len(SENSORS) * len(self.runs)
+        found[self.afloat] = CURRENT * x[first:].reshape(-1, 2)
+        return found
+
+    def flown(self, x: Array) -> list[DrivenMotion]:
+        """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
+        count, calibration = len(self.parameters), self.calibration(x)
+        found = []
+        for k, run in enumerate(self.runs):
+            offset = x[count + k]
+            key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
+            kept = self._kept[k]
+            if kept is None or kept[0] != key:
+                motion = fly_run(run, calibration, self.started[k], PITCH * float(offset))
+                kept = self._kept[k] = (key, motion)
+            found.append(kept[1])
+        return found
+
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less run, see the base."""
+        currents = self.currents(x)
+        count, runs = len(self.parameters), len(self.runs)
+        _, scales, turns = x[count : count + len(SENSORS) * runs].reshape(-1, runs)
+        whole = []
+        for run, motion, turned, current, scale, turn in zip(
+            self.runs,
+            self.flown(x),
+            self.turned,
+            currents,
+            DOPPLER_SCALE * scales,
+            DOPPLER_TURN * turns,
+            strict=True,
+        ):
+            over = turned @ current * run.ground[:, None]
+            surge, sway = motion.velocity.surge, motion.velocity.sway
+            whole.append(
+                {
+                    "surge": (1.0 + scale) * (surge + over[:, 0]) - run.velocity[0],
+                    "sway": sway + over[:, 1] - turn * surge - run.velocity[1],
+                    "depth_rate": motion.depth_rate - run.depth_rate,
+                    "pitch_rate": ahead(run, motion, 1),
+                    "yaw_rate": ahead(run, motion, 2),
+                }
+            )
+        return {
+            name: [whole[k][name][chosen[name]] for k, chosen in self.pieces] for name in CHANNELS
+        }
+
+
+def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
+    """Rate [rad/s] about an axis that the equations tell from each sample a second ahead, less the
+    measured one there, (time - a second,)."""
+    count = round(LEAD / run.period)
+    grown = np.concatenate([[0.0], np.cumsum(run.period * motion.turning[axis, :-1])])
+    rate = run.rates[axis]
+    return (grown[count:] - grown[:-count]) - (rate[count:] - rate[:-count])
+
+
+def _pieces(number: int, run: DrivenRun) -> list[tuple[int, dict[str, NDArray[np.int_]]]]:
+    good, count = settled(run), round(LEAD / run.period)
+    length = round(PIECE / run.period)
+    found = []
+    for first in range(0, len(good) - length, length):
+        rows = np.arange(first, first + length)
+        rows = rows[good[rows]]
+        if len(rows) < length // 2:
+            continue
+        inside = rows[(rows < len(good) - run.window) & (rows >= run.window)]
+        leads = rows[(rows % count == 0) & (rows < len(good) - count)]
+        leads = leads[good[leads + count]]
+        known = np.isfinite(run.velocity)
+        found.append(
+            (
+                number,
+                {
+                    "surge": rows[known[0, rows]],
+                    "sway": rows[known[1, rows]],
+                    "depth_rate": inside,
+                    "pitch_rate": leads,
+                    "yaw_rate": leads,
+                },
+            )
+        )
+    return found

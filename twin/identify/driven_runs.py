@@ -1,0 +1,220 @@
+"""Driven runs: what identification reads of the runs of a vehicle under a propeller.
+
+A run has the attitude, the depth, the positions of the parts that drive and steer, and where there
+is a Doppler log its velocity, over ground or through the water.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from twin.errors import StoreError
+from twin.fossen.equations import part_after
+from twin.identify.logged_missions import filled, unwrapped
+from twin.records.reader import MissionStore
+from twin.records.storage.store_path import StorePath
+from twin.sensors.dvl import MODES
+from twin.vehicle.parts import Part
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RATES = tuple(f"measured_{name}_rate" for name in ("roll", "pitch", "yaw"))
+NEEDED = ("measured_depth", "measured_roll", "measured_pitch", "measured_heading", *RATES)
+DOPPLER = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave"))
+TRUTH = ("true_surge", "true_sway", "true_heave")
+STEERED = ("speed", "heading", "pitch")
+"""Controls whose parts must have positions: without one of them a run is flown by something that
+nobody knows"""
+DEPTH_WINDOW = 3.0
+"""[s] of the depth rate's filter: shorter than such a vehicle takes to pitch"""
+LEAST_WINDOW = 5
+"""samples of that filter"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenRun:
+    """One run; arrays are (time,) unless they say another shape."""
+
+    index: int
+    """Row in the store"""
+    period: float
+    """[s]"""
+    depth: Array
+    """[m]"""
+    depth_rate: Array
+    """[m/s], positive down, filtered over `window`"""
+    window: int
+    """samples of that filter"""
+    roll: Array
+    """[rad]"""
+    pitch: Array
+    """[rad], the sensor's"""
+    heading: Array
+    """[rad] from true north, unwrapped"""
+    rates: Array
+    """roll, pitch, yaw rate [rad/s], body FRD, (3, time)"""
+    velocity: Array
+    """[m/s] by the Doppler log, body FRD, (3, time); NaN where it says none"""
+    ground: Mask
+    """where that is over ground, and not through the water"""
+    positions: Array
+    """of the parts, (time, parts), in their units"""
+    commanded: tuple[str, ...]
+    """parts of which the run has the commands only: their positions are those that the vehicle
+    file's lag and largest rate make of them"""
+    silent: tuple[str, ...]
+    """parts of which it has neither: they rest"""
+    density: tuple[Array, Array] | None
+    """depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
+    use: Mask
+    """Measured and under water"""
+    true_velocity: Array | None
+    """[m/s] through the water, body FRD, (3, time), of a simulated run; never used to fit"""
+
+    def filtered(self, values: Array) -> Array:
+        """Values (time,) through the depth rate's filter, without the derivative."""
+        return savgol_filter(values, self.window, 2)
+
+
+def load_runs(
+    store: str | StorePath, vehicle: Vehicle, rows: Sequence[int] | None = None
+) -> list[DrivenRun]:
+    """Runs of a store, real or simulated, of a vehicle with a propeller.
+
+    Args:
+      vehicle: whose parts the store's positions are of. rows: which runs, all by default.
+
+    Raises:
+      StoreError: no such store, an unknown row, or a channel that is missing, by its name.
+    """
+    with MissionStore(store) as found:
+        missing = [name for name in NEEDED if name not in found]
+        steering = [vehicle.steering[c] for c in STEERED if c in vehicle.steering]
+        missing += [
+            f"measured_{part} or commanded_{part}"
+            for part in steering
+            if f"measured_{part}" not in found and f"commanded_{part}" not in found
+        ]
+        if missing:
+            raise StoreError(
+                f"store {store} has no {'; no '.join(missing)}: a vehicle under a propeller is "
+                f"identified by its depth, its attitude, its gyroscopes and the positions of what "
+                f"drives and steers it ({', '.join(steering)} of {vehicle.name!r}). Give their "
+                "topics or columns in the import's mapping, or --vehicle with the parts that the "
+                "log has"
+            )
+        chosen = list(range(len(found))) if rows is None else list(rows)
+        for row in chosen:
+            if not 0 <= row < len(found):
+                raise StoreError(f"store {store} has no run {row}; it holds 0 to {len(found) - 1}")
+        found.check_samples(chosen)
+        names = (*NEEDED, *DOPPLER, *TRUTH, "measured_dvl_mode", "measured_density",
+                 "measured_gap", *(f"{kind}_{part}" for part in vehicle.part_names
+                                   for kind in ("measured", "commanded")))  # fmt: skip
+        arrays = {name: found.rows(name, chosen) for name in names if name in found}
+        runs = []
+        for k, row in enumerate(chosen):
+            signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
+            run = _run(row, signals, found.period, vehicle)
+            if run is not None:
+                runs.append(run)
+    if not runs:
+        raise StoreError(f"store {store} has no run with depth, attitude and {steering[0]}")
+    return runs
+
+
+def _run(
+    row: int, signals: Mapping[str, Array], period: float, vehicle: Vehicle
+) -> DrivenRun | None:
+    """One run; None where one of the channels that it needs says nothing."""
+    depth, roll, pitch = (filled(signals[name]) for name in NEEDED[:3])
+    heading = filled(unwrapped(signals["measured_heading"]))
+    measured = [filled(signals[name]) for name in RATES]
+    rates = [rate for rate in measured if rate is not None]
+    window = max(round(DEPTH_WINDOW / period), LEAST_WINDOW) | 1
+    if (
+        depth is None
+        or heading is None
+        or roll is None
+        or pitch is None
+        or any(r is None for r in rates)
+    ):
+        return None
+    if len(depth) < 3 * window:
+        return None
+    use = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
+    use &= depth > vehicle.hull_length
+    if "measured_gap" in signals:
+        use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
+    roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
+    positions = np.tile(vehicle.rest, (len(depth), 1))
+    commanded, silent = [], []
+    for place, part in enumerate(vehicle.parts):
+        kinds = [filled(signals.get(f"{k}_{part.name}")) for k in ("measured", "commanded")]
+        values = next((v for v in kinds if v is not None), None)
+        if values is None:
+            silent.append(part.name)
+            continue
+        positions[:, place] = values / part.quantity.scale
+        if kinds[0] is None:
+            commanded.append(part.name)
+            positions[:, place] = _followed(part, positions[:, place], period)
+    if any(vehicle.steering.get(control) in silent for control in STEERED):
+        return None
+    nowhere = np.full(len(depth), np.nan)
+    velocity = np.stack([signals.get(name, nowhere) for name in DOPPLER])
+    mode = signals.get("measured_dvl_mode")
+    ground = np.ones(len(depth), bool) if mode is None else mode != MODES["water"]
+    truth = [signals[name] for name in TRUTH if name in signals]
+    return DrivenRun(
+        index=row,
+        period=period,
+        depth=depth,
+        depth_rate=savgol_filter(depth, window, 2, deriv=1, delta=period),
+        window=window,
+        roll=roll,
+        pitch=pitch,
+        heading=heading,
+        rates=np.stack(rates),
+        velocity=velocity,
+        ground=ground,
+        positions=positions,
+        commanded=tuple(commanded),
+        silent=tuple(silent),
+        density=_density(depth, signals.get("measured_density")),
+        use=use,
+        true_velocity=np.stack(truth) if len(truth) == len(TRUTH) else None,
+    )
+
+
+def _followed(part: Part, commands: Array, period: float) -> Array:
+    """Positions of a part that follows its commands, each held from its sample on."""
+    positions = commands.copy()
+    for k in range(1, len(commands)):
+        positions[k] = part_after(
+            *(positions[k - 1], commands[k - 1], part.low, part.high, part.lag, part.rate),
+            float(part.one_way),
+            period,
+        )
+    return positions
+
+
+LAYER = 2.0
+"""[m] of the density profile that is taken from a run"""
+
+
+def _density(depth: Array, density: Array | None) -> tuple[Array, Array] | None:
+    """The water of a run by its depth, in layers."""
+    if density is None or not np.isfinite(density).any():
+        return None
+    known = np.isfinite(density)
+    layers = np.maximum(np.round(depth[known] / LAYER), 0).astype(int)
+    used = np.unique(layers)
+    return LAYER * used, np.array([np.median(density[known][layers == k]) for k in used])

@@ -1,0 +1,238 @@
+"""Driven unknowns: what can be estimated of a vehicle under a propeller, and what is known before.
+
+Coefficients are factors on those of the vehicle file that a fit starts from, and have the file's
+own names: a derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the
+screw. Spreads are those by which published sets of one vehicle differ: Prestero's thesis has two
+values for the drag of REMUS 100 (table 8.2: adjusted by a factor of 2.4) and MBARI two for the
+fins, the cross flow and the damping of Tethys (`assets/tethys.xml`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from twin.errors import InputError
+from twin.identify.calibration import Calibration
+from twin.identify.unknowns import PARAMETERS, UnknownParameter
+from twin.vehicle.laws import BodyAxes
+from twin.vehicle.laws.body_axes import added_mass_coupling
+from twin.vehicle.parts import Fin, Part, Propeller
+from twin.vehicle.vehicle import Vehicle, parse_vehicle
+
+DEGREE = math.pi / 180.0
+SHARED = ("neutral_density",)
+"""Those of a glider that such a vehicle has too"""
+DERIVATIVES = {
+    "Xuu": ("drag straight ahead", 0.3),
+    "Yuv": ("side force of sideslip, hull and fins at rest", 0.3),
+    "Zuw": ("lift of the angle of attack, hull and fins at rest", 0.3),
+    "Nuv": ("yaw moment of sideslip, Munk's and that of the fins at rest", 0.3),
+    "Muw": ("pitch moment of the angle of attack, likewise", 0.3),
+    "Nur": ("yaw damping that grows with the speed", 0.5),
+    "Muq": ("pitch damping that grows with the speed", 0.5),
+    "Yvv": ("drag of the cross flow, sideways", 0.5),
+    "Zww": ("drag of the cross flow, downwards", 0.5),
+    "Nrr": ("yaw damping by the cross flow", 0.5),
+    "Mqq": ("pitch damping by the cross flow", 0.5),
+}
+"""Of the law in body axes: what it is, and the spread of its factor's logarithm"""
+ADDED_MASSES = (
+    (0, "surge", "mass along the hull", 0.3),
+    (1, "sway", "mass sideways", 0.1),
+    (2, "heave", "mass downwards", 0.1),
+    (4, "pitch", "inertia in pitch", 0.1),
+    (5, "yaw", "inertia in yaw", 0.1),
+)
+"""Place in the matrix, name, meaning, and the spread of the factor's logarithm: strip theory and an
+ellipsoid of a hull's size differ by a tenth across, by more along it"""
+THRUST_SPREAD, LIFT_SPREAD = 0.2, 0.3
+"""Of the factors' logarithms"""
+NEUTRAL_SPREAD = 2.0
+"""[deg] by which fins sit askew"""
+PLACE_SPREAD = 3.0
+"""[mm] along the hull of a centre of gravity after trimming"""
+ARM_SPREAD = 0.3
+"""of the righting arm's logarithm"""
+
+
+def driven(vehicle: Vehicle) -> bool:
+    """Whether a propeller drives it: it is identified by its runs, not by a glider's dives."""
+    return vehicle.steered("speed") is not None
+
+
+def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
+    """What can be estimated of a vehicle: the numbers that its file has.
+
+    Raises:
+      InputError: no propeller, or another hull law than that in body axes, by name.
+    """
+    driving, law = vehicle.steered("speed"), vehicle.law
+    if not isinstance(driving, Propeller):
+        raise InputError(
+            f"vehicle {vehicle.name!r} has no propeller (parts: {', '.join(vehicle.part_names)}): "
+            "a buoyancy glider is identified by its depth rate"
+        )
+    if not isinstance(law, BodyAxes):
+        raise InputError(
+            f"vehicle {vehicle.name!r} has the hull law {law.kind!r}: under a propeller only "
+            f"{BodyAxes.kind!r} is identified; start from remus or tethys (--vehicle)"
+        )
+    given = dict(law.derivatives)
+    found = [p for p in PARAMETERS if p.name in SHARED]
+    found += [
+        _factor(name, what, spread, _of_law(name), _set_law(name))
+        for name, (what, spread) in DERIVATIVES.items()
+        if given.get(name)
+    ]
+    found += [
+        _factor(f"added_mass_{name}", f"added {what}", spread, _added_mass(k), _set_added_mass(k))
+        for k, name, what, spread in ADDED_MASSES
+        if vehicle.added_mass[k, k] > 0.0
+    ]
+    found += _of_part(driving, "thrust_coefficient", "thrust at rest", THRUST_SPREAD)
+    for control in ("heading", "pitch"):
+        part = vehicle.steered(control)
+        if isinstance(part, Fin):
+            found += _of_part(part, "lift_slope", "lift of a deflection", LIFT_SPREAD)
+            found.append(_neutral(part))
+    found.append(
+        UnknownParameter(
+            name="cg_x",
+            unit="mm",
+            meaning="centre of gravity ahead of the centre of buoyancy, parts at rest",
+            spread=PLACE_SPREAD,
+            get=lambda c: 1e3 * _first_moment(c.vehicle) / c.vehicle.mass,
+            set=_set_place,
+        )
+    )
+    if vehicle.metacentric_height > 0.0:
+        found.append(
+            UnknownParameter(
+                name="righting_arm",
+                unit="mm",
+                meaning="centre of gravity below the centre of buoyancy",
+                spread=ARM_SPREAD,
+                logarithmic=True,
+                get=lambda c: 1e3 * c.vehicle.metacentric_height,
+                set=_set_arm,
+            )
+        )
+    return tuple(found)
+
+
+def _with(calibration: Calibration, **changes: object) -> Calibration:
+    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
+
+
+def _file(vehicle: Vehicle) -> Vehicle:
+    """The vehicle as its file has it."""
+    return parse_vehicle(vehicle.xml, vehicle.path)
+
+
+def _factor(
+    name: str,
+    what: str,
+    spread: float,
+    get: Callable[[Vehicle], float],
+    put: Callable[[Calibration, float], Calibration],
+) -> UnknownParameter:
+    """A factor on a number of the vehicle file."""
+    return UnknownParameter(
+        name=name,
+        unit="1",
+        meaning=f"{what}, over the vehicle file's",
+        spread=spread,
+        logarithmic=True,
+        get=lambda c: get(c.vehicle) / get(_file(c.vehicle)),
+        set=lambda c, x: put(c, x * get(_file(c.vehicle))),
+    )
+
+
+def _of_law(name: str) -> Callable[[Vehicle], float]:
+    def get(vehicle: Vehicle) -> float:
+        assert isinstance(vehicle.law, BodyAxes)
+        return dict(vehicle.law.derivatives)[name]
+
+    return get
+
+
+def _set_law(name: str) -> Callable[[Calibration, float], Calibration]:
+    def put(calibration: Calibration, value: float) -> Calibration:
+        law = calibration.vehicle.law
+        assert isinstance(law, BodyAxes)
+        return _with(
+            calibration,
+            derivatives=tuple((n, value if n == name else x) for n, x in law.derivatives),
+        )
+
+    return put
+
+
+def _added_mass(k: int) -> Callable[[Vehicle], float]:
+    return lambda vehicle: float(vehicle.added_mass[k, k])
+
+
+def _set_added_mass(k: int) -> Callable[[Calibration, float], Calibration]:
+    def put(calibration: Calibration, value: float) -> Calibration:
+        matrix = calibration.vehicle.added_mass.copy()
+        matrix[k, k] = value
+        law = calibration.vehicle.law
+        assert isinstance(law, BodyAxes)
+        if not law.coupling:
+            return _with(calibration, added_mass=matrix)
+        return _with(calibration, added_mass=matrix, coupling=added_mass_coupling(matrix))
+
+    return put
+
+
+def _of_part(part: Part, field: str, what: str, spread: float) -> list[UnknownParameter]:
+    name = part.name
+    return [
+        _factor(
+            f"{name}.{field}",
+            f"{what} of the {name}",
+            spread,
+            lambda v: float(getattr(v.part(name), field)),
+            lambda c, x: _with(c, **{name: {field: x}}),
+        )
+    ]
+
+
+def _neutral(part: Fin) -> UnknownParameter:
+    name = part.name
+    return UnknownParameter(
+        name=f"{name}.neutral",
+        unit="degree",
+        meaning=f"reading of the {name} in line with the hull",
+        spread=NEUTRAL_SPREAD,
+        get=lambda c: _fin(c.vehicle, name).neutral / DEGREE,
+        set=lambda c, x: _with(c, **{name: {"neutral": x * DEGREE}}),
+    )
+
+
+def _fin(vehicle: Vehicle, name: str) -> Fin:
+    part = vehicle.part(name)
+    assert isinstance(part, Fin)
+    return part
+
+
+def _first_moment(vehicle: Vehicle) -> float:
+    """[kg m] of all masses along the hull, parts at 0."""
+    moved = sum(m.mass * m.neutral_x for m in vehicle.masses)
+    return vehicle.static_mass * float(vehicle.static_cg[0]) + moved
+
+
+def _set_place(calibration: Calibration, value: float) -> Calibration:
+    vehicle = calibration.vehicle
+    place = vehicle.static_cg.copy()
+    place[0] += (1e-3 * value * vehicle.mass - _first_moment(vehicle)) / vehicle.static_mass
+    return _with(calibration, static_cg=place)
+
+
+def _set_arm(calibration: Calibration, value: float) -> Calibration:
+    vehicle = calibration.vehicle
+    place = vehicle.static_cg.copy()
+    change = 1e-3 * value - vehicle.metacentric_height
+    place[2] += change * vehicle.mass / vehicle.static_mass
+    return _with(calibration, static_cg=place)
