@@ -35,6 +35,7 @@ DEPTH = 950.0
 """[m] of the dives"""
 HARMED = 4
 """Dives of the deployments that are killed or shuffled"""
+FORECAST = "page/forecast.geojson"
 ODD = 0.3
 """Probability of a half, of a file of wrong content and of a copy, of each file that arrives"""
 
@@ -86,14 +87,17 @@ def measure(dives: int, place: Path) -> dict[str, object]:
 def kills(times: int, seed: int, place: Path) -> dict[str, object]:
     """Kill passes at random moments, and let the next one go on."""
     from benchmarks.kills.processes import DONE, fork, send, wait
+    from factory.watching.watch_pass import PARTS
 
+    names = (*PARTS, FORECAST, "what lies beside them")
     draw = random.Random(seed)
     files = _files(place)
     every = _deployment(place / "undisturbed", files)
     begin = time.perf_counter()
     assert wait(fork(lambda: _pass(every))) == DONE
     seconds = time.perf_counter() - begin
-    wanted, lost, ended = _bytes(every), [], 0
+    wanted, ended = _bytes(every), 0
+    lost: list[str] = []
     before = [_deployment(place / f"before{known}", files[:known]) for known in range(len(files))]
     for made in before[1:]:
         assert wait(fork(lambda made=made: _pass(made))) == DONE  # type: ignore[misc]
@@ -108,8 +112,12 @@ def kills(times: int, seed: int, place: Path) -> dict[str, object]:
         send(process, signal.SIGKILL)
         ended += wait(process) == DONE
         code = wait(fork(lambda made=made: _pass(made)))  # type: ignore[misc]
-        if code != DONE or _bytes(made) != wanted:
-            lost.append(number)
+        if code != DONE:
+            lost.append(f"{number}: the next pass ended with {code}")
+        elif (found := _bytes(made)) != wanted:
+            pairs = zip(names, json.loads(found), json.loads(wanted), strict=True)
+            other = [name for name, one, right in pairs if one != right]
+            lost.append(f"{number}: {other or found}")
         shutil.rmtree(made.parent)
     same = times - len(lost)
     return {"kills": times, "same bytes": same, "had ended before": ended, "others": lost}
@@ -205,8 +213,8 @@ def _bytes(folder: Path) -> str:
     from factory.watching.watch_pass import PARTS, _content
 
     beside = sorted(path.name for path in folder.iterdir() if "writing" in path.name)
-    parts = [_content(folder / name) for name in (*PARTS, "page/forecast.geojson")]
-    return json.dumps([*parts, *beside])
+    parts = [_content(folder / name) for name in (*PARTS, FORECAST)]
+    return json.dumps([*parts, beside])
 
 
 def main() -> None:
