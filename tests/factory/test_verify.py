@@ -116,7 +116,7 @@ def set_units(group: dict) -> None:
             lambda s: edit(s, "mission_pitch_deg", set_value(0, 0, 30.0)),
             "mission.pitch_deg = 30.0 cannot be drawn from",
         ),
-        (lambda s: edit(s, "split", lambda v: v.fill(0)), "a split without a mission"),
+        (lambda s: edit(s, "split", lambda v: v.fill(1)), "a split without a mission"),
         (lambda s: edit(s, "n_samples", lambda v: v.fill(3)), "3 samples, not"),
     ],
 )
