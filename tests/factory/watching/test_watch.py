@@ -163,10 +163,35 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
         (text.replace("source", "# source"), "key source is missing"),
         (text.replace('home = ""', 'home = "harbour"'), "must be LAT,LON"),
         (text.replace('mission = ""', 'mission = "a.mi"'), "goto or mission, not both"),
+        (text.replace("hours = 2.0", "hours = -3.0"), "toml: forecast: hours = -3 must be above 0"),
+        (text.replace('"49.5,-58.0"', '"here"'), "goto 'here': write LAT,LON"),
+        (text.replace('current = ""', 'current = "here"'), "unknown current 'here'"),
+        (text.replace('current = ""', 'current = "file:a.nc"'), "unknown current 'file'"),
+        (text.replace('current = ""', 'current = "uniform:fast"'), "uniform"),
+        (text.replace("days = 30.0", "days = 0.0"), "days 0 must be within"),
     ):
         path.write_text(wrong)
         with pytest.raises(InputError, match=message):
             WatchedDeployment.read(made.folder)
+    help_ = next(line for line in text.splitlines() if line.startswith("current = "))
+    for right in ("forecast.nc", "grid:forecast.nc", "uniform:0.1,0"):
+        assert right in help_ or right[:4] == "unif"
+        path.write_text(text.replace('current = ""', f'current = "{right}"'))
+        assert WatchedDeployment.read(made.folder).field == right
+    (made.folder / "forecast.nc").write_bytes(b"")
+    path.write_text(text.replace('current = ""', 'current = "grid:forecast.nc"'))
+    assert WatchedDeployment.read(made.folder).field == f"grid:{made.folder / 'forecast.nc'}"
+
+
+def test_why_there_is_no_forecast_is_the_first_of_what_is_missing(
+    tmp_path: Path, source: Path, base: list[Path]
+) -> None:
+    shutil.copy(base[0], source)
+    made = deployment(tmp_path, source, current="forecast.nc")
+    one_pass(made)
+    last = (made.folder / "page" / "summary.txt").read_text().splitlines()[-1]
+    assert last.startswith("Missing: forecast: ")
+    assert "no file 'forecast.nc'" in last
 
 
 def test_a_second_pass_at_the_same_time_does_nothing(
