@@ -114,6 +114,18 @@ def test_a_new_deployment_of_an_empty_folder_has_a_page_that_says_what_is_missin
     assert (code, json.loads(said)["changed"]) == (0, False)
 
 
+def test_a_vehicle_of_another_kind_than_the_files_is_warned_of(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_slocum(source, Flight(dives=1))
+    for vehicle, warned in (("tethys", True), ("slocum-200", False)):
+        words = "watch", "--new", tmp_path / vehicle, "--from", source, "--vehicle", vehicle
+        code, _, err = run(capsys, *words)
+        assert code == 0
+        assert (f"vehicle {vehicle} ({vehicle}) is of another kind" in err) == warned
+        assert ("(slocum): it did not fly these dives" in err) == warned
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -136,6 +148,15 @@ def test_what_cannot_be_done_is_said_in_one_line(
     assert code == 2
     assert message in err
     assert len(err.splitlines()) == 1
+
+
+def test_what_is_missing_is_said_once(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    assert (said + err).count("no file has arrived") == 1
 
 
 def test_an_existing_deployment_is_never_replaced(tmp_path: Path, source: Path) -> None:
