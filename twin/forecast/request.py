@@ -82,9 +82,10 @@ class Request:
                     "counts as reached at the start"
                 )
             elif away > FASTEST * max(self.horizon, DAY):
+                span = f"{self.hours:g} h" if self.horizon > DAY else "a day"
                 said.append(
                     f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
-                    f"{max(self.hours, DAY / HOUR):g} h: is it the place that is meant?"
+                    f"{span}: is it the place that is meant?"
                 )
         return tuple(said)
 

@@ -6,6 +6,7 @@ import dataclasses
 import datetime
 import json
 import random
+import re
 import shutil
 import urllib.request
 from pathlib import Path
@@ -210,7 +211,9 @@ def test_why_there_is_no_forecast_is_the_first_of_what_is_missing(
     shutil.copy(base[0], source)
     made = deployment(tmp_path, source, current="forecast.nc")
     one_pass(made)
-    last = (made.folder / "page" / "summary.txt").read_text().splitlines()[-1]
+    said = (made.folder / "page" / "summary.txt").read_text()
+    assert re.search(r"current of the last 0\.\d\d m/s towards \d{3} degree\n", said)
+    last = said.splitlines()[-1]
     assert last.startswith("Missing: forecast: ")
     assert "no file 'forecast.nc'" in last
 
