@@ -170,7 +170,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         lines.append(
             f"{counted(len(told.dives), 'dive')} of {told.deployment}"
             + (
-                f"; current of the last {speed:.2f} m/s towards {course:03.0f} degree"
+                f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
                 if speed >= 0.0
                 else ""
             )
