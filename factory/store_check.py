@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -34,6 +35,8 @@ WHOLE_SHARD = 4
 """Times as many missions may be in a shard that is read whole"""
 MAX_NAMED = 20
 """Problems of one check that are named; the others are counted."""
+NUMBER = re.compile(r"(?<=[\s=])-?\d[\d.e+-]*")
+"""In a problem, and no part of a file's or an array's name"""
 
 
 @dataclass
@@ -49,6 +52,17 @@ class StoreCheck:
         self.done += 1
         if not condition:
             self.problems.append(problem)
+
+    def alike(self) -> list[str]:
+        """The problems in their order; of those that differ in numbers alone, such as all missions
+        of one damaged file, the first with the count of the others."""
+        groups: dict[str, list[str]] = {}
+        for problem in self.problems:
+            groups.setdefault(NUMBER.sub("#", problem), []).append(problem)
+        return [
+            first + (f" (and {len(others)} more like it)" if others else "")
+            for first, *others in groups.values()
+        ]
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,11 @@ class Verify(JsonOption):
             [{"check": c.name, "done": c.done, "problems": len(c.problems)} for c in report.checks]
         )
         for check in report.checks:
-            for problem in check.problems[:MAX_NAMED]:
+            said = check.alike()
+            for problem in said[:MAX_NAMED]:
                 console.say(f"{check.name}: {problem}")
-            if len(check.problems) > MAX_NAMED:
-                console.say(f"{check.name}: {len(check.problems) - MAX_NAMED} more")
+            if len(said) > MAX_NAMED:
+                console.say(f"{check.name}: {len(said) - MAX_NAMED} more kinds of problem")
         verdict = "sound" if report.ok else "NOT sound"
         count = counted(files.done, "file") if plain else counted(report.missions, what)
         console.say(f"{self.store} is {verdict}: {count}{ending}")

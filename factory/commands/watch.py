@@ -138,9 +138,10 @@ class WatchDeployment(JsonOption):
     def _make(self, console: Console) -> None:
         import os
 
-        from factory.watching import AUTO, WatchedDeployment
+        from factory.watching import AUTO, WatchedDeployment, kind_of
         from twin import load_vehicle
         from twin.errors import InputError, quoted
+        from twin.identify import other_kind
 
         source = self.from_
         if source is None and (answer := _asked(console, "folder in which files arrive")):
@@ -152,8 +153,8 @@ class WatchDeployment(JsonOption):
         vehicle = self.vehicle
         if vehicle is None:
             vehicle = _asked(console, "vehicle (empty: that of the kind of log)")
+        flown = load_vehicle(vehicle) if vehicle else None
         if vehicle:
-            load_vehicle(vehicle)
             vehicle = str(Path(vehicle).resolve()) if Path(vehicle).is_file() else vehicle
         goto = self.goto
         if goto is None:
@@ -170,6 +171,9 @@ class WatchDeployment(JsonOption):
             mapping=str(Path(mapping).resolve()) if Path(mapping).is_file() else mapping,
         )
         path = made.write()
+        kind = kind_of(made)
+        if flown is not None and kind and (odd := other_kind(source, flown, kind)):
+            console.warn(odd)
         console.say(f"{path}\nedit it; then: twin watch {quoted(self.deployment)} --once")
         console.answer(settings=path, **made.settings())
 
@@ -189,7 +193,7 @@ class WatchDeployment(JsonOption):
             console.say(f"nothing new: {passed.verdict}")
         else:
             console.say(summary(passed.told, passed.new).rstrip("\n"))
-            for said in passed.told.lacking:
+            for said in passed.told.lacking[1:]:  # the summary has the first
                 console.note(f"missing: {said}")
         for said in passed.log.unreadable:
             console.warn(f"left out: {said}")

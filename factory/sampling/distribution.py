@@ -358,7 +358,9 @@ def number(drawn: Drawn, name: str) -> float:
     """A value that must be a number; raises InputError for a word."""
     value = drawn[name]
     if isinstance(value, str):
-        raise InputError(f"{name} = {value}: give numbers")
+        raise InputError(
+            f"{name} = {value} is no number: give numbers, such as 0.1 or uniform(0, 0.1)"
+        )
     return value
 
 

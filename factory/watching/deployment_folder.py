@@ -19,9 +19,11 @@ from typing import Any
 from factory.importing import IMPORTERS
 from factory.watching.sources.base import source_of
 from twin.bounded import read_toml
-from twin.errors import InputError, WriteError, quoted, shown, unknown_name
-from twin.forecast import check_members
+from twin.errors import InputError, TwinError, WriteError, quoted, shown, unknown_name
+from twin.forecast import check_hours, check_members, mission_to
+from twin.health import threshold_of
 from twin.records.storage.whole import check_folder_target, whole_file
+from twin.water.current import check_field
 
 SETTINGS = "deployment.toml"
 AUTO = "auto"
@@ -108,10 +110,29 @@ class WatchedDeployment:
             raise InputError(f"{where}: give goto or mission, not both")
         try:
             check_members(self.members)
-        except InputError as error:
+            check_hours(self.hours)
+            if self.goto:
+                mission_to(
+                    self.goto,
+                    depth=self.depth_m or 100.0,  # what its dives will tell, as the pitch
+                    pitch_deg=26.0,
+                    surface_after_s=3600.0 * (self.surface_every_h or 3.0),
+                    radius=500.0,
+                )
+            if self.current:
+                check_field(self.field)
+            threshold_of(self.false_alarm_days)
+        except TwinError as error:
             raise InputError(f"{where}: {error}") from None
 
         self.harbour  # noqa: B018 - refuses what is no place
+
+    @property
+    def field(self) -> str:
+        """The text of `current`, a file in it from the deployment's folder on."""
+        kind, colon, path = self.current.rpartition(":")
+        place = self.place(path)
+        return f"{kind}{colon}{place}" if path and place.exists() else self.current
 
     @property
     def harbour(self) -> tuple[float, float] | None:
@@ -205,7 +226,7 @@ _HELP = {
     "variation_deg": 'magnetic variation, east positive; "": the log\'s own',
     "goto": 'LAT,LON[;LAT,LON] that it is sent to; "": it goes on as in its last dive',
     "mission": "or the mission file that it flies",
-    "current": 'forecast of the current, such as file:forecast.nc; "": what the dives told goes on',
+    "current": 'its forecast, forecast.nc or grid:forecast.nc,...; "": what the dives told goes on',
     "samples": "part of the samples that a Seaglider's proposed science file keeps; 1: none is",
     "depth_m": "of its dives to goto; 0: as the last ones",
     "surface_every_h": "under water between surfacings; 0: as the last dives",

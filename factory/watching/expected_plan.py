@@ -113,7 +113,7 @@ def _onward(last: LoggedLeg) -> tuple[str, str, bool]:
     length = float(np.hypot(*way))
     course = math.degrees(math.atan2(way[1], way[0])) % 360.0
     there = ground + ON * way / max(length, 1.0)
-    words = f"on its last dive's course through the water, {course:.0f}"
+    words = f"on its last dive's course through the water, {round(course) % 360:03d} degree"
     return _place(there, last.begin), words, True
 
 

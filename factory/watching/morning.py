@@ -53,6 +53,8 @@ from twin.water.current import Origin, parse_field
 
 Told = TypeVar("Told")
 KILO = 1e3
+FORECAST = "forecast"
+"""What a page is for: why there is none is the first of what is missing"""
 MOST_FOLLOWED = 30
 """Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
 
@@ -220,7 +222,8 @@ def morning(
         try:
             return ask()
         except TwinError as error:
-            lacking.append(f"{what}: {error}".replace(str(store), store.name))
+            first = 0 if what == FORECAST else len(lacking)
+            lacking.insert(first, f"{what}: {error}".replace(str(store), store.name))
             return None
 
     with LogStore(store) as logs:
@@ -281,7 +284,7 @@ def morning(
     else:
         say("forecast")
         takes = vehicle if used is None else with_consumption(vehicle, used.consumption)
-        expected = told("forecast", lambda: expected_plan(deployment, store, takes, legs))
+        expected = told(FORECAST, lambda: expected_plan(deployment, store, takes, legs))
         if expected is not None and deployment.goto:
             plan_of, now = expected.mission, flown_files(folder_of(deployment))
             files = told(
@@ -292,7 +295,7 @@ def morning(
                 expected = dataclasses.replace(expected, mission=files.mission)
         fix = Morning(**shared).last_fix
         answer = None if expected is None or fix is None else told(
-            "forecast", lambda: _forecast(deployment, store, takes, left, fix, expected)
+            FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
         )  # fmt: skip
         if expected is not None and answer is not None:
             flown, plan, known = answer
@@ -366,18 +369,11 @@ def _forecast(
         hours=deployment.hours,
         members=deployment.members,
         energy_left_kwh=left if left and left > 0.0 else None,
-        field=parse_field(_field(deployment)) if deployment.current else None,
+        field=parse_field(deployment.field) if deployment.current else None,
     )
     said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
     water = known.at(start)
     return forecast(request, water), said, water
-
-
-def _field(deployment: WatchedDeployment) -> str:
-    """The text of a field, a file in it from the deployment's folder on."""
-    kind, colon, path = deployment.current.rpartition(":")
-    place = deployment.place(path)
-    return f"{kind}{colon}{place}" if place.is_file() else deployment.current
 
 
 def _routes(

@@ -169,7 +169,11 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
         lines.append(
             f"{counted(len(told.dives), 'dive')} of {told.deployment}"
-            + (f"; current of the last {speed:.2f} m/s to {course:.0f}" if speed >= 0.0 else "")
+            + (
+                f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
+                if speed >= 0.0
+                else ""
+            )
         )
     if (fix := told.last_fix) is not None:
         lines.append(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from learn import newest_run, open_run
-from learn.run import DEFAULT_STORE
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
@@ -35,8 +34,8 @@ class Evaluate(JsonOption):
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
-    store: Annotated[StoreArgument, tyro.conf.Positional] = DEFAULT_STORE
-    """store of missions"""
+    store: Annotated[StoreArgument | None, tyro.conf.Positional] = None
+    """store of missions [default: the one that the run was trained on]"""
     split: Literal["test", "train", "validation", "all"] = "test"
     """which missions"""
     tracks: Path | None = None
@@ -55,10 +54,12 @@ class Evaluate(JsonOption):
         from learn.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
-        if self.tracks is not None and is_log_store(self.store):
-            raise InputError(
-                f"{self.store} holds real logs without true tracks: leave --tracks out"
-            )
+        store = self.store
+        if store is None:
+            store = run.store
+            console.note(f"store: {store}, on which {run.folder} was trained")
+        if self.tracks is not None and is_log_store(store):
+            raise InputError(f"{store} holds real logs without true tracks: leave --tracks out")
         collector = TrackCollector()
         watches = [] if self.tracks is None else [collector.add]
         # the evaluation takes minutes: a place that refuses it is found out before
@@ -70,14 +71,16 @@ class Evaluate(JsonOption):
 
             check_folder(self.out, "--out")
             check_page_target(self.out)
-        with console.progress(total=_count(self), label="evaluate", unit="missions") as progress:
+        with console.progress(
+            total=_count(store, self.split), label="evaluate", unit="missions"
+        ) as progress:
 
             def see(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
                 progress.update(1)
 
             found = evaluate(
                 run,
-                self.store,
+                store,
                 split=self.split,
                 watches=[*watches, see],
             )
@@ -99,7 +102,7 @@ class Evaluate(JsonOption):
         console.table(
             summary_rows(figures),
             title=f"{run.folder} on {counted(figures['missions'], 'mission')} "
-            f"({self.split}) of {self.store}: "
+            f"({self.split}) of {store}: "
             "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )
@@ -118,9 +121,9 @@ class Evaluate(JsonOption):
         return EXIT_OK
 
 
-def _count(options: Evaluate) -> int:
+def _count(store: StoreArgument, split: str) -> int:
     """Missions that will be evaluated; errors as `Selection`."""
     from learn.data import Selection, any_channel
 
-    with Selection(options.store, any_channel(options.store), split=options.split) as selection:
+    with Selection(store, any_channel(store), split=split) as selection:
         return len(selection)

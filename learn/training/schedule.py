@@ -13,6 +13,10 @@ from twin.errors import InputError, unknown_name
 DEVICES = ("auto", "cpu", "cuda")
 
 
+OPTIONS = ("seconds", "epochs", "washin", "seed")
+"""Settings that `learn fit` has options for, by the same name"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
     """How a network is trained. A budget is seconds or epochs; the schedule fits whichever ends
@@ -76,7 +80,10 @@ class TrainingConfig:
                 raise InputError(f"training {name} must be at least 1, not {getattr(self, name)}")
         for name in ("seconds", "epochs", "washin", "patience", "seed", "weight_decay"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"training {name} must not be negative: {getattr(self, name)}")
+                option = f" (--{name})" if name in OPTIONS else ""
+                raise InputError(
+                    f"training {name}{option} must not be negative: {getattr(self, name)}"
+                )
         for name in ("rate", "clip"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"training {name} must be positive, got {getattr(self, name)}")

@@ -17,7 +17,7 @@ from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.sampling.recipe import Recipe
 from factory.soundness import verify_store
-from factory.store_check import StoreReport, check_files, kinematic_problems
+from factory.store_check import StoreCheck, StoreReport, check_files, kinematic_problems
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED
 from twin.records.store import read_trajectory
@@ -116,7 +116,7 @@ def set_units(group: dict) -> None:
             lambda s: edit(s, "mission_pitch_deg", set_value(0, 0, 30.0)),
             "mission.pitch_deg = 30.0 cannot be drawn from",
         ),
-        (lambda s: edit(s, "split", lambda v: v.fill(0)), "a split without a mission"),
+        (lambda s: edit(s, "split", lambda v: v.fill(1)), "a split without a mission"),
         (lambda s: edit(s, "n_samples", lambda v: v.fill(3)), "3 samples, not"),
     ],
 )
@@ -129,6 +129,32 @@ def test_damage_is_found_and_named(
     report = verify_store(GeneratedStore(store))
     assert not report.ok
     assert message in problems(report)
+
+
+def test_problems_that_differ_in_more_than_numbers_are_named_each() -> None:
+    missing = ["surge-0.json is missing", "surge-1.json is missing", "true_roll/c/0/0 is missing"]
+    assert StoreCheck("files", problems=missing).alike() == missing
+    ranges = [f"mission {k}: roll runs from {-k} to 9{k}.5" for k in range(3)]
+    assert StoreCheck("range", problems=ranges).alike() == [f"{ranges[0]} (and 2 more like it)"]
+
+
+def test_the_missions_of_one_damaged_file_are_one_line(
+    tmp_path: Path, paper_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "copy.zarr"
+    shutil.copytree(paper_store, store)
+    for name in ("measured_pitch", "true_depth"):
+        place = store / name / "c/0/0"
+        place.write_bytes(place.read_bytes()[: place.stat().st_size // 2])
+    assert PROGRAM.main(["verify", str(store)]) == 1
+    said = capsys.readouterr().out
+    lines = [line for line in said.splitlines() if line.startswith(("chunks:", "finite:"))]
+    missions = len(GeneratedStore(store))
+    assert len(lines) == 4
+    assert all(f"(and {missions - 1} more like it)" in line for line in lines)
+    assert PROGRAM.main(["verify", str(store), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["problems"]
+    assert len(found["chunks"]) == 2 * missions
 
 
 def test_a_lost_array_is_told(tmp_path: Path, paper_store: Path) -> None:

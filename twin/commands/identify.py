@@ -90,6 +90,7 @@ class Identify(JsonOption):
             identify,
             load_calibration,
             load_logs,
+            other_kind,
             read_figures,
             start_vehicle,
             with_known,
@@ -129,6 +130,8 @@ class Identify(JsonOption):
                 "--logs`"
             )
         nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
+        if odd := "" if self.vehicle is None else other_kind(self.store, nominal.vehicle):
+            console.warn(odd)
         if self.start is not None:
             nominal = read_figures(self.start, nominal)
         known = parse_numbers("known", self.known, "a parameter and its value, such as mass=70")

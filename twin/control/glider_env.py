@@ -21,6 +21,8 @@ OWN = ("observation", "noise", "render_mode", "render_kwargs")
 """Arguments of `GliderEnv` itself"""
 LOADS = ("random", "environment_kwargs", "task_kwargs")
 """Arguments of `twin.control.load` that have another form here"""
+VECTORS = ("engine", "threads", "autoreset_mode")
+"""Arguments of `GliderVectorEnv` that one vehicle has no use for"""
 TAKEN = tuple(name for name in SETTINGS if name != "raise_on_instability")
 """Settings of the environment behind it; all others are the task's"""
 RENDER_MODES = ("rgb_array",)
@@ -45,6 +47,10 @@ def load_task(
             raise InputError(
                 f"{name} is an argument of twin.control.load: here reset(seed=...) gives the "
                 "random numbers, and everything else is an argument of its own"
+            )
+        if name in VECTORS and name not in taken:
+            raise InputError(
+                f"{name} is an option of gymnasium.make_vec only, of many vehicles: leave it out"
             )
         if name not in taken:
             allowed = (taken | set(own)) - {*LOADS, *refused}

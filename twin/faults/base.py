@@ -315,5 +315,5 @@ def fault_from_dict(data: Mapping[str, Any]) -> Fault:
     known = [field.name for field in dataclasses.fields(kind)]
     for name in fields:
         if name not in known:
-            raise InputError(unknown_name(f"setting of fault {kind.kind!r}", name, known))
+            raise InputError(f"fault {kind.kind!r}: {unknown_name('setting', name, known)}")
     return kind(**fields)

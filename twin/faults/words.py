@@ -39,7 +39,7 @@ def _parse(word: str) -> Fault:
                 f"fault {word!r}: {item!r} must be NAME=VALUE, with NAME of {', '.join(known)}"
             )
         if key not in known:
-            raise InputError(unknown_name(f"setting of fault {name!r}", key, known))
+            raise InputError(f"fault {name!r}: {unknown_name('setting', key, known)}")
         if key == FROM:
             settings["start"] = _seconds(word, value)
         elif fields[key].type in ("str", str):

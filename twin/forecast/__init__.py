@@ -20,6 +20,7 @@ from twin.forecast.notice_box import boxes_text as boxes_text
 from twin.forecast.notice_box import notice_boxes as notice_boxes
 from twin.forecast.request import FIELD_ERROR as FIELD_ERROR
 from twin.forecast.request import Request as Request
+from twin.forecast.request import check_hours as check_hours
 from twin.forecast.request import check_members as check_members
 from twin.forecast.request import mission_to as mission_to
 from twin.forecast.routes import Route as Route

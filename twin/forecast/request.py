@@ -52,9 +52,8 @@ class Request:
 
     def __post_init__(self) -> None:
         check_members(self.members, self.engine)
-        for name, least, most in (
-            ("hours", 0.0, LONGEST_HOURS), ("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4),
-        ):  # fmt: skip
+        check_hours(self.hours)
+        for name, least, most in (("field_error", 0.0, 5.0), ("energy_left_kwh", 0.0, 1e4)):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and least < value <= most):
                 raise InputError(f"forecast: {name} = {value:g} must be above 0, at most {most:g}")
@@ -83,9 +82,10 @@ class Request:
                     "counts as reached at the start"
                 )
             elif away > FASTEST * max(self.horizon, DAY):
+                span = f"{self.hours:g} h" if self.horizon > DAY else "a day"
                 said.append(
                     f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
-                    f"{max(self.hours, DAY / HOUR):g} h: is it the place that is meant?"
+                    f"{span}: is it the place that is meant?"
                 )
         return tuple(said)
 
@@ -110,6 +110,12 @@ def check_members(members: int, engine: str = "lanes") -> None:
             f"forecast: members = {members} must be from {LEAST_MEMBERS} to {MOST_MEMBERS}: fewer "
             "say nothing of an ellipse"
         )
+
+
+def check_hours(hours: float) -> None:
+    """Raise InputError for a forecast that reaches nowhere, or too far ahead."""
+    if not 0.0 < hours <= LONGEST_HOURS:
+        raise InputError(f"forecast: hours = {hours:g} must be above 0, at most {LONGEST_HOURS:g}")
 
 
 def mission_to(

@@ -57,28 +57,38 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
         return load_vehicle(_slocum(found) if kind == "slocum" else kind)
 
 
-def other_kind(store: str | StorePath, vehicle: Vehicle) -> str:
+def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
     """A warning if a vehicle is of another kind than the log, both as they say; empty if not.
 
     A vehicle made from a shipped file still has its model's name; of other names nothing is known.
 
+    Args:
+      kind: of the logs in `store`, as `factory import` calls it, where that is no store yet.
+
     Raises:
       StoreError: no such store.
     """
-    with MissionStore(store) as found:
-        kind = _kind(found) if found.logged else None
+    flown = _glider(kind) if kind else _kind_of(store)
     model = ElementTree.fromstring(vehicle.xml).get("model", "")
-    if kind is None or model not in vehicle_names() or kind in model:
+    if flown is None or model not in vehicle_names() or flown in model:
         return ""
     return (
         f"vehicle {vehicle.name} ({model}) is of another kind than that of the log {store} "
-        f"({kind}): it did not fly these dives; give --vehicle of the log's kind"
+        f"({flown}): it did not fly these dives; give --vehicle of the log's kind"
     )
+
+
+def _kind_of(store: str | StorePath) -> str | None:
+    with MissionStore(store) as found:
+        return _kind(found) if found.logged else None
 
 
 def _kind(store: MissionStore) -> str | None:
     """Of the glider, as a log says; None where it does not."""
-    said = [str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
+    return _glider(*(str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)))
+
+
+def _glider(*said: str) -> str | None:
     return next((k for text in said for k in KINDS if k in text.lower()), None)
 
 

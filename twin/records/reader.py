@@ -36,6 +36,7 @@ from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.schema.limits import recorded_limits
 from twin.records.storage.store_arrays import (
     check_arrays,
+    check_chunks,
     check_filled,
     check_mission,
     gone_arrays,
@@ -78,6 +79,8 @@ class MissionStore:
         self.path = store_path(path)
         self.dataset: xr.Dataset = open_store(self.path, dask=False)
         self._flags: dict[str, dict[int, str]] = {}
+        self._whole: set[str] = set()
+        """arrays of which no file is gone"""
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)
@@ -288,6 +291,7 @@ class MissionStore:
         """
         if name not in self.dataset.variables:
             raise StoreError(f"store {self.path} lacks the array {name!r}")
+        self._check_whole(name)
         return read_array(self.dataset, name, self.path)
 
     def energy(
@@ -324,8 +328,9 @@ class MissionStore:
         """One signal of one mission, padding included, (time,).
 
         Raises:
-          StoreError: its chunk is missing or damaged.
+          StoreError: a file of the signal is gone, or its chunk is damaged.
         """
+        self._check_whole(name)
         try:
             return np.asarray(self.dataset[name][mission].values)
         except Exception as error:  # whatever a decoder raises means damaged files
@@ -341,6 +346,7 @@ class MissionStore:
         Raises:
           StoreError: its files are gone or cannot be decoded.
         """
+        self._check_whole(name)
         wanted = np.asarray(missions, np.int64)
         if not wanted.size:
             return self._span(name, slice(0, 0))
@@ -354,6 +360,12 @@ class MissionStore:
     def _span(self, name: str, missions: slice) -> NDArray[Any]:
         some = self.dataset[[name]].isel({MISSION: missions}).transpose(MISSION, TIME)
         return read_array(some, name, self.path)
+
+    def _check_whole(self, name: str) -> None:
+        """Raise StoreError when files of an array are gone; asked once."""
+        if name in self.dataset.variables and name not in self._whole:
+            check_chunks(self.dataset, name, self.path)
+            self._whole.add(name)
 
     def check_possible(
         self, name: str, values: NDArray[Any], *, mission: int, advice: str = ""
@@ -385,7 +397,7 @@ class MissionStore:
         return gone_arrays(self.dataset, self.path)
 
     def check_arrays(self) -> None:
-        """Raise StoreError when the files of an array are gone."""
+        """Raise StoreError when files of an array are gone."""
         check_arrays(self.dataset, self.path)
 
     def check_mission(self, mission: int) -> None:

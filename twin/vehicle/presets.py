@@ -86,6 +86,8 @@ def vehicle_text(path: Path) -> str:
 
 def unknown_vehicle(name: str) -> str:
     """One line for a name that no shipped vehicle has; a maker's name brings up its vehicles."""
+    if Path(name).is_file():
+        return f"{name} is no vehicle file: the name of one ends in .xml (MJCF)"
     kinds = [known for known in vehicle_names() if known.startswith(f"{name}-")]
     if not kinds:
         return unknown_name("vehicle", name, vehicle_names()) + " or a path to an .xml"

@@ -144,6 +144,16 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     )
 
 
+def kind_of(deployment: WatchedDeployment) -> str:
+    """Kind of its logs: its settings', or what the files that are there now look like; empty where
+    nothing tells."""
+    if deployment.kind != AUTO:
+        return deployment.kind
+    source = folder_of(deployment)
+    names = _names(source, recursive=deployment.recursive)
+    return _kind_of([source / name for name in names]) or ""
+
+
 def _names(source: Path, *, recursive: bool) -> list[str]:
     """Paths of the files below a folder; hidden ones are still being written by whoever copies."""
     if not source.is_dir():

@@ -88,6 +88,12 @@ def test_a_failed_import_names_what_could_not_be_read(tmp_path: Path) -> None:
         import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
 
 
+def test_what_is_wrong_with_the_only_file_is_said_once(tmp_path: Path) -> None:
+    (tmp_path / "zero.dbd").touch()
+    with pytest.raises(InputError, match=r"^\S*zero\.dbd is empty$"):
+        import_logs("slocum", [tmp_path / "zero.dbd"])
+
+
 @pytest.mark.parametrize("kind", ["csv", "slocum", "lrauv", "seaglider"])
 def test_a_web_page_and_a_store_are_called_what_they_are(kind, tmp_path):
     page = tmp_path / "log.csv"

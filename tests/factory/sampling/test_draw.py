@@ -219,7 +219,7 @@ def test_an_unknown_parameter_is_named_with_the_nearest() -> None:
     [
         ({"mission__kind": "hold"}, "allowed: saw-tooth, spiral"),
         ({"mission__surface_every": "often"}, "give a number or none"),
-        ({"mission__max_depth_m": "deep"}, "give numbers"),
+        ({"mission__max_depth_m": "deep"}, r"deep is no number: give .* or uniform\(0, 0.1\)"),
         ({"mission__segment_duration_s": "0.5"}, "more than 100 segments"),
     ],
 )

@@ -6,6 +6,7 @@ import dataclasses
 import datetime
 import json
 import random
+import re
 import shutil
 import urllib.request
 from pathlib import Path
@@ -114,6 +115,18 @@ def test_a_new_deployment_of_an_empty_folder_has_a_page_that_says_what_is_missin
     assert (code, json.loads(said)["changed"]) == (0, False)
 
 
+def test_a_vehicle_of_another_kind_than_the_files_is_warned_of(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_slocum(source, Flight(dives=1))
+    for vehicle, warned in (("tethys", True), ("slocum-200", False)):
+        words = "watch", "--new", tmp_path / vehicle, "--from", source, "--vehicle", vehicle
+        code, _, err = run(capsys, *words)
+        assert code == 0
+        assert (f"vehicle {vehicle} ({vehicle}) is of another kind" in err) == warned
+        assert ("(slocum): it did not fly these dives" in err) == warned
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -136,6 +149,15 @@ def test_what_cannot_be_done_is_said_in_one_line(
     assert code == 2
     assert message in err
     assert len(err.splitlines()) == 1
+
+
+def test_what_is_missing_is_said_once(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    assert (said + err).count("no file has arrived") == 1
 
 
 def test_an_existing_deployment_is_never_replaced(tmp_path: Path, source: Path) -> None:
@@ -163,10 +185,37 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
         (text.replace("source", "# source"), "key source is missing"),
         (text.replace('home = ""', 'home = "harbour"'), "must be LAT,LON"),
         (text.replace('mission = ""', 'mission = "a.mi"'), "goto or mission, not both"),
+        (text.replace("hours = 2.0", "hours = -3.0"), "toml: forecast: hours = -3 must be above 0"),
+        (text.replace('"49.5,-58.0"', '"here"'), "goto 'here': write LAT,LON"),
+        (text.replace('current = ""', 'current = "here"'), "unknown current 'here'"),
+        (text.replace('current = ""', 'current = "file:a.nc"'), "unknown current 'file'"),
+        (text.replace('current = ""', 'current = "uniform:fast"'), "uniform"),
+        (text.replace("days = 30.0", "days = 0.0"), "days 0 must be within"),
     ):
         path.write_text(wrong)
         with pytest.raises(InputError, match=message):
             WatchedDeployment.read(made.folder)
+    help_ = next(line for line in text.splitlines() if line.startswith("current = "))
+    for right in ("forecast.nc", "grid:forecast.nc", "uniform:0.1,0"):
+        assert right in help_ or right[:4] == "unif"
+        path.write_text(text.replace('current = ""', f'current = "{right}"'))
+        assert WatchedDeployment.read(made.folder).field == right
+    (made.folder / "forecast.nc").write_bytes(b"")
+    path.write_text(text.replace('current = ""', 'current = "grid:forecast.nc"'))
+    assert WatchedDeployment.read(made.folder).field == f"grid:{made.folder / 'forecast.nc'}"
+
+
+def test_why_there_is_no_forecast_is_the_first_of_what_is_missing(
+    tmp_path: Path, source: Path, base: list[Path]
+) -> None:
+    shutil.copy(base[0], source)
+    made = deployment(tmp_path, source, current="forecast.nc")
+    one_pass(made)
+    said = (made.folder / "page" / "summary.txt").read_text()
+    assert re.search(r"current of the last 0\.\d\d m/s towards \d{3} degree\n", said)
+    last = said.splitlines()[-1]
+    assert last.startswith("Missing: forecast: ")
+    assert "no file 'forecast.nc'" in last
 
 
 def test_a_second_pass_at_the_same_time_does_nothing(

@@ -185,14 +185,21 @@ def test_ablation_trains_without_each_group(here, capsys):
     assert "Ablation" in (folder / "report" / "index.html").read_text()
 
 
-def test_evaluate_takes_the_newest_run_and_the_default_store(here, capsys):
+def test_evaluate_takes_the_newest_run_and_the_store_that_it_was_trained_on(
+    here, capsys, monkeypatch
+):
     code, out, err = call(capsys, "evaluate", "--json")
     assert code == 0, err
+    assert f"store: {DEFAULT_STORE}, on which {newest_run().folder} was trained" in err
     found = json.loads(out)
     assert found["run"] == str(newest_run().folder)
     assert found["store"] == str(DEFAULT_STORE) == str(DEFAULT_OUT)
     assert found["split"] == "test"
     assert found["floor"]["surge_mse"] == 0.0
+    monkeypatch.setattr("learn.run.Run.store", Path("elsewhere.zarr"))
+    code, _, err = call(capsys, "evaluate", "first")
+    assert code == 2
+    assert "no store at elsewhere.zarr" in err
 
 
 def test_evaluate_writes_tracks_and_a_page(here, capsys, tmp_path):

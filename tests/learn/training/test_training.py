@@ -209,9 +209,11 @@ def test_divergence_is_an_error_not_a_nan(surge):
         ({"optimiser": "sgd"}, "unknown optimiser 'sgd'"),
         ({"batch": 0}, "training batch must be at least 1, not 0"),
         ({"rate": 0.0}, "training rate must be positive"),
+        ({"seconds": -5.0}, r"training seconds \(--seconds\) must not be negative: -5"),
+        ({"patience": -1}, "training patience must not be negative: -1"),
         ({"seconds": 0.0}, "training needs a budget"),
         ({"warmup": 1.0}, "training warmup is a share"),
-        ({"washin": -1}, "training washin must not be negative"),
+        ({"washin": -1}, r"training washin \(--washin\) must not be negative"),
     ],
 )
 def test_wrong_settings_say_what_is_wrong(changes, message):

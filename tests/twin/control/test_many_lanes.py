@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
 
 import twin
-from twin.control import GliderVectorEnv
+from twin.control import GliderEnv, GliderVectorEnv
 from twin.control.registry import ALL_TASKS
 from twin.errors import InputError, VehicleError
 from twin.fossen.lane_block import AT
@@ -148,6 +148,8 @@ def test_measurements_are_copies():
 def test_what_lanes_cannot_do_is_refused():
     with pytest.raises(InputError, match="unknown engine 'lane': did you mean 'lanes'"):
         GliderVectorEnv("depth", 2, engine="lane")
+    with pytest.raises(InputError, match=r"^engine is an option of gymnasium.make_vec only"):
+        GliderEnv("depth", engine="lanes")
     with pytest.raises(VehicleError, match="does not fly in lanes"):
         in_lanes("depth", 2, hydrodynamics="ellipsoid")
     with pytest.raises(InputError, match="give at least 1"):

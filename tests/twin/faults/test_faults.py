@@ -136,7 +136,10 @@ def test_words():
     assert (fault.side, fault.part, fault.start) == ("starboard", 0.5, 3 * 86400.0)
     for word, said in (
         ("wing", "wing_lost"),
-        ("fouling:per_dya=1", "per_day"),
+        (
+            "fouling:per_dya=1",
+            "^fault 'fouling': unknown setting 'per_dya': did you mean 'per_day'",
+        ),
         ("fouling:per_day", "NAME=VALUE"),
         ("fouling:per_day=much", "a number"),
         ("fouling:from=3weeks", "unit of time"),

@@ -397,7 +397,7 @@ def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
     assert "already within 500 m of target 1" in asked(mission=here).notes()[0]
     assert asked().notes() == ()  # 22 km in an hour: the way to it is flown
     far = mission_to("36.8,-119.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
-    assert "268 km away" in asked(mission=far).notes()[0]
+    assert "268 km away, farther than anything goes in a day:" in asked(mission=far).notes()[0]
     slip = mission_to("37,122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
     with pytest.raises(MissionError, match=r"did you mean 37, -122\.4 \(the sign of the long"):
         asked(mission=slip)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from twin.__main__ import PROGRAM
 from twin.cli.progress import Progress
+from twin.records.attributes import CONVENTIONS
+from twin.records.store import write_store
 
 
 def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) -> None:
@@ -16,6 +20,21 @@ def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) ->
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "--no-fixes fit the depth rate only" in said
     assert "ten hours of log" in said
+
+
+@pytest.mark.parametrize(("vehicle", "warned"), [("seaglider", True), ("slocum-200", False)])
+def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(
+    vehicle: str, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = xr.Dataset(
+        {"n_samples": ("mission", [3])},
+        {"time": [0.0, 0.5, 1.0]},
+        {**CONVENTIONS, "source_format": "slocum"},
+    )
+    path = write_store(data, tmp_path / "real.zarr")
+    assert PROGRAM.main(["identify", str(path), "--vehicle", vehicle]) == 2
+    said = capsys.readouterr().err
+    assert ("warning: vehicle seaglider (seaglider) is of another kind" in said) == warned
 
 
 def test_a_share_is_shown_as_percent_and_time_left() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from twin.physics.scenario import Scenario
 from twin.records.attributes import CONVENTIONS, SPLITS
 from twin.records.logged import LogRow, LogStore, log_rows
 from twin.records.reader import MissionStore
-from twin.records.store import write_store
+from twin.records.store import read_trajectory, write_store
 from twin.vehicle.vehicle import load_vehicle
 
 
@@ -119,3 +120,34 @@ def test_a_dive_follows_another_of_its_deployment(gap: float, follows: bool) -> 
     assert second.follows(first) is follows
     other = LogRow(deployment="b", start=150.0, duration=50.0, displacement=None)
     assert not other.follows(first)
+
+
+def test_a_signal_whose_file_is_gone_is_refused_by_its_name(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.zarr")
+    with MissionStore(path) as store:
+        assert store.rows("measured_depth", [0]).sum() == 3.0
+    shutil.rmtree(path / "measured_depth/c/0")
+    said = r"file measured_depth/c/0/0 of its array measured_depth is gone.*`factory verify "
+    with MissionStore(path) as store:
+        for read in (
+            lambda: store.row("measured_depth", 1),
+            lambda: store.rows("measured_depth", [0, 1]),
+            lambda: store.array("measured_depth"),
+            store.check_arrays,
+            lambda: read_trajectory(path, 0),
+        ):
+            with pytest.raises(StoreError, match=said):
+                read()
+        assert store.samples.tolist() == [3, 2]
+
+
+def test_a_chunk_that_never_had_a_file_is_read_as_missing_values(tmp_path: Path) -> None:
+    empty = ("mission", "time"), np.full((2, 3), np.nan, np.float32)
+    path = written(tmp_path / "a.zarr", measured_pitch=empty)
+    assert not (path / "measured_pitch/c").exists()
+    unlisted = written(tmp_path / "b.zarr", measured_pitch=empty)
+    shutil.rmtree(unlisted / "checksums")
+    for one in (path, unlisted):
+        with MissionStore(one) as store:
+            assert np.isnan(store.rows("measured_pitch", [0, 1])).all()
+            store.check_arrays()

@@ -53,6 +53,26 @@ def test_a_folder_appears_whole_with_its_checksums(tmp_path):
     assert names(target.parent) == ["target"]
 
 
+def test_a_place_where_no_folder_can_be_made_is_named(tmp_path, monkeypatch):
+    """As /proc does: its folder is there, and a new one is refused as if it were not."""
+
+    def refuse(path, *args, **kwargs):
+        if path == tmp_path:
+            return
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+
+    monkeypatch.setattr(whole.Path, "mkdir", refuse)
+    monkeypatch.setattr(whole, "clean", lambda target: None)
+    tries = iter(range(10))
+    tried = lambda path: path.with_name(f".{path.name}.writing-{next(tries)}")  # noqa: E731
+    monkeypatch.setattr(whole, "temporary_name", tried)
+    with (
+        pytest.raises(WriteError, match=r"cannot write .*target: No such file or directory"),
+        whole_folder(tmp_path / "target"),
+    ):
+        pass
+
+
 def test_what_was_there_stays_until_the_new_is_complete(tmp_path, renaming):
     target = tmp_path / "target"
     write(target, "old")

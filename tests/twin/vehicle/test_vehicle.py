@@ -177,6 +177,15 @@ def test_messages_name_the_file_as_it_was_given(tmp_path):
         compile_model(load_vehicle(path))
 
 
+def test_a_file_that_is_no_vehicle_is_said_to_be_none(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_text("a file")
+    with pytest.raises(VehicleError, match=r"^notes.txt is no vehicle file: .* ends in \.xml"):
+        load_vehicle("notes.txt")
+    with pytest.raises(VehicleError, match=r"^unknown vehicle 'other.txt'"):
+        load_vehicle("other.txt")
+
+
 def test_unknown_vehicle_offers_the_nearest():
     with pytest.raises(VehicleError, match="unknown vehicle 'gliderr': did you mean 'glider'"):
         load_vehicle("gliderr")

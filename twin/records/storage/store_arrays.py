@@ -6,16 +6,19 @@ A store's files are also copied from here into any zarr store that a program has
 from __future__ import annotations
 
 import asyncio
+import itertools
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from twin.errors import StoreError
+from twin.errors import StoreError, quoted
 from twin.records.attributes import N_SAMPLES
 from twin.records.schema import TIME
+from twin.records.storage.checksums import has_checksums, read_checksums
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import StorePath
+from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import Files
 
 if TYPE_CHECKING:
@@ -53,9 +56,48 @@ def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
 
 
 def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
-    """Raise StoreError that names the first of `gone_arrays`, when there is one."""
+    """Raise StoreError that names the first of `gone_arrays`, or of the files of their chunks."""
     for name in gone_arrays(dataset, path)[:1]:
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
+        raise _gone(name, path)
+    for name in map(str, dataset.variables):
+        check_chunks(dataset, name, path)
+
+
+def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
+    """Raise StoreError when a file of an array is gone: zarr reads it as missing values.
+
+    A chunk without a value has no file, and the store's list of checksums does not name it. The
+    list is read only where a file is not there. Stores without a list, and those in an object
+    storage, where each question is a request, are taken as they are.
+
+    Args:
+      dataset: all missions, as `open_store` gave it.
+    """
+    place, variable = store_path(path), dataset.variables[name]
+    chunks = variable.encoding.get("shards") or variable.encoding.get("chunks")
+    if not isinstance(place, Path) or chunks is None:
+        return
+    files = files_at(place)
+    if not files.exists(f"{name}/{METADATA}"):
+        raise _gone(name, path)
+    grid = (range(-(-n // size)) for n, size in zip(variable.shape, chunks, strict=True))
+    keys = ("/".join((name, "c", *map(str, cell))) for cell in itertools.product(*grid))
+    absent = [key for key in keys if not files.exists(key)]
+    if not absent or not has_checksums(place):
+        return
+    listed = read_checksums(place)
+    gone = [key for key in absent if key in listed]
+    if gone:
+        more = f" and {len(gone) - 1} more of" if len(gone) > 1 else " of"
+        raise StoreError(
+            f"store {path} is damaged: file {gone[0]}{more} its array {name} is gone, and would "
+            f"read as missing values; `factory verify {quoted(path)}` names all damage: bring the "
+            "files back from a copy or make the store again"
+        )
+
+
+def _gone(name: str, path: str | StorePath) -> StoreError:
+    return StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
 
 
 def mission_samples(one: xr.Dataset, path: str | StorePath, mission: int) -> int:
@@ -78,7 +120,7 @@ def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndar
       StoreError: its files are gone or cannot be decoded.
     """
     if not files_at(path).exists(f"{name}/{METADATA}"):
-        raise StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
+        raise _gone(name, path)
     try:
         return np.asarray(dataset[name].values)
     except Exception as error:  # whatever a decoder raises means damaged files

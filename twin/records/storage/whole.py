@@ -235,11 +235,12 @@ def _hidden(target: Path) -> tuple[Path, int]:
     while True:
         hidden = temporary_name(target)
         try:
-            hidden.mkdir()
+            hidden.mkdir()  # /proc says ENOENT, though the parent is there
+        except FileExistsError:
+            continue
+        try:
             descriptor = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY)
-        except (FileExistsError, FileNotFoundError):
-            if not target.parent.is_dir():
-                raise
+        except FileNotFoundError:
             continue  # a writer that cleaned at this moment took it away
         try:
             same = lock(descriptor) and hidden.stat().st_ino == os.fstat(descriptor).st_ino

@@ -41,7 +41,7 @@ SHORT = 16
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
-  --mark: #d55e00; --ground: #fff; --code: #f6f7f9; }
+  --mark: #d55e00; --ground: #fff; --code: #f6f7f9; --shade: #0004; }
 * { box-sizing: border-box; }
 body { font: 16px/1.55 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
   background: var(--ground); max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
@@ -54,7 +54,12 @@ dl.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(13rem
 dl.figures div { border: 1px solid var(--line); border-radius: 6px; padding: .7rem .9rem; }
 dl.figures dt { color: var(--dim); font-size: .85rem; }
 dl.figures dd { margin: 0; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
-.scroll { overflow-x: auto; }
+/* A shade at an edge beyond which a table goes on: the ground over it goes with the table */
+.scroll { overflow-x: auto; --high: calc(100% - 1.4rem) no-repeat; background:
+  linear-gradient(to right, var(--ground) 35%, transparent) left / 2.4rem 100% no-repeat local,
+  linear-gradient(to left, var(--ground) 35%, transparent) right / 2.4rem 100% no-repeat local,
+  linear-gradient(to right, var(--shade), transparent) left top / .8rem var(--high),
+  linear-gradient(to left, var(--shade), transparent) right top / .8rem var(--high); }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .3rem .8rem .3rem 0; text-align: right; border-bottom: 1px solid var(--line);
   vertical-align: bottom; }
@@ -86,8 +91,8 @@ pre { background: var(--code); padding: .8rem 1rem; border-radius: 6px; white-sp
   figure { overflow-x: auto; } figure img { max-width: none; width: max(100%, 36rem); }
   .pair figure img { width: 100%; } }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e6e8; --dim: #9aa4af; --line: #3a4048;
-  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; } figure img { border-radius: 4px;
-  filter: brightness(.85); } }
+  --mark: #ff9a4d; --ground: #15181c; --code: #22262c; --shade: #fff6; }
+  figure img { border-radius: 4px; filter: brightness(.85); } }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
 """
 

@@ -12,6 +12,7 @@ from twin.water.current.base import Current as Current
 from twin.water.current.base import CurrentSum as CurrentSum
 from twin.water.current.base import current_from_dict as current_from_dict
 from twin.water.current.base import still_water as still_water
+from twin.water.current.current_text import check_field as check_field
 from twin.water.current.current_text import current_help as current_help
 from twin.water.current.current_text import parse_current as parse_current
 from twin.water.current.current_text import parse_field as parse_field

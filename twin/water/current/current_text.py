@@ -13,6 +13,10 @@ HELP_COLUMN = 42
 """Where the words of `current_help` begin, when the example is not longer."""
 
 
+FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
+"""What the text of a current has that names a file"""
+
+
 def current_help() -> str:
     """What `--current` accepts, an example a line, from every kind registered so far."""
     lines = [("none", "still water")]
@@ -46,7 +50,25 @@ def parse_current(text: str) -> Current:
 
 def parse_field(text: str) -> Current:
     """The current of a forecast: as `parse_current`, and the path of a file alone is a grid."""
-    return parse_current(f"grid:{text}" if Path(text).exists() else text)
+    if Path(text).exists():
+        return parse_current(f"grid:{text}")
+    if FILE.search(text) and ":" not in text:
+        raise CurrentError(
+            f"no file {text!r} with a forecast of the current: a file is a path, or "
+            f"grid:{text},SETTINGS; `--current` of `twin simulate --help` lists other kinds"
+        )
+    return parse_current(text)
+
+
+def check_field(text: str) -> None:
+    """Refuse what `parse_field` would refuse whatever is in its files, which are not opened and
+    may be missing yet; raises CurrentError."""
+    if not FILE.search(text):  # names no file
+        parse_current(text)
+        return
+    for name in re.findall(r"(?:^|\+)\s*([A-Za-z][\w-]*)\s*:", text):
+        if registry.find(name.lower().replace("_", "-")) is None:
+            raise registry.unknown(name, "none")
 
 
 def _parse_one(text: str) -> Current:

@@ -11,6 +11,7 @@ from browser import Browser, needs_browser
 from pictures import write_short_store
 
 from twin.__main__ import PROGRAM
+from twin.show.figures.page_layout import Page
 
 pytestmark = needs_browser
 WIDE, HIGH = 390, 844
@@ -123,3 +124,32 @@ def test_the_picture_is_a_phone_sharp_one(phone):
     assert picture.shape == (3 * HIGH, 3 * WIDE, 3)
     assert len(np.unique(picture[600:1200].reshape(-1, 3), axis=0)) > 500
     assert phone.run("page.scene.canvas.width") == 2 * WIDE  # what a phone still draws fast
+
+
+def test_a_table_has_a_shade_where_it_goes_on_beyond_the_edge(tmp_path):
+    page = Page(tmp_path / "page", "Sound", "lead")
+    page.table([{f"column {k}": 1.25 * k + row for k in range(9)} for row in range(4)])
+    path = page.write()
+
+    def shades(browser: Browser) -> tuple[bool, bool]:
+        """Whether the table's left and right edges differ from the ground beside them."""
+        browser.drawn()
+        edge, seen = box(browser, ".scroll"), browser.picture().astype(int)
+        zoom = seen.shape[1] / browser.run("innerWidth")
+        high = round((edge["top"] + 10) * zoom)
+        ground = seen[high, 3]
+        at = (round(edge["left"] * zoom) + 1, round(edge["right"] * zoom) - 2)
+        left, right = (bool(abs(seen[high, x] - ground).max() > 20) for x in at)
+        return left, right
+
+    with Browser() as browser:
+        for scheme in ("light", "dark"):
+            browser.prefer(prefers_color_scheme=scheme)
+            browser.resize(1400, HIGH)
+            browser.open(path)
+            assert shades(browser) == (False, False)
+            browser.resize(WIDE, HIGH, phone=True)
+            browser.open(path)
+            for left, shown in ((0, (False, True)), (60, (True, True)), (9999, (True, False))):
+                browser.run(f"document.querySelector('.scroll').scrollLeft = {left}")
+                assert shades(browser) == shown
