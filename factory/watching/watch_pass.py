@@ -29,7 +29,7 @@ from factory.watching.sources.base import SurfaceDialogue, newest_dialogue
 from twin.forecast import legs_of
 from twin.records.logged import LogStore
 from twin.records.presence import is_derived, is_store
-from twin.records.storage.disk import files_below, lock, remove
+from twin.records.storage.disk import files_below, lock, remove, sweep
 from twin.show.figures.page_layout import INDEX
 from twin.version import __version__
 
@@ -98,6 +98,7 @@ def one_pass(
     before = read_latest(folder)
     page = folder / PAGE / INDEX
     if not replay and before is not None and before.get("made_of") == made_of and page.is_file():
+        sweep(folder)  # a pass that was killed at its end left what no writer comes to remove
         return Passed(page=page, changed=False, verdict=str(before["verdict"]), log=log)
     told = morning(deployment, log, dialogue, say=say)
     if told.health is None or told.vehicle is None:

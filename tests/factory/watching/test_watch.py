@@ -46,6 +46,7 @@ from twin.mission import commanded, read_commands, read_science, read_targets
 from twin.navigation.current import Leg
 from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
+from twin.records.storage.disk import temporary_name
 from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)
@@ -228,6 +229,18 @@ def test_a_second_pass_at_the_same_time_does_nothing(
     assert code == 0
     assert "another pass" in err
     assert not (made.folder / "page").exists()
+
+
+def test_what_a_pass_left_that_was_killed_at_its_end_is_removed(
+    tmp_path: Path, source: Path
+) -> None:
+    """The page was written: the next pass has nothing to do, and no writer removes the old one."""
+    made = deployment(tmp_path, source)
+    assert one_pass(made).changed
+    left = temporary_name(made.folder / "page")
+    (left / "deeper").mkdir(parents=True)
+    assert not one_pass(made).changed
+    assert not left.exists()
 
 
 # --- files in any order -------------------------------------------------------------------------
