@@ -15,6 +15,7 @@ import tomllib
 import zipfile
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -32,6 +33,8 @@ from twin.version import __version__
 ROOT = Path(__file__).resolve().parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGES = ("twin", "factory", "learn")
+SAFE: dict[str, Any] = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+"""Python 3.11 has it from 3.11.4 on"""
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 
 
@@ -78,7 +81,7 @@ def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_colle
     source: Path, tmp_path: Path
 ) -> None:
     with tarfile.open(source) as archive:
-        archive.extractall(tmp_path, filter="data")
+        archive.extractall(tmp_path, **SAFE)
     unpacked = tmp_path / f"glider_twin-{__version__}"
     # The tests that read what is no package: documents, examples, scripts, the recipe, the paper.
     beside = ["tests/docs", *(str(path.relative_to(ROOT)) for path in ROOT.glob("tests/test_*.py"))]
@@ -104,7 +107,7 @@ def test_the_wheel_has_the_same_bytes_wherever_and_whenever_it_is_built(
     source: Path, wheel: Path, tmp_path: Path
 ) -> None:
     with tarfile.open(source) as archive:
-        archive.extractall(tmp_path, filter="data")
+        archive.extractall(tmp_path, **SAFE)
     unpacked = tmp_path / f"glider_twin-{__version__}"
     for k, path in enumerate(sorted(unpacked.rglob("*.py"))):
         path.chmod(0o600)

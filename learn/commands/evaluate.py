@@ -54,10 +54,7 @@ class Evaluate(JsonOption):
         from learn.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
-        store = self.store
-        if store is None:
-            store = run.store
-            console.note(f"store: {store}, on which {run.folder} was trained")
+        store = self.store or run.store
         if self.tracks is not None and is_log_store(store):
             raise InputError(f"{store} holds real logs without true tracks: leave --tracks out")
         collector = TrackCollector()

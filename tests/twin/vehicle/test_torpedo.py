@@ -207,7 +207,7 @@ def test_a_fleet_is_of_one_kind(torpedo):
 def test_identification_says_what_it_needs(capsys, store):
     code, out, err = call(capsys, "identify", "--vehicle", TORPEDO, store)
     assert (code, out) == (2, "")
-    assert "lacks the hull law 'flow-frame' and one moving battery and a pump" in err
+    assert "survey.zarr has no measured_depth" in err
     assert len(err.splitlines()) == 1
     with pytest.raises(VehicleError, match="has no flight model"):
         load_calibration(TORPEDO)

@@ -207,13 +207,16 @@ DAMAGE = {
     "missing states": (lambda s: shutil.rmtree(s / "simulation_state"), "simulation_state is gone"),
     "no states": (
         lambda s: [chunk.unlink() for chunk in _chunks(s, "simulation_state")],
-        "simulation_state of mission 0 has gaps",
+        "its array simulation_state is gone",
     ),
     "truncated metadata": (
         lambda s: (s / "zarr.json").write_text((s / "zarr.json").read_text()[:400]),
         "its zarr.json cannot be read",
     ),
-    "no samples": (lambda s: [c.unlink() for c in _chunks(s, "n_samples")], "has 0 of at most"),
+    "no samples": (
+        lambda s: [c.unlink() for c in _chunks(s, "n_samples")],
+        "its array n_samples is gone",
+    ),
 }
 
 
