@@ -125,7 +125,9 @@ def members_of(request: Request, known: Known) -> Members:
         course = water.current + off[:, None, :]
         wider = math.sqrt(known.reach / chi_squared(0.9))
         water = dataclasses.replace(water, current=course[:1] + wider * (course - course[:1]))
-        spread["both"] = f"times {wider:.2f}, as surfacings so far were off"
+        spread["spread"] = (
+            f"way and current {wider:.2f} times as wide, as surfacings so far were off"
+        )
     scenarios = tuple(
         dataclasses.replace(
             nominal,
