@@ -179,11 +179,6 @@ def _check_elsewhere(
     return _check_range(_opened(store, fast), names, kinds, check, missions)
 
 
-@functools.lru_cache(maxsize=1)
-def _opened(store: StorePath, fast: bool) -> MissionStore:
-    return _open(store, fast)
-
-
 def _open(store: StorePath, fast: bool) -> MissionStore:
     """A store whose chunks are decoded by the fast pipeline, in a twentieth of the time where
     missions are short, or by zarr's own."""
@@ -191,6 +186,9 @@ def _open(store: StorePath, fast: bool) -> MissionStore:
 
     with fast_reading(store) if fast else contextlib.nullcontext():
         return open_missions(store)
+
+
+_opened = functools.lru_cache(maxsize=1)(_open)
 
 
 def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:

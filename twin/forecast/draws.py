@@ -138,13 +138,9 @@ def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generat
       ahead: what a pool of ways expects; the members fly the first kind that it knows.
       freedom: [1] of the pool's Student's t.
     """
-    taken = rng.choice(len(ahead.weights), size=count, p=ahead.weights)
-    heavy = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, count))
-    roots = np.linalg.cholesky(ahead.covariances)
-    error = np.einsum("mij,mj->mi", roots[taken], rng.standard_normal((count, 2)))
-    off = ahead.means[taken] - ahead.means[0] + heavy[:, None] * error
+    off = ahead.draw(count, freedom, rng) - ahead.means[0]
     off[0] = ahead.mean - ahead.means[0]
-    return np.asarray(off)
+    return off
 
 
 def _around(time: float) -> Leg:

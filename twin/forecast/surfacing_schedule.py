@@ -133,11 +133,8 @@ class Rhythm:
         """
         stays = rng.choice(self.stays, size=(count, dives))
         expected = middle(self.late)
-        order = rng.choice(len(self.late.weights), size=count, p=self.late.weights)
-        scale = np.sqrt(self.late.covariances[order, 0, 0])
-        heavy = np.sqrt((FREEDOM - 2.0) / rng.chisquare(FREEDOM, count))
-        late = self.late.means[order, 0] - expected + scale * heavy * rng.standard_normal(count)
-        late = np.tile(late[:, None] / expected, dives)  # another order is kept, too
+        lasts = self.late.draw(count, FREEDOM, rng)
+        late = np.tile(lasts / expected - 1.0, dives)  # another order is kept, too
         stays[0], late[0] = np.median(self.stays), 0.0
         if waited < float(self.stays.max()):
             stays[:, 0] = np.maximum(stays[:, 0] - max(waited, 0.0), 0.0)

@@ -139,15 +139,9 @@ def _run(
     measured = [filled(signals[name]) for name in RATES]
     rates = [rate for rate in measured if rate is not None]
     window = max(round(DEPTH_WINDOW / period), LEAST_WINDOW) | 1
-    if (
-        depth is None
-        or heading is None
-        or roll is None
-        or pitch is None
-        or any(r is None for r in rates)
-    ):
+    if depth is None or heading is None or roll is None or pitch is None:
         return None
-    if len(depth) < 3 * window:
+    if len(rates) < len(RATES) or len(depth) < 3 * window:
         return None
     use = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
     use &= depth > vehicle.hull_length

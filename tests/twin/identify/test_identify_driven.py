@@ -15,6 +15,7 @@ from twin.errors import InputError, StoreError
 from twin.identify import identify_driven, judge, load_runs
 from twin.identify.calibration import Calibration
 from twin.identify.driven_flights import DrivenFlights, fly_run, settled
+from twin.identify.driven_runs import NEEDED, RATES, _run
 from twin.identify.driven_unknowns import driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
@@ -182,3 +183,11 @@ def test_runs_without_controls_are_refused_by_what_they_lack(store: Path, tmp_pa
 def test_a_glider_has_no_runs() -> None:
     with pytest.raises(InputError, match="has no propeller"):
         driven_parameters(load_vehicle("slocum-200"))
+
+
+def test_a_run_that_lacks_one_of_its_rates_is_none() -> None:
+    names = (*NEEDED, *(f"measured_{part.name}" for part in SHIPPED.parts))
+    signals = {name: np.linspace(5.0, 6.0, 200) for name in names}
+    assert _run(0, signals, 0.5, SHIPPED) is not None
+    for rate in RATES:
+        assert _run(0, {**signals, rate: np.full(200, np.nan)}, 0.5, SHIPPED) is None

@@ -68,6 +68,16 @@ class Mixture:
         within = np.einsum("m,mij->ij", self.weights, self.covariances)
         return np.asarray(within + np.einsum("m,mi,mj->ij", self.weights, apart, apart))
 
+    def draw(self, count: int, freedom: float, rng: np.random.Generator) -> Array:
+        """Draws (draw, number): each takes one model by its weight, and an error by Student's t
+        of so many degrees of `freedom` with the model's covariance."""
+        taken = rng.choice(len(self.weights), size=count, p=self.weights)
+        heavy = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, count))
+        roots = np.linalg.cholesky(self.covariances)
+        normal = rng.standard_normal((count, self.means.shape[1]))
+        error = np.einsum("mij,mj->mi", roots[taken], normal)
+        return np.asarray(self.means[taken] + heavy[:, None] * error)
+
 
 class Pool:
     """Weights and scales of some models, learned from every value that is found.
