@@ -43,7 +43,7 @@ def told(dives: Sequence[tuple[float, float]]) -> list[tuple[int, bool, float, f
         if rhythm is not None:
             drawn = rhythm.draw(DRAWS, max(AHEAD), 0.0, rng)
             usual = float(np.median([end - begin for begin, end in dives[max(0, k - 5) : k]]))
-            ends = np.cumsum(drawn.stays + usual * (1.0 + drawn.late), axis=1)
+            ends = np.cumsum(drawn.stays + usual * (1.0 + drawn.late[:, None]), axis=1)
             for ahead in AHEAD:
                 if k + ahead > len(dives):
                     continue

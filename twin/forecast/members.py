@@ -82,7 +82,7 @@ class Members:
         """The flight of a member, as late as was drawn for it."""
         if self.delays is None or self.drift is None:
             return flight
-        stays, late = self.delays.stays[number], self.delays.late[number]
+        stays, late = self.delays.stays[number], float(self.delays.late[number])
         return flight.delayed(stays, late, self.drift[number])
 
 
@@ -295,17 +295,14 @@ class MemberFlight:
     end: Array
     """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
 
-    def delayed(self, stays: Array, late: Array, drift: Array) -> MemberFlight:
+    def delayed(self, stays: Array, late: float, drift: Array) -> MemberFlight:
         """The same with stays at the surface [s] before its dives, in which it drifts [m/s], and
         with dives that last longer by a part, along their own way; energy is as flown."""
-        count = len(self.time)
-        dives = np.diff(self.time, prepend=0.0)
-        way = np.diff(self.place, axis=0, prepend=np.zeros((1, 2)))
-        longer = np.concatenate([[0.0], np.cumsum(late[:count] * dives)])
-        farther = np.concatenate([np.zeros((1, 2)), np.cumsum(late[:count, None] * way, axis=0)])
+        longer = late * np.append(0.0, self.time)
+        farther = late * np.vstack([np.zeros((1, 2)), self.place.reshape(-1, 2)])
         stayed = np.cumsum(stays)
         ended = np.searchsorted(self.time, self.times)  # dives, before a point of the track
-        surfaced = np.arange(count)
+        surfaced = np.arange(len(self.time))
         return dataclasses.replace(
             self,
             time=self.time + stayed[surfaced] + longer[1:],

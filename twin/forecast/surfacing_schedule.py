@@ -26,7 +26,7 @@ SHORTEST = 600.0
 RECENT = 5
 """Ends from which the clock's phase is taken"""
 STAYS, LONGEST_STAY = 10, 6.0 * HOUR
-"""Last stays at the surface that the next are drawn from, and [s] of one; longer is a gap"""
+"""Last stays at the surface that tell of the next, and [s] of one; longer is a gap"""
 SHORTENED, LENGTHENED = -0.8, 3.0
 """[1] by which a dive is drawn shorter or longer than expected at most"""
 LAST, USUAL, SINCE = "as the last", "median of three", "since the last surfacing"
@@ -131,10 +131,9 @@ class Rhythm:
         Args:
           waited: [s] that it has been at the surface when the forecast begins.
         """
-        stays = rng.choice(self.stays, size=(count, dives))
-        expected = middle(self.late)
-        lasts = self.late.draw(count, FREEDOM, rng)
-        late = np.tile(lasts / expected - 1.0, dives)  # another order is kept, too
+        stays = _further(self.stays, (count, dives), rng)
+        lasts = self.late.draw(count, FREEDOM, rng)[:, 0]
+        late = lasts / middle(self.late) - 1.0
         stays[0], late[0] = np.median(self.stays), 0.0
         if waited < float(self.stays.max()):
             stays[:, 0] = np.maximum(stays[:, 0] - max(waited, 0.0), 0.0)
@@ -150,6 +149,24 @@ class Rhythm:
         )
 
 
+def _further(known: Array, shape: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Draws of further values of the law of n known ones, which is not known.
+
+    The next is as likely between any two neighbours of the known ones as beyond either end of them,
+    1 / (n + 1) each (Vovk, Gammerman and Shafer 2005, Algorithmic Learning in a Random World,
+    section 4.2): known values alone would hold a part (n - 1) / (n + 1) of the next ones at most.
+    Beyond an end, by an exponential law as wide as that end is from the median; never below 0.
+    """
+    ordered = np.sort(known)
+    rank = rng.uniform(0.0, len(ordered) + 1.0, size=shape)
+    beyond = rng.standard_exponential(shape)
+    low, middle_, high = ordered[0], np.median(ordered), ordered[-1]
+    drawn = np.interp(rank, np.arange(1, len(ordered) + 1), ordered)
+    drawn = np.where(rank < 1.0, low - beyond * (middle_ - low), drawn)
+    drawn = np.where(rank > len(ordered), high + beyond * (high - middle_), drawn)
+    return np.maximum(drawn, 0.0)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Delays:
     """By what members come up later than they flew; the first has the usual stays and no error."""
@@ -157,4 +174,5 @@ class Delays:
     stays: Array
     """[s] at the surface before each dive, (member, dive)"""
     late: Array
-    """[1] part by which each dive lasts longer than it was flown, (member, dive)"""
+    """[1] part by which all dives of a member last longer than they were flown, (member,): another
+    order of the pilot is kept, too"""
