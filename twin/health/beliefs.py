@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
 from twin.identify.depth_rates import DepthRates
+from twin.identify.fit import centred
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.unknowns import UnknownParameter, choose
 
@@ -103,7 +104,8 @@ def follow_parameters(
     """Follow parameters over the dives of one vehicle, in their order.
 
     Args:
-      logs: the dives. calibration: where the beliefs begin, with the parameters' spreads.
+      logs: the dives. calibration: where the beliefs begin, with the parameters' spreads; a neutral
+        density begins where the logs neither sink nor rise, since their sea may be another.
       parameters: names of `twin.identify.unknowns`.
       walks: change from dive to dive over the spread, by name or of all; default `WALKS`, times a
         factor that the first dives tell, as they tell how far dives are off.
@@ -115,6 +117,8 @@ def follow_parameters(
     """
     used, _ = gliding(logs)
     chosen = choose(list(parameters))
+    if any(one.name == "neutral_density" for one in chosen):
+        calibration = centred(used, calibration)
     problem = DepthRates(used, calibration, chosen, fixes=fixes)
     about, _ = problem.fit(np.zeros(len(chosen)), PASSES, progress=progress, **ENDS)
     said = _said(problem, about)

@@ -99,7 +99,7 @@ def identify(
     wanted = choose(list(parameters)) if parameters is not None else PARAMETERS
     report = progress or (lambda part: None)
     if "neutral_density" not in known:
-        nominal = _centred(logs, nominal)
+        nominal = centred(logs, nominal)
     choose(list(known))
     notes: dict[str, str] = {}
     problem = DepthRates(logs, nominal, (), model, fixes=fixes)
@@ -186,7 +186,7 @@ def _check_residual(
     )
 
 
-def _centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
+def centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
     """Start the trim where the vehicle would neither sink nor rise."""
     density = nominal.water_density
     densities = [np.median(log.density) for log in logs if log.density is not None]

@@ -146,3 +146,13 @@ def test_real_beliefs_end_at_the_fit_to_all_dives(name, tmp_path):
     logs, nominal = load_logs(store, rows), load_calibration(start_vehicle(store))
     fit = identify(logs, nominal, parameters=NAMES, fixes=False)
     assert_ends_at_the_fit(follow_parameters(logs, nominal, NAMES, walks=0.0, fixes=False), fit)
+
+
+def test_a_sea_of_another_density_is_found_from_a_file_of_the_ocean(sea, still):
+    ocean = load_calibration("glider")
+    brackish = ocean.replace(vehicle=ocean.vehicle.replace(reference_density=1008.0))
+    found = follow_parameters(sea[0], brackish, NAMES, walks=0.0, fixes=False)
+    for name in NAMES:
+        assert found.value(name)[-1] == pytest.approx(
+            still.value(name)[-1], abs=0.1 * still.deviation(name)[-1]
+        )

@@ -1,0 +1,221 @@
+"""Current floor: how far a navigator misses its fixes that knows the sea's law, but not the sea.
+
+    python -m benchmarks.current_floor STORE [STORE ...] --learn STORE [STORE ...] [--seas 400]
+        [--json]
+
+Stores of preset `field`, as of `benchmarks.navigator_consistency`, whose dives these are. For each
+mission currents are drawn from what the store itself draws its own from, each turned by 36 angles,
+which the law does not tell apart. Each weighs as much as it makes the fixes so far likely
+(importance sampling), with errors of the way through the water as missions after `--learn` have
+them: a scale and a turn for a mission, and noise for a dive. The weighted mean foretells the next
+fix. Nothing learns the sea better from fixes alone, up to the draws; half of them are tried too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from benchmarks.navigator_consistency import legs_of
+from factory.generation.generated_store import GeneratedStore
+from factory.sampling.draw import Parameters, draw_values
+from factory.sampling.mission_water import build_current
+from learn.data.dataset import Selection
+from twin.navigation.current import Leg
+from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, RATES
+from twin.seams import BASELINES
+from twin.water.current.axes import Origin
+from twin.water.current.sampler import sample_track
+
+Array = NDArray[np.float64]
+
+METHOD = "steady_flight"
+SEA_SEED = 990_417
+"""Of the drawn currents: no store's own"""
+EVERY = 60.0
+"""[s] between the points of a dive at which a current is taken"""
+TURNS = np.exp(2j * np.pi * np.arange(36) / 36)
+AT_FIRST = (0.05, 0.05, 10.0)
+"""Scale [1], turn [rad] and noise [m] from which they are fitted"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Dives:
+    """Of one mission, north + i east [m] each, (dive,)."""
+
+    over_ground: NDArray[np.complex128]
+    way: NDArray[np.complex128]
+    current: NDArray[np.complex128]
+    """by which the true current carried it"""
+    seas: NDArray[np.complex128]
+    """by which each drawn one would have, (sea, dive)"""
+
+
+def dives_of(store: str, seas: int) -> Iterator[Dives]:
+    """Of each mission that has known ones."""
+    with GeneratedStore(store) as generated:
+        method = BASELINES[METHOD](vehicle=generated.vehicle)
+        channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *method.needs(generated.vehicle), "true_depth")
+        with Selection(store, list(dict.fromkeys(channels))) as selection:
+            for mission in selection.each():
+                found = method.estimate(mission.signals, mission.period)
+                legs = legs_of(mission, found.surge, found.sway)
+                legs = [leg for leg in legs if leg.through_water is not None]
+                if not legs:
+                    continue
+                own = generated.parameters(mission.index)
+                track = (mission.period, np.asarray(mission.signals["true_depth"], dtype=float))
+                drawn = [
+                    _carried(_drawn(generated, own, number), legs, track) for number in range(seas)
+                ]
+                yield Dives(
+                    over_ground=np.array([complex(*leg.over_ground) for leg in legs]),
+                    way=np.array([complex(*leg.through_water) for leg in legs]),  # type: ignore
+                    current=_carried(own, legs, track),
+                    seas=np.array(drawn),
+                )
+
+
+def _drawn(generated: GeneratedStore, own: Parameters, number: int) -> Parameters:
+    """The mission with another sea; what a navigator knows, place and plan, is its own."""
+    values = draw_values(
+        generated.table, generated.distributions, seed=SEA_SEED, mission=number, attempt=0
+    )
+    sea = {name: value for name, value in values.items() if name.startswith("current.")}
+    return dataclasses.replace(own, values={**own.values, **sea})
+
+
+def _carried(
+    parameters: Parameters, legs: Sequence[Leg], track: tuple[float, Array]
+) -> NDArray[np.complex128]:
+    """North + i east [m] that a sea's current carries a mission in each dive."""
+    water = build_current(parameters)
+    if water is None:
+        return np.zeros(len(legs), dtype=complex)
+    period, depth = track
+    place = Origin(
+        latitude_deg=parameters.number("water.latitude"),
+        longitude_deg=parameters.number("water.longitude"),
+    )
+    program = water.compile(parameters.duration_s, place)
+    times = [
+        np.linspace(leg.start, leg.end, max(2, round(leg.duration / EVERY) + 1)) for leg in legs
+    ]
+    t = np.concatenate(times)
+    at = np.minimum(np.rint(t / period).astype(int), len(depth) - 1)
+    rest = np.zeros_like(t)
+    velocity = sample_track(program, t, rest, rest, depth[at], rest, rest, rest)[:, :2]
+    whole = velocity @ np.array([1.0, 1j])
+    ends = np.cumsum([len(one) for one in times])[:-1]
+    return np.array([
+        leg.duration * np.trapezoid(part, dx=1.0) / (len(part) - 1)
+        for leg, part in zip(legs, np.split(whole, ends), strict=True)
+    ])  # fmt: skip
+
+
+def way_errors(missions: Sequence[Dives]) -> Array:
+    """Deviations of scale [1], turn [rad] and noise [m], by greatest likelihood."""
+
+    def unlikely(logarithms: Array) -> float:
+        size = np.exp(logarithms)
+        return -sum(
+            _log_density(one.over_ground - one.way - one.current, _covariance(one.way, size))
+            for one in missions
+        )
+
+    return np.exp(minimize(unlikely, np.log(AT_FIRST), method="Nelder-Mead").x)
+
+
+def _covariance(way: NDArray[np.complex128], size: Array) -> Array:
+    """[m^2] of the ways' errors, north then east of all dives, (2 dive, 2 dive)."""
+    along = np.concatenate([way.real, way.imag])
+    across = np.concatenate([-way.imag, way.real])
+    scale, turn, noise = size
+    return (
+        scale**2 * np.outer(along, along)
+        + turn**2 * np.outer(across, across)
+        + noise**2 * np.eye(len(along))
+    )
+
+
+def _log_density(off: NDArray[np.complex128], covariance: Array) -> Any:
+    """Of normal errors (..., dive), but for a constant."""
+    errors = np.concatenate([off.real, off.imag], axis=-1)
+    root = np.linalg.cholesky(covariance)
+    white = np.linalg.solve(root, errors[..., None])[..., 0]
+    return -0.5 * (white**2).sum(-1) - np.log(np.diag(root)).sum()
+
+
+def misses_of(one: Dives, size: Array, seas: int) -> Array:
+    """[m] at each fix, before it was taken, (dive,)."""
+    known = (one.seas[:seas, None, :] * TURNS[:, None]).reshape(-1, len(one.way))
+    off = one.over_ground - one.way
+    full, count = _covariance(one.way, size), len(one.way)
+    found = []
+    for k in range(count):
+        before = [*range(k), *range(count, count + k)]
+        said = known[:, k]
+        weights = np.full(len(known), 1.0 / len(known))
+        if k:
+            errors = off[:k] - known[:, :k]
+            inner = full[np.ix_(before, before)]
+            logs = _log_density(errors, inner)
+            weights = np.exp(logs - logs.max())
+            weights /= weights.sum()
+            gain = np.linalg.solve(inner, full[np.ix_(before, [k, count + k])])
+            told = np.concatenate([errors.real, errors.imag], axis=-1) @ gain
+            said = said + told @ np.array([1.0, 1j])
+        found.append(abs(off[k] - weights @ said))
+    return np.array(found)
+
+
+def floor_of(judged: Sequence[Dives], size: Array, seas: int) -> dict[str, float]:
+    """Mean misses [m], and those of persistence on the same dives."""
+    every = [misses_of(one, size, seas) for one in judged]
+    later = np.concatenate([one[1:] for one in every])
+    currents = [one.over_ground - one.way for one in judged]
+    return {
+        "first_dive_m": float(np.mean([one[0] for one in every])),
+        "later_m": float(later.mean()),
+        "fixes": int(sum(len(one) for one in every)),
+        "first_dive_no_current_m": float(np.mean([abs(one[0]) for one in currents])),
+    }
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("stores", nargs="+", metavar="STORE", help="missions of preset field")
+    parser.add_argument(
+        "--learn", nargs="+", required=True, metavar="STORE", help="that tell of the way's errors"
+    )
+    parser.add_argument("--seas", type=int, default=400, help="currents drawn for a mission")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    options = parser.parse_args(words)
+    taught = [one for store in options.learn for one in dives_of(store, 0)]
+    size = way_errors(taught)
+    judged = [one for store in options.stores for one in dives_of(store, options.seas)]
+    figures = {
+        **dict(zip(("way_scale", "way_turn_rad", "way_noise_m"), map(float, size), strict=True)),
+        **floor_of(judged, size, options.seas),
+        "later_half_of_the_seas_m": floor_of(judged, size, options.seas // 2)["later_m"],
+    }
+    if options.json:
+        print(json.dumps(figures))
+    else:
+        for name, value in figures.items():
+            print(f"{name:26s} {value:.4g}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
