@@ -25,6 +25,7 @@ from scipy.optimize import minimize
 
 from benchmarks.navigator_consistency import legs_of
 from factory.generation.generated_store import GeneratedStore
+from factory.sampling.distribution import Value
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.mission_water import build_current
 from learn.data.dataset import Selection
@@ -62,6 +63,7 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
     """Of each mission that has known ones."""
     with GeneratedStore(store) as generated:
         method = BASELINES[METHOD](vehicle=generated.vehicle)
+        drawn_seas = [_sea(generated, number) for number in range(seas)]
         channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *method.needs(generated.vehicle), "true_depth")
         with Selection(store, list(dict.fromkeys(channels))) as selection:
             for mission in selection.each():
@@ -73,7 +75,8 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
                 own = generated.parameters(mission.index)
                 track = (mission.period, np.asarray(mission.signals["true_depth"], dtype=float))
                 drawn = [
-                    _carried(_drawn(generated, own, number), legs, track) for number in range(seas)
+                    _carried(dataclasses.replace(own, values={**own.values, **sea}), legs, track)
+                    for sea in drawn_seas
                 ]
                 yield Dives(
                     over_ground=np.array([complex(*leg.over_ground) for leg in legs]),
@@ -83,13 +86,10 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
                 )
 
 
-def _drawn(generated: GeneratedStore, own: Parameters, number: int) -> Parameters:
-    """The mission with another sea; what a navigator knows, place and plan, is its own."""
-    values = draw_values(
-        generated.table, generated.distributions, seed=SEA_SEED, mission=number, attempt=0
-    )
-    sea = {name: value for name, value in values.items() if name.startswith("current.")}
-    return dataclasses.replace(own, values={**own.values, **sea})
+def _sea(generated: GeneratedStore, number: int) -> dict[str, Value]:
+    """The parameters of one current as the store draws them; place and plan are a mission's own."""
+    table = {name: one for name, one in generated.table.items() if name.startswith("current.")}
+    return draw_values(table, generated.distributions, seed=SEA_SEED, mission=number, attempt=0)
 
 
 def _carried(
