@@ -20,10 +20,10 @@ setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual envi
 .venv/.installed: pyproject.toml plugins/hubs/pyproject.toml plugins/pipelines/pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
 
-.venv-s3/.installed: scripts/s3_server.sh .venv/.installed
+.venv-s3/.installed: scripts/s3_server.sh | .venv/.installed
 	@scripts/s3_server.sh .venv/bin/python
 
-.venv-hub/.installed: scripts/hub_readers.sh .venv/.installed
+.venv-hub/.installed: scripts/hub_readers.sh | .venv/.installed
 	@scripts/hub_readers.sh .venv/bin/python
 
 demo: setup               ## the main job, into demo/ (overwritten)

@@ -65,6 +65,8 @@ KEPT_BY_NUMPY = {
     "AVX-512": tuple(__cpu_dispatch__),
 }
 """Of the instructions that NumPy looks for: its names of them have changed"""
+HERE = "this machine's"
+"""The processor that is there, as it is"""
 CURRENT = "uniform:0.03,0.02+tide:m2=0.1,k1=0.03,direction=30+ekman:tau=0.1,direction=90"
 DURATIONS = {"slocum-200": 1800.0}
 """[s], where it is not SHORT"""
@@ -191,7 +193,10 @@ def arithmetic(vehicle: str, lanes: int = LANES[-1]) -> Arithmetic:
 def on_processor(
     name: str, hashed: Sequence[str] = FLEETS, counted: Sequence[str] = VEHICLES
 ) -> dict[str, Any]:
-    """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`."""
+    """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`.
+
+    Other names than those of PROCESSORS, such as HERE, leave the machine what it is.
+    """
     switches: dict[str, str] = {}
     if name in PROCESSORS:
         without = [item for item in __cpu_dispatch__ if item not in KEPT_BY_NUMPY[name]]
@@ -225,7 +230,7 @@ print(json.dumps({
 def processors() -> tuple[str, ...]:
     """Those that this machine can be taken for."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
-        return (platform.machine(),)
+        return (HERE,)
     from llvmlite.binding import get_host_cpu_features
 
     has = get_host_cpu_features()

@@ -9,6 +9,6 @@ if ! .venv-hub/bin/python -m pip --version >/dev/null 2>&1; then
     rm -rf .venv-hub
     "${1:-python3}" -m venv .venv-hub
 fi
-.venv-hub/bin/python -m pip install --quiet --disable-pip-version-check \
+.venv-hub/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
     datasets==4.8.5 'huggingface-hub>=0.34,<2' pyarrow==26.0.1 pandas==3.1.1
 touch .venv-hub/.installed

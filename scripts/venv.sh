@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes .venv with the versions of constraints.txt and this package installed editable.
+# Makes .venv with the versions of constraints.txt and this package installed editable, and beside it
+# what s3_server.sh and hub_readers.sh make.
 # Usage: scripts/venv.sh [PYTHON]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -31,6 +32,12 @@ if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
     rm -rf .venv
     "$python" -m venv .venv
 fi
+# The tests' own environments are made meanwhile: pip takes one processor, and waits for its index.
+scripts/s3_server.sh .venv/bin/python &
+s3=$!
+scripts/hub_readers.sh .venv/bin/python &
+hub=$!
+trap 'kill $s3 $hub 2>/dev/null || true' EXIT
 echo "setup: installing the pinned dependencies into .venv (some minutes the first time)" >&2
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable '.[dev]'
@@ -53,4 +60,6 @@ if ! complaints=$(.venv/bin/python -m pip check --disable-pip-version-check 2>&1
         exit 1
     fi
 fi
+wait $s3
+wait $hub
 touch .venv/.installed

@@ -88,7 +88,11 @@ class Compiled:
             if self._dispatcher is None or stamp is None or stamp != self._stamp:
                 function = self._make()
                 self._dispatcher = decorated(
-                    lambda cache: numba.njit(cache=cache, **self._options)(function),
+                    lambda cache: numba.njit(
+                        cache=cache,
+                        no_cfunc_wrapper=True,  # ours are called, never passed as pointers
+                        **self._options,
+                    )(function),
                     self.__module__,
                     stamp,
                 )

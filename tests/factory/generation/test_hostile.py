@@ -99,15 +99,19 @@ def tables(**table: object) -> bytes:
 
 @pytest.mark.parametrize(
     ("data", "message"),
-    [(bomb(), "made to fill the memory"), (b"PK", "cannot be read"), (tables(), "is not a block")],
+    [
+        (bomb, "made to fill the memory"),
+        (lambda: b"PK", "cannot be read"),
+        (tables, "is not a block"),
+    ],
 )
 def test_a_block_of_somebody_else_is_refused(
-    tmp_path: Path, recipe: Recipes, data: bytes, message: str
+    tmp_path: Path, recipe: Recipes, data: Callable[[], bytes], message: str
 ) -> None:
     made = recipe()
     job = Job(made, Site(tmp_path / "missions.zarr", made.digest))
     key = job.site.block(0)
-    sums = {key: job.site.files.put(key, data)}
+    sums = {key: job.site.files.put(key, data())}
     manifest = Manifest(
         unit="block 0", recipe=made.digest, first=0, last=0, files=sums, failures=0, versions={}
     )
