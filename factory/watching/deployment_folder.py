@@ -23,6 +23,7 @@ from twin.errors import InputError, TwinError, WriteError, quoted, shown, unknow
 from twin.forecast import check_hours, check_members, mission_to
 from twin.health import threshold_of
 from twin.records.storage.whole import check_folder_target, whole_file
+from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current import check_field
 
 SETTINGS = "deployment.toml"
@@ -106,9 +107,15 @@ class WatchedDeployment:
                 f"{where}: {unknown_name('kind', self.kind, [AUTO, *IMPORTERS.names()])}"
             )
         source_of(self.source, "" if self.kind == AUTO else self.kind)
+        if self.cache and not self.place(self.cache).is_dir():
+            raise InputError(
+                f"{where}: cache = {shown(self.cache)} is no folder "
+                f"({self.place(self.cache)}): give one from the deployment's folder on, or absolute"
+            )
         if self.goto and self.mission:
             raise InputError(f"{where}: give goto or mission, not both")
         try:
+            self.own_vehicle()
             check_members(self.members)
             check_hours(self.hours)
             if self.goto:
@@ -126,6 +133,17 @@ class WatchedDeployment:
             raise InputError(f"{where}: {error}") from None
 
         self.harbour  # noqa: B018 - refuses what is no place
+
+    def own_vehicle(self) -> Vehicle | None:
+        """That of `vehicle`; None where it is empty.
+
+        Raises:
+          VehicleError: no such file or name, or a file that cannot be flown.
+        """
+        if not self.vehicle:
+            return None
+        path = self.place(self.vehicle)
+        return load_vehicle(path if path.is_file() else self.vehicle)
 
     @property
     def field(self) -> str:

@@ -48,7 +48,7 @@ from twin.physics.start import utc_text
 from twin.records.attributes import DIVE
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Origin, parse_field
 
 Told = TypeVar("Told")
@@ -343,10 +343,7 @@ def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
 
 def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
     """The vehicle of a deployment: its settings', or that of the kind of its log."""
-    if not deployment.vehicle:
-        return start_vehicle(store)
-    path = deployment.place(deployment.vehicle)
-    return load_vehicle(path if path.is_file() else deployment.vehicle)
+    return deployment.own_vehicle() or start_vehicle(store)
 
 
 def _forecast(

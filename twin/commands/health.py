@@ -48,7 +48,9 @@ class JudgeHealth(JsonOption):
 
     def run(self, console: Console) -> int:
         """Judge, say, write the page."""
+        from twin import load_vehicle
         from twin.health import assess
+        from twin.identify import other_kind
         from twin.records import LogStore
 
         if self.page is not None:
@@ -67,6 +69,8 @@ class JudgeHealth(JsonOption):
             )
         wanted = len(found) <= FEW if self.answers is None else self.answers
         answered = self._answers(found) if wanted else {}
+        if self.vehicle is not None and (odd := other_kind(self.store, load_vehicle(self.vehicle))):
+            console.warn(odd)
         for one in found:
             console.say(one.verdict())
             for remark in one.remarks:

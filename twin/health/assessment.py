@@ -19,7 +19,7 @@ from twin.errors import InputError
 from twin.faults.base import FAULTS, Fault
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.deployment_dives import told_by
-from twin.health.deployment_health import NONE, DeploymentHealth, KindVerdict
+from twin.health.deployment_health import NONE, DeploymentHealth, KindVerdict, loud_channels
 from twin.health.disturbances import standing, steps_in_shear
 from twin.health.judgement import Levels, Verdict, follow, judge
 from twin.health.signatures import (
@@ -42,8 +42,6 @@ LEAST_DIVES = 6
 ENDS, BELOW = 0.0, 1.0
 """Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
 a level that is lower itself, so that an alarm does not flap"""
-LOUD = 6.0
-"""Deviations off its level from which a channel of the last dive is told"""
 LEANING = 3.0
 """[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
 
@@ -215,14 +213,11 @@ def remarks_of(
 
 
 def _loud(numbers: Sequence[int], levels: Levels) -> list[str]:
-    """Channels that were far off their levels in the last dive, whatever the verdict says of it."""
-    if not len(numbers):
-        return []
+    """Of each loud channel a sentence."""
     return [
         f"In dive {numbers[-1]} {channel.name} was {abs(off):.0f} deviations off its level "
         f"({channel.says}): look at its plot."
-        for channel, off in zip(CHANNELS, levels.innovation[-1].tolist(), strict=True)
-        if abs(off) > LOUD
+        for channel, off in loud_channels(levels)
     ]
 
 

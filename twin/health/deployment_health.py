@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.health.channels import CHANNELS
+from twin.health.channels import CHANNELS, Channel
 from twin.health.judgement import Levels
 
 Array = NDArray[np.float64]
 
+LOUD = 6.0
+"""Deviations off its level from which a channel of the last dive is told"""
 NONE = "none"
 """The kind of a healthy deployment"""
 
@@ -105,11 +107,13 @@ class DeploymentHealth:
             )  # fmt: skip
             by, judged = "", len(CHANNELS) - len(self.lacking)
             if 2 * judged < len(CHANNELS):
-                by = f", by {judged} of {len(CHANNELS)} channels alone"
-            return (
-                f"{self.name}: nothing wrong in {len(self.dives)} dives, {self.days:.1f} d{by}"
-                f"{before}"
-            )
+                by = f", judged by {judged} of {len(CHANNELS)} channels only"
+            found = "nothing wrong"
+            if loud := loud_channels(self.levels):
+                off = (f"{channel.name} was {abs(by):.0f} deviations off" for channel, by in loud)
+                before += f"; look at dive {self.dives[-1]}: {' and '.join(off)}"
+                found = "no alarm"
+            return f"{self.name}: {found} in {len(self.dives)} dives, {self.days:.1f} d{by}{before}"
         first = self.kinds[0]
         told = f" or {', '.join(first.also)}" if first.also else ""
         unit = "" if first.unit == "1" else f" {first.unit}"
@@ -118,3 +122,15 @@ class DeploymentHealth:
             f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
             f"{first.size_deviation:.2g}{unit}"
         )
+
+
+def loud_channels(levels: Levels) -> list[tuple[Channel, float]]:
+    """Channels that were `LOUD` deviations off their levels in the last dive, and by how many,
+    whatever the verdict says of it."""
+    if not len(levels.innovation):
+        return []
+    return [
+        (channel, off)
+        for channel, off in zip(CHANNELS, levels.innovation[-1].tolist(), strict=True)
+        if abs(off) > LOUD
+    ]

@@ -192,6 +192,8 @@ def test_settings_are_read_back_and_wrong_ones_named(tmp_path: Path, source: Pat
         (text.replace('current = ""', 'current = "file:a.nc"'), "unknown current 'file'"),
         (text.replace('current = ""', 'current = "uniform:fast"'), "uniform"),
         (text.replace("days = 30.0", "days = 0.0"), "days 0 must be within"),
+        (text.replace('cache = ""', 'cache = "lists"'), "cache = 'lists' is no folder"),
+        (re.sub("^vehicle = .*$", 'vehicle = "slocum-20"', text, flags=re.M), "slocum-200"),
     ):
         path.write_text(wrong)
         with pytest.raises(InputError, match=message):

@@ -68,6 +68,12 @@ def test_the_command_answers_by_json(store, capsys):
     assert {"rang", "remarks", "drag", "compass", "pump", "energy", "unanswered"} <= set(one)
 
 
+def test_a_vehicle_of_another_kind_than_the_log_is_warned_of(store, capsys, monkeypatch):
+    monkeypatch.setattr("twin.identify.start_values._kind_of", lambda _: "seaglider")
+    assert PROGRAM.main(["health", str(store), "--vehicle", "slocum-200"]) == 0
+    assert "is of another kind" in capsys.readouterr().err
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory, said):
     vehicle = twin.load_vehicle("slocum-200")

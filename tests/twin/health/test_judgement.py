@@ -168,7 +168,13 @@ def test_a_verdict_says_by_how_few_channels_it_is() -> None:
     whole = DeploymentHealth(**shared, lacking=())  # type: ignore[arg-type]
     assert whole.verdict().endswith("dives, 4.0 d")
     few = DeploymentHealth(**shared, lacking=names[2:])  # type: ignore[arg-type]
-    assert few.verdict().endswith(f"4.0 d, by 2 of {len(names)} channels alone")
+    assert few.verdict().endswith(f"4.0 d, judged by 2 of {len(names)} channels only")
+    values = sound(0)
+    values[-1, 3] += 40.0 * CHANNELS[3].noise
+    loud = DeploymentHealth(**{**shared, "levels": follow(values, None)}, lacking=())  # type: ignore[arg-type]
+    assert "unit1: no alarm in" in loud.verdict()
+    last = shared["dives"][-1]  # type: ignore[index]
+    assert f"; look at dive {last}: {CHANNELS[3].name} was " in loud.verdict()
 
 
 def test_a_channel_far_off_its_level_in_the_last_dive_is_told() -> None:
