@@ -9,6 +9,7 @@ from twin.compiled.content import generation as generation
 from twin.compiled.dispatch import dispatch as dispatch
 from twin.compiled.dispatch import generate as generate
 from twin.compiled.function import Compiled as Compiled
+from twin.compiled.function import borrowing as borrowing
 from twin.compiled.function import cfunc as cfunc
 from twin.compiled.function import inline as inline
 from twin.compiled.function import jit as jit

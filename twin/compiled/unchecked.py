@@ -7,26 +7,7 @@ from __future__ import annotations
 
 from llvmlite import ir
 from numba import types
-from numba.core.cgutils import get_null_value
 from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
-
-
-@intrinsic
-def borrowed(typingctx, array):  # type: ignore[no-untyped-def]
-    """The array without a count of who holds it.
-
-    Each slice of an array that goes to a function adds one to its count and takes it off again,
-    both atomic: for a small function that is a third of its time, and threads wait for each other.
-    """
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        view = make_array(signature.args[0])(context, builder, args[0])
-        view.meminfo = get_null_value(view.meminfo.type)
-        view.parent = get_null_value(view.parent.type)
-        return view._getvalue()
-
-    return array(array), codegen
 
 
 @intrinsic
@@ -43,3 +24,19 @@ def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.float64), codegen
+
+
+@intrinsic
+def widest_vectors(typingctx):  # type: ignore[no-untyped-def]
+    """Let the function that calls this use the widest vectors that the processor has.
+
+    LLVM takes halves of AVX-512's registers by itself, since code with few vectors gains nothing
+    from the rest. A loop over lanes is vectors throughout.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        # llvmlite knows no such attribute, but writes what the set has
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), codegen

@@ -113,6 +113,7 @@ class ManyLanes:
                 *joined([table.current for table in tables]),
                 *joined([table.density for table in tables]),
                 *joined([table.temperature for table in tables]),
+                *joined([np.zeros(0)] * len(tables)),  # no sea floor
             ]
         self._go_on(0)
         self._fresh[...] = False

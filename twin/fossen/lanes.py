@@ -20,11 +20,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from twin.compiled import elementary, jit
+from twin.compiled import borrowing, elementary
 from twin.compiled.portable import portable
-from twin.compiled.unchecked import borrowed, call_rate
+from twin.compiled.unchecked import call_rate, widest_vectors
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.lane_block import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
@@ -65,9 +63,10 @@ TIME = AT["time"]
 P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
     """Move every part to the end of the step."""
+    widest_vectors()
     # a row is a vector of its own: so the compiler sees that an index is not below 0
     rows = b.reshape(-1, lanes)[PARTS_AT : PARTS_AT + len(PART) * parts]
     for k in range(parts):
@@ -83,7 +82,7 @@ MANY_AWASH = 0.25
 """Part of the lanes at the surface from which on the strips of all are summed at once"""
 
 
-@jit
+@borrowing
 def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
     """Immersion of the hulls of some lanes, strip by strip."""
     for l in range(first, last):
@@ -94,9 +93,10 @@ def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
         b[IMMERSION * lanes + l], b[LEVER * lanes + l] = found[0], found[1]
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _wet(b, lanes):  # type: ignore[no-untyped-def]
     """Immersion of every hull."""
+    widest_vectors()
     rows = b.reshape(-1, lanes)
     depth, length, diameter = rows[STATE + 2], rows[LENGTH], rows[DIAMETER]
     immersion, lever = rows[IMMERSION], rows[LEVER]
@@ -113,7 +113,7 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
                 _immerse(b, lanes, l, l + 1)
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _look_up(  # type: ignore[no-untyped-def]
     b, lanes, h, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
@@ -158,9 +158,10 @@ def _look_up(  # type: ignore[no-untyped-def]
                 counts[l, FLOOR_TIME], b[ALIVE * lanes + l] = t, 0.0
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _turn(b, lanes):  # type: ignore[no-untyped-def]
     """Roll, pitch, heading [rad] of every lane; heading in [0, 2 pi)."""
+    widest_vectors()
     for l in range(lanes):
         at = (STATE + 3) * lanes + l
         r = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
@@ -170,7 +171,7 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
         b[(EULER + 2) * lanes + l] = heading + (2.0 * math.pi if heading < 0.0 else 0.0)
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _command(  # type: ignore[no-untyped-def]
     b,
     lanes,
@@ -241,7 +242,7 @@ def _command(  # type: ignore[no-untyped-def]
     return due
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: ignore[no-untyped-def]
     """One row of each lane's log; its numbers are those of the MuJoCo twin's, in their order.
 
@@ -299,9 +300,10 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
             counts[l, ENDED], b[ALIVE * lanes + l] = 2.0, 0.0
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
     """The end of the step from the rates here and one step before, of the lanes that are alive."""
+    widest_vectors()
     for k in range(POSE_WORDS):
         at, going = (STATE + k) * lanes, (GOING + k if k < 3 else RATE + k) * lanes
         for l in range(lanes):
@@ -327,9 +329,10 @@ def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
         )
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
     """Whether no lane has left physics: finite, below FASTEST, less than a radian a step."""
+    widest_vectors()
     wrong = 0.0
     for l in range(lanes):
         i = (STATE + 7) * lanes + l
@@ -344,7 +347,7 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
     return wrong == 0.0
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
     """Take the lanes out that `_sound` marked."""
     for l in range(lanes):
@@ -353,7 +356,7 @@ def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
             b[ALIVE * lanes + l] = 0.0
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def _alive(b, lanes):  # type: ignore[no-untyped-def]
     """How many lanes still fly."""
     alive = 0
@@ -363,7 +366,7 @@ def _alive(b, lanes):  # type: ignore[no-untyped-def]
     return alive
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def fly(  # type: ignore[no-untyped-def]
     b, lanes, address, rate, parts, joints, h, first, last, per_sample, per_look,
     counts, plans, plan_rows, periods, gains, guided, wanted, programs, program_at,
@@ -385,10 +388,6 @@ def fly(  # type: ignore[no-untyped-def]
         densities, water temperatures, sea floors and followed positions.
       log: (lanes, samples, width) from sample `first_sample` on.
     """
-    b, counts, log, wanted = borrowed(b), borrowed(counts), borrowed(log), borrowed(wanted)
-    plans, gains, guided = borrowed(plans), borrowed(gains), borrowed(guided)
-    programs, densities, warmths = borrowed(programs), borrowed(densities), borrowed(warmths)
-    floors, follows = borrowed(floors), borrowed(follows)
     due = 0.0
     for step in range(first, last):
         t = step * h
@@ -438,10 +437,10 @@ def fly(  # type: ignore[no-untyped-def]
     return _alive(b, lanes)
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def go_on(  # type: ignore[no-untyped-def]
     blocks, lanes, address, rate, parts, h, steps, fresh, counts, programs, program_at, densities,
-    density_at_, warmths, warmth_at,
+    density_at_, warmths, warmth_at, floors, floor_at,
 ):  # fmt: skip
     """Advance blocks by so many steps under the commands that stand in their rows.
 
@@ -455,9 +454,6 @@ def go_on(  # type: ignore[no-untyped-def]
       counts: (blocks, lanes, len(COUNTS)).
       programs, program_at, ...: of all lanes, as in `fly`.
     """
-    blocks, programs, densities = borrowed(blocks), borrowed(programs), borrowed(densities)
-    warmths = borrowed(warmths)
-    no_floors, no_floor_at = np.zeros(0), np.zeros(lanes + 1, np.int64)
     for k in range(len(blocks)):
         b, own, at = blocks[k], counts[k], address + 8 * k * blocks.shape[1]
         programs_of = program_at[k * lanes : (k + 1) * lanes + 1]
@@ -476,7 +472,7 @@ def go_on(  # type: ignore[no-untyped-def]
                     b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
             _look_up(
                 b, lanes, h, own, programs, programs_of, densities, densities_of, warmths,
-                warmths_of, no_floors, no_floor_at,
+                warmths_of, floors, floor_at[k * lanes : (k + 1) * lanes + 1],
             )  # fmt: skip
             _wet(b, lanes)
             if step == -1:

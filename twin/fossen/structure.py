@@ -75,16 +75,22 @@ def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> 
     from numba import types
 
     from twin.compiled.folder import decorated
+    from twin.compiled.unchecked import widest_vectors
 
     names = {
         name: portable(value) if isinstance(value, Compiled) and calls_math(value) else value
         for name, value in structure.names
     }
-    space = {"__name__": __name__, "carray": numba.carray, **names}
+    space = {
+        "__name__": __name__,
+        "carray": numba.carray,
+        "widest_vectors": widest_vectors,
+        **names,
+    }
     body = _ROW.sub(lambda found: str(int(found[1]) * lanes), body)
     text = (
         f"def rate(address, g):\n    b = carray(address, {structure.size * lanes})\n"
-        f"    for l in range({lanes}):\n{body}"
+        f"    widest_vectors()\n    for l in range({lanes}):\n{body}"
     )
     exec(compile(text, "<structure>", "exec"), space)
     stamps = [content.stamp(__name__, space["rate"])]

@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
 from twin.mission.mission_file import ABORTED, DONE, SEGMENT
@@ -260,7 +260,7 @@ class FollowedPositions:
         return np.concatenate([head, np.ravel(self.legs), self.positions]).astype(float)
 
 
-@jit(nogil=True)
+@borrowing(nogil=True)
 def followed(table, memory, time, segment):  # type: ignore[no-untyped-def]
     """Position of the part at a time [s] in a segment of the mission.
 

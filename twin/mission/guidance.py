@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import borrowing, jit
 from twin.mission import mission_file as g
 from twin.mission.phases import advance
 from twin.mission.reckoning import compass, pid, reckon, wrapped
@@ -41,7 +41,7 @@ MIN_COS_PITCH = 0.2
 """Floor of cos(pitch) in the heading rate: it is singular at 90 deg, missions end below 60 deg."""
 
 
-@jit
+@borrowing
 def _command(row: Array, which: int, command: Array) -> None:
     """Copy one of the row's three commands."""
     first = g.SEGMENT_COLUMNS + which * command.size
@@ -49,7 +49,7 @@ def _command(row: Array, which: int, command: Array) -> None:
         command[i] = row[first + i]
 
 
-@jit
+@borrowing
 def _pitch_with(
     part: float,
     sense: float,
@@ -87,7 +87,7 @@ def _pitch_with(
     )
 
 
-@jit
+@borrowing
 def _pitch_loop(
     row: Array,
     gains: Array,
@@ -104,7 +104,7 @@ def _pitch_loop(
     _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
-@jit
+@borrowing
 def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, command: Array) -> None:
     """The battery beside an elevator, in a hover."""
     part, sense = gains[g.TRIM_PART], gains[g.TRIM_SENSE]
@@ -113,7 +113,7 @@ def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, comm
     _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
-@jit
+@borrowing
 def _wanted_depth(row: Array, depth: float, altitude: float) -> float:
     """Depth [m] of a level way or a hover: as given, or so far above the sea floor."""
     wanted = row[g.DEPTH]
@@ -124,7 +124,7 @@ def _wanted_depth(row: Array, depth: float, altitude: float) -> float:
     return wanted
 
 
-@jit
+@borrowing
 def _depth_pid(
     gains: Array,
     first: int,
@@ -160,7 +160,7 @@ def _depth_pid(
     return output
 
 
-@jit
+@borrowing
 def _level_pitch(
     row: Array, gains: Array, state: Array, depth: float, altitude: float, depth_rate: float
 ) -> float:
@@ -171,7 +171,7 @@ def _level_pitch(
     return -_depth_pid(gains, first, state, slot, error, depth_rate, level, low, high)
 
 
-@jit
+@borrowing
 def _buoyancy_loop(
     gains: Array, state: Array, wanted: float, depth: float, depth_rate: float, command: Array
 ) -> None:
@@ -185,7 +185,7 @@ def _buoyancy_loop(
     command[part] = -_depth_pid(gains, first, state, slot, error, depth_rate, neutral, low, high)
 
 
-@jit
+@borrowing
 def _leave_surface(gains: Array, command: Array) -> None:
     """Go down from the surface by weight: pump and battery of a vehicle that an elevator pitches.
 
@@ -201,7 +201,7 @@ def _leave_surface(gains: Array, command: Array) -> None:
         command[battery] = gains[g.TRIM_LOW if gains[g.TRIM_SENSE] > 0.0 else g.TRIM_HIGH]
 
 
-@jit
+@borrowing
 def _turns_otherwise(row: Array, gains: Array, phase: float, depth_rate: float) -> bool:
     """Whether a vehicle that rolls to turn does not yet go the way that its phase turns it in.
 
@@ -232,7 +232,7 @@ def _go_along(gains: Array, command: Array) -> None:
             command[int(row[1])] = min(max(command[int(row[1])], row[4]), row[5])
 
 
-@jit
+@borrowing
 def _steer(
     table: Array,
     gains: Array,
@@ -338,7 +338,7 @@ def _steer(
     )
 
 
-@jit
+@borrowing
 def guidance_step(
     table: Array,
     gains: Array,

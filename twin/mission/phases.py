@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
 from twin.numbers import Array
@@ -15,13 +15,13 @@ TIME_TOLERANCE = 1e-6
 """[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""
 
 
-@jit
+@borrowing
 def _at_bottom(row: Array, depth: float, altitude: float) -> bool:
     """Whether a dive turns here: at its depth, or near the sea floor."""
     return bool(depth >= row[g.MAX_DEPTH] or altitude <= row[g.MIN_ALTITUDE])
 
 
-@jit
+@borrowing
 def _enter(
     table: Array,
     state: Array,
@@ -75,7 +75,7 @@ def _enter(
         state[g.PHASE] = g.SURFACING
 
 
-@jit
+@borrowing
 def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
     """Whether a flight to a waypoint goes up for a fix: time, yos, or it has arrived.
 
@@ -89,7 +89,7 @@ def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
     return bool(turned and state[g.YOS_UNDER] >= row[g.SURFACE_YOS])
 
 
-@jit
+@borrowing
 def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
     """The phase of a flight to a waypoint: up for a fix, down again, steered to the target."""
     phase = state[g.PHASE]
@@ -108,7 +108,7 @@ def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
     return following
 
 
-@jit
+@borrowing
 def advance(
     table: Array, state: Array, t: float, depth: float, altitude: float, heading: float
 ) -> None:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.mission import mission_file as g
 from twin.numbers import Array
 
 
-@jit
+@borrowing
 def pid(
     kp: float,
     ki: float,
@@ -44,13 +44,13 @@ def pid(
     return clamped
 
 
-@jit
+@borrowing
 def wrapped(angle: float) -> float:
     """`angle` [rad] in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
-@jit
+@borrowing
 def compass(angle: float) -> float:
     """`angle` [rad] in [0, 2 pi), as headings are."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
@@ -68,7 +68,7 @@ MOST_CRAB = math.sin(math.radians(70.0))
 """Of the speed, to stem a cross current: a course keeps a part toward its target"""
 
 
-@jit
+@borrowing
 def speed_through_water(row: Array, phase: float, depth_rate: float, pitch: float) -> float:
     """Horizontal speed [m/s] by depth rate [m/s] and pitch [rad], or the propeller's."""
     if phase == g.AT_SURFACE or phase == g.HOVERING:
@@ -89,7 +89,7 @@ def speed_through_water(row: Array, phase: float, depth_rate: float, pitch: floa
     return min(max(depth_rate / math.tan(slope), 0.0), most)
 
 
-@jit
+@borrowing
 def _fix(state: Array, t: float, north: float, east: float) -> None:
     """Take a fix; the first one after a dive says what the current was."""
     elapsed = t - state[g.LAST_FIX]
@@ -106,7 +106,7 @@ def _fix(state: Array, t: float, north: float, east: float) -> None:
     state[g.LAST_FIX], state[g.FIXED] = t, 1.0
 
 
-@jit
+@borrowing
 def reckon(
     row: Array,
     state: Array,
@@ -159,7 +159,7 @@ def reckon(
         state[g.SEEN_NORTH], state[g.SEEN_EAST] = north, east
 
 
-@jit
+@borrowing
 def distance_left(row: Array, state: Array) -> float:
     """[m] from where the vehicle seems to be to the row's target."""
     return math.hypot(
@@ -167,7 +167,7 @@ def distance_left(row: Array, state: Array) -> float:
     )
 
 
-@jit
+@borrowing
 def course(row: Array, state: Array) -> float:
     """Heading [rad] that makes good the way to the row's target in the estimated current.
 

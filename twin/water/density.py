@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from twin.compiled import jit
+from twin.compiled import borrowing, jit
 from twin.compiled.elementary import exp
 from twin.errors import InputError
 from twin.numbers import Array, number, numbers
@@ -60,7 +60,7 @@ def _decay(depth, mixed_layer_depth, decay_depth):  # type: ignore[no-untyped-de
     return left
 
 
-@jit
+@borrowing
 def density_at(program, depth):  # type: ignore[no-untyped-def]
     """Density [kg/m3] at `depth` [m] in a compiled profile, clamped at both ends; NaN stays NaN.
 
@@ -83,7 +83,7 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
     return (1.0 - f) * program[PROGRAM_HEADER + i] + f * program[PROGRAM_HEADER + i + 1]
 
 
-@jit
+@borrowing
 def density_slope_at(program, depth):  # type: ignore[no-untyped-def]
     """Change of `density_at` over depth [kg/m4], of the row at `depth`; 0 beyond the ends."""
     last = min(int(program[0]), program.size - PROGRAM_HEADER) - 1

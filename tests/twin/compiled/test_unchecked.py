@@ -5,24 +5,43 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
 
-from twin.compiled import jit
-from twin.compiled.unchecked import borrowed
+from twin.compiled import borrowing, jit
+from twin.compiled.unchecked import widest_vectors
 
 
-@jit
+@borrowing
 def _last(array):
     return array[-1]
 
 
-@jit
+@borrowing
 def _sum_of_ends(array, count):
-    array = borrowed(array)
     total = 0.0
     for k in range(count):
         total += _last(array[: k + 1])
     array[0] = total
     return total
+
+
+@borrowing
+def _of_its_own(count):
+    return np.zeros(count).sum()
+
+
+@borrowing
+def _widely(a, b):
+    widest_vectors()
+    for k in range(64):
+        b[k] = 2.0 * a[k]
+
+
+@jit
+def _as_usual(a, b):
+    for k in range(64):
+        b[k] = 2.0 * a[k]
 
 
 def test_a_borrowed_array_is_the_same_memory_and_stays_its_owners():
@@ -31,3 +50,27 @@ def test_a_borrowed_array_is_the_same_memory_and_stays_its_owners():
     assert _sum_of_ends(array, 8) == 28.0
     assert array[0] == 28.0
     assert sys.getrefcount(array) == before
+
+
+def test_borrowing_counts_no_references():
+    def text(function):
+        return "\n".join(function.dispatcher.inspect_llvm().values())
+
+    _sum_of_ends(np.arange(8.0), 8), _as_usual(np.zeros(64), np.zeros(64))
+    inside = text(_sum_of_ends).partition("\n}")[0]
+    assert "NRT_incref" not in inside
+    assert "NRT_decref" not in inside
+
+
+def test_a_function_that_makes_an_array_does_not_borrow():
+    with pytest.raises(TypingError):
+        _of_its_own(3)
+
+
+def test_the_widest_vectors_are_asked_for_where_a_function_says_so_and_nowhere_else():
+    a, b, c = np.arange(64.0), np.zeros(64), np.zeros(64)
+    _widely(a, b), _as_usual(a, c)
+    assert (b == c).all()
+    asked = '"prefer-vector-width"="512"'
+    assert asked in "".join(_widely.dispatcher.inspect_llvm().values())
+    assert asked not in "".join(_as_usual.dispatcher.inspect_llvm().values())

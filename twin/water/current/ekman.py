@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin, coriolis
@@ -19,7 +19,7 @@ LOWEST_LATITUDE = 2.0
 """[degree] Nearer to the equator f vanishes and the steady Ekman balance does not hold."""
 
 
-@jit
+@borrowing
 def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S hemisphere)."""
     inverse = program[start + 1]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin
@@ -19,7 +19,7 @@ from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
-@jit
+@borrowing
 def smooth_series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Cubic through nodes: interval [s], velocity (n, 3), with the slope at a node that of its
     neighbours (Catmull and Rom 1974), so that no acceleration jumps; held after the last node."""

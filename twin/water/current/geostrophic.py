@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
@@ -15,7 +15,7 @@ from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
-@jit
+@borrowing
 def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Barotropic north, east; baroclinic surface north, east; 1/scale depth."""
     inverse = program[start + 4]

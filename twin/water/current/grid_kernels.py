@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import borrowing, jit
 from twin.water.current.interpolation import INVALID, locate
 from twin.water.current.sampler import record_at
 
@@ -15,7 +15,7 @@ HEADER = 6
 """nt, nd, nn, ne, number of velocity components (2 or 3), meridian curvature [1/m]."""
 
 
-@jit
+@borrowing
 def _along_east(program, at, step, f, rate):  # type: ignore[no-untyped-def]
     """Value and derivative between two neighbours on the east axis."""
     here = program[at]
@@ -23,13 +23,13 @@ def _along_east(program, at, step, f, rate):  # type: ignore[no-untyped-def]
     return here + f * slope, rate * slope
 
 
-@jit
+@borrowing
 def _mix(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
     """Linear interpolation between two (value, derivative) pairs whose weight f itself moves."""
     return a + f * (b - a), a_rate + f * (b_rate - a_rate) + rate * (b - a)
 
 
-@jit
+@borrowing
 def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
     """One velocity component from the 8 corners of a cell at one of the file's times."""
     _, s_d, s_n, s_e = steps
@@ -44,7 +44,7 @@ def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyp
     return _mix(c, cr, a, ar, f_d, r_d)
 
 
-@jit
+@borrowing
 def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
     """One velocity component from the 16 corners of the cell whose first corner is `at`."""
     now, now_rate = _at_one_time(program, at, steps, fractions, rates)
@@ -54,7 +54,7 @@ def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped
     return _mix(now, now_rate, later, later_rate, fractions[0], rates[0])
 
 
-@jit
+@borrowing
 def _is_grid(program, start, size):  # type: ignore[no-untyped-def]
     """Whether the payload has the length that its header says."""
     if size < HEADER:
@@ -69,7 +69,7 @@ def _is_grid(program, start, size):  # type: ignore[no-untyped-def]
     )
 
 
-@jit
+@borrowing
 def box_interpolation(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Header, time, depth, north and east axes, velocity (time, depth, north, east, component)."""
     if not _is_grid(program, start, size):

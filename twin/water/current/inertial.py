@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin, coriolis
 from twin.water.current.base import Current
@@ -15,7 +15,7 @@ from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
-@jit
+@borrowing
 def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Speed, signed angular rate (clockwise from above is +), angle at t 0, layer depth,
     1/decay depth below the layer."""

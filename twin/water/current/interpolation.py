@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 
 INVALID = (math.nan,) * 6
 """Velocity and derivative of a record that is damaged: an event that a simulation reports."""
 
 
-@jit
+@borrowing
 def locate(program, start, n, x):  # type: ignore[no-untyped-def]
     """Cell of x on the ascending axis program[start:start+n]: index, fraction, 1/width.
 
@@ -45,7 +45,7 @@ def locate(program, start, n, x):  # type: ignore[no-untyped-def]
     return low, (x - program[start + low]) * inverse, inverse
 
 
-@jit
+@borrowing
 def table(program, start, size, x, x_rate):  # type: ignore[no-untyped-def]
     """Linear table: n, axis (n), velocity (n, 3). Velocity, and derivative at `x_rate` of x."""
     if size < 1 or not (program[start] >= 1.0 and 1.0 + 4.0 * program[start] == size):

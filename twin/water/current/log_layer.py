@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin
@@ -19,7 +19,7 @@ VON_KARMAN = 0.41
 """Von Karman's constant."""
 
 
-@jit
+@borrowing
 def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """(u*/kappa) north, east; water depth; roughness length; layer thickness."""
     height = program[start + 2] - depth

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
 from twin.water.current import registry as checks
@@ -37,7 +37,7 @@ COLUMNS = {
 """CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""
 
 
-@jit
+@borrowing
 def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
     """Table over depth: n, depths [m] (n), velocity (n, 3)."""
     return table(program, start, size, depth, r_d)

@@ -14,12 +14,13 @@ The layout of a compiled current is flat: every kind writes it, and the sampler 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.compiled import generate, inline, jit
+from twin.compiled import borrowing, generate, inline, jit
 from twin.compiled.dispatch import Written
 from twin.water.current import registry
 from twin.water.current.interpolation import INVALID
@@ -70,67 +71,33 @@ def _along(k, v_north, v_east, v_down):
     )
 
 
-@jit
-def _gather(t, n, e, d):
-    """Velocity, local rate and gradient from the derivatives along time, north, east and depth."""
-    return (*t, n[3], e[3], d[3], n[4], e[4], d[4], n[5], e[5], d[5])
+def _branches(of_kind: Callable[[registry.Kind, str], Sequence[str]]) -> Written:
+    """A branch for each kind, of the lines that `of_kind` makes of it and of its function's name.
 
-
-@jit
-def _by_depth(d):
-    """Likewise of what changes with depth alone."""
-    return d[0], d[1], d[2], 0.0, 0.0, 0.0, 0.0, 0.0, d[3], 0.0, 0.0, d[4], 0.0, 0.0, d[5]
-
-
-@jit
-def _sum(a, b):
-    """Velocity, local rate and gradient of two records together."""
-    return (
-        *(a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4]),
-        *(a[5] + b[5], a[6] + b[6], a[7] + b[7], a[8] + b[8], a[9] + b[9]),
-        *(a[10] + b[10], a[11] + b[11], a[12] + b[12], a[13] + b[13], a[14] + b[14]),
-    )
-
-
-@jit
-def _held(k):
-    """Above the surface nothing changes with depth."""
-    return (
-        *(k[0], k[1], k[2], k[3], k[4], k[5]),
-        *(k[6], k[7], 0.0, k[9], k[10], 0.0, k[12], k[13], 0.0),
-    )
-
-
-def _chain(
-    of_kernel: str, of_directional: Callable[[registry.Kind], str], invalid: tuple[float, ...]
-) -> Written:
-    """A branch for each kind; `{}` in the expressions stands for its function."""
-    names = {
-        "_along": _along,
-        "_gather": _gather,
-        "_by_depth": _by_depth,
-        "_none": (0.0,) * 6,
-        "_invalid": invalid,
-    }
-    lines = []
+    What is of no kind returns `_invalid`.
+    """
+    names: dict[str, object] = {}
+    lines: list[str] = []
     for kind in registry.kinds().values():
         function = f"_kind_{kind.code}"
-        expression = of_directional(kind) if kind.directional is not None else of_kernel
         names[function] = kind.directional or kind.kernel
-        lines.append(f"if code == {kind.code}:")
+        lines.append(f"{'el' if lines else ''}if code == {kind.code}:")
         if kind.payload_size is not None:
             lines.append(f"    if size != {kind.payload_size}: return _invalid")
-        lines.append(f"    return {expression.replace('{}', function)}")
-    return "\n".join([*lines, "return _invalid"]), names
+        lines += [f"    {line}" for line in of_kind(kind, function)]
+    return "\n".join([*lines, "else: return _invalid"]), names
 
 
 def _write_rate() -> Written:
     point, direction = ", ".join(_POINT), ", ".join(_DIRECTION)
-    return _chain(
-        f"_along({{}}({point}), {direction})",
-        lambda kind: f"{{}}({point}, 1.0, {direction})",
-        INVALID,
-    )
+
+    def of_kind(kind: registry.Kind, function: str) -> list[str]:
+        if kind.directional is not None:
+            return [f"return {function}({point}, 1.0, {direction})"]
+        return [f"return _along({function}({point}), {direction})"]
+
+    text, names = _branches(of_kind)
+    return text, {**names, "_along": _along, "_invalid": INVALID}
 
 
 _AXES = {
@@ -139,31 +106,68 @@ _AXES = {
     "east": "0.0, 0.0, 1.0, 0.0",
     "depth": "0.0, 0.0, 0.0, 1.0",
 }
+_SUMS = {axis: tuple(f"d_{axis}_{k}" for k in range(3)) for axis in _AXES}
+"""Of each axis: sums of the derivatives of the velocity's three components along it"""
+_VELOCITY = ("v_0", "v_1", "v_2")
 
 
 def _write_gradient() -> Written:
+    """Each record adds what its kind has alone, so that one of the depth alone is quick."""
     point = ", ".join(_POINT)
 
-    def derivatives(kind: registry.Kind) -> str:
-        if tuple(kind.cls.depends_on) == ("depth",):
-            return f"_by_depth({{}}({point}, {_AXES['depth']}))"
-        # the velocity comes with every derivative: here with that along time
-        taken = {"time", *kind.cls.depends_on}
-        four = (f"{{}}({point}, {d})" if axis in taken else "_none" for axis, d in _AXES.items())
-        return f"_gather({', '.join(four)})"
+    def add(sums: Sequence[str], first: int) -> str:
+        return "; ".join(f"{name} += k[{first + i}]" for i, name in enumerate(sums))
 
-    return _chain(f"{{}}({point})", derivatives, INVALID_GRADIENT)
+    def of_kind(kind: registry.Kind, function: str) -> list[str]:
+        if kind.directional is None:
+            by_place = [(_SUMS["north"][i], _SUMS["east"][i], _SUMS["depth"][i]) for i in range(3)]
+            sums = (*_VELOCITY, *_SUMS["time"], *(name for row in by_place for name in row))
+            return [f"k = {function}({point})", add(sums, 0)]
+        taken = tuple(kind.cls.depends_on)
+        if taken != ("depth",):
+            taken = ("time", *(axis for axis in taken if axis != "time"))
+        lines = []
+        for axis in taken:
+            lines += [f"k = {function}({point}, {_AXES[axis]})", add(_SUMS[axis], 3)]
+        return [*lines, add(_VELOCITY, 0)]  # the velocity comes with every derivative
+
+    branches, names = _branches(of_kind)
+    sums = (*_VELOCITY, *(name for axis in _SUMS.values() for name in axis))
+    body = f"""
+{" = ".join(sums)} = 0.0
+if program.size > 0:
+    if not (0.0 <= program[0] <= program.size): return _invalid
+    depth = down if down > 0.0 else 0.0
+    at = 1
+    for _ in range(int(program[0])):
+        code, start, size = _record_at(program, at)
+        if size < 0: return _invalid
+        at = start + size
+{textwrap.indent(branches, "        ")}
+if not down > 0.0:  # above the surface nothing changes with depth
+    {" = ".join(_SUMS["depth"])} = 0.0
+return ({", ".join(_VELOCITY)}, {", ".join(_SUMS["time"])}, {
+        ", ".join(_SUMS[axis][k] for k in range(3) for axis in ("north", "east", "depth"))
+    })
+"""
+    return body, {**names, "_record_at": record_at, "_invalid": INVALID_GRADIENT}
 
 
 _rate_of_kind = generate(
     "_rate_of_kind", ("code", *_POINT, *_DIRECTION), _write_rate, module=__name__, inline="always"
 )
-_gradient_of_kind = generate(
-    "_gradient_of_kind", ("code", *_POINT), _write_gradient, module=__name__, inline="always"
-)
+sample_gradient = generate(
+    "sample_gradient", ("program", "t", "north", "east", "down"), _write_gradient, module=__name__,
+    _nrt=False,
+)  # fmt: skip
+"""Current, its rate at a fixed place, and its gradient.
+
+Arguments as those of `sample`. Returns 15 numbers: velocity north, east, down [m/s]; its local
+rate dV/dt [m/s2]; its gradient [1/s] row by row, dVn/dn, dVn/de, dVn/dd, dVe/dn, ...
+"""
 
 
-@jit
+@borrowing
 def sample(program, t, north, east, down, v_north, v_east, v_down):
     """Current and its total time derivative along the vehicle's path.
 
@@ -203,29 +207,6 @@ def sample(program, t, north, east, down, v_north, v_east, v_down):
         a_e += part[4]
         a_d += part[5]
     return u_n, u_e, u_d, a_n, a_e, a_d
-
-
-@jit
-def sample_gradient(program, t, north, east, down):
-    """Current, its rate at a fixed place, and its gradient.
-
-    Arguments as those of `sample`. Returns 15 numbers: velocity north, east, down [m/s]; its local
-    rate dV/dt [m/s2]; its gradient [1/s] row by row, dVn/dn, dVn/de, dVn/dd, dVe/dn, ...
-    """
-    total = (0.0,) * 15
-    if program.size == 0:
-        return total
-    if not (0.0 <= program[0] <= program.size):
-        return INVALID_GRADIENT
-    depth = down if down > 0.0 else 0.0
-    at = 1
-    for _ in range(int(program[0])):
-        code, start, size = record_at(program, at)
-        if size < 0:
-            return INVALID_GRADIENT
-        at = start + size
-        total = _sum(total, _gradient_of_kind(code, program, start, size, t, north, east, depth))
-    return total if down > 0.0 else _held(total)
 
 
 @jit

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin
@@ -76,7 +76,7 @@ ELLIPSE_SETTINGS = {"direction": "direction_deg", "phase": "phase_deg", "minor":
 """Command-line name and field of what every constituent has beside its amplitude."""
 
 
-@jit
+@borrowing
 def ellipses_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
     """n, then per constituent: angular rate, cos and sin coefficients (north, east each)."""
     v_north = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from twin.compiled import jit
+from twin.compiled import borrowing
 from twin.errors import CurrentError
 from twin.water.current import registry as checks
 from twin.water.current.axes import Origin
@@ -16,7 +16,7 @@ from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
-@jit
+@borrowing
 def uniform_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
     """North, east, down."""
     rest = (0.0, 0.0, 0.0)

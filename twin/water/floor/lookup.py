@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import jit
+from twin.compiled import borrowing, jit
 from twin.numbers import Array
 from twin.water.current.interpolation import locate
 
@@ -23,7 +23,7 @@ EXACT = 1e-4
 """[m] of the length of a beam"""
 
 
-@jit
+@borrowing
 def floor_depth(table, north, east):  # type: ignore[no-untyped-def]
     """Depth [m] of the sea floor at a point [m] of the mission's tangent plane.
 
@@ -59,7 +59,7 @@ def floor_depths(table, north, east):  # type: ignore[no-untyped-def]
     return out
 
 
-@jit
+@borrowing
 def shallowest_depth(table):  # type: ignore[no-untyped-def]
     """Least depth [m] of a table's nodes, which the depths between them keep to."""
     least = math.inf
@@ -71,7 +71,7 @@ def shallowest_depth(table):  # type: ignore[no-untyped-def]
     return least
 
 
-@jit
+@borrowing
 def beam_length(  # type: ignore[no-untyped-def]
     table, shallowest, north, east, depth, toward, farthest, step
 ):
@@ -103,7 +103,7 @@ def beam_length(  # type: ignore[no-untyped-def]
     return math.inf
 
 
-@jit
+@borrowing
 def _crossing(  # type: ignore[no-untyped-def]
     table, north, east, depth, toward, low, short, high, beyond
 ):
