@@ -55,6 +55,9 @@ class ManyLanes:
         self._fresh = np.zeros((blocks, WIDTH), np.bool_)
         still = column(self._structure, self._numbers, vehicle, Start(), np.zeros(0))
         self._rows[...] = still[None, :, None]
+        self._travel: tuple[Array, Array] | None = None
+        """The parts' least positions and how far each can go, (count, parts) each; None: since the
+        last vehicle was placed, nobody has asked"""
         self._tables = [Tables()] * (blocks * WIDTH)
         self._tables_changed = True
         self._first = {name: PARTS_AT + PART.index(name) * parts for name in PART}
@@ -102,6 +105,7 @@ class ManyLanes:
         self._rows[block, :, lane] = column(structure, numbers, real, start, tables.temperature)
         self._counts[block, lane] = 0.0
         self._fresh[block, lane] = True
+        self._travel = None
         if tables.words or self._tables[index].words:
             self._tables[index], self._tables_changed = tables, True
 
@@ -233,6 +237,14 @@ class ManyLanes:
 
     def actuators(self) -> Array:
         """Positions of the parts as fractions of their travel, -1 to 1, shape (count, parts)."""
-        low = self._vector(self._first["low"], self._structure.parts)
-        high = self._vector(self._first["high"], self._structure.parts)
-        return 2.0 * (self.activation() - low) / (high - low) - 1.0
+        if self._travel is None:
+            low = self._vector(self._first["low"], self._structure.parts)
+            high = self._vector(self._first["high"], self._structure.parts)
+            self._travel = low, high - low
+        low, travel = self._travel
+        fractions = self.activation()
+        fractions -= low
+        fractions *= 2.0
+        fractions /= travel
+        fractions -= 1.0
+        return fractions

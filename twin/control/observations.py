@@ -84,8 +84,10 @@ class Observations:
         """A task's observation, of one vehicle or of many, in this space."""
         if self.kind == DICT:
             return {name: np.clip(value, *self.limits[name]) for name, value in found.items()}
-        values = np.concatenate(list(found.values()), axis=-1) / self.scale
-        return np.clip(values, -LIMIT, LIMIT).astype(np.float32)
+        values = np.concatenate(list(found.values()), axis=-1)
+        values /= self.scale
+        np.clip(values, -LIMIT, LIMIT, out=values)
+        return values.astype(np.float32)
 
 
 class Observed:
