@@ -1,11 +1,13 @@
 """What a step on board costs: the exported C code, with features, beside onnxruntime without.
 
-    python -m benchmarks.onboard_step STORE [--kinds ema elman] [--members 1]
+    python -m benchmarks.onboard_step STORE [--kinds ema elman] [--members 1] [--missions 1]
+                                      [--run RUN]
 
 Networks of the default size with random weights, one surge and one sway for each member, over the
-longest mission of the store: C99 from sensor samples to both velocities, `cc -O3` for any
+longest missions of the store: C99 from sensor samples to both velocities, `cc -O3` for any
 processor of the family, and the ONNX models of the same networks, features given. Times are per
-sample, one thread, and are those of both velocities.
+sample, one thread, and are those of both velocities. With `--run` the networks are a trained run's,
+with the vehicle that it adapted to.
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 
 import torch
 
-from learn.data.dataset import Selection
+from learn.data.dataset import MissionSequence, Selection
 from learn.data.preparation import prepare
 from learn.data.store_checks import input_groups
 from learn.networks.base import build_network
@@ -25,47 +29,83 @@ from learn.networks.c_export import export_c
 from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import export_step
 from learn.networks.predictor import Ensemble, Predictor
+from learn.run import open_run
 from learn.seams import NETWORKS
+from twin.cli.text_table import counted
 from twin.navigation.features import channels_of, select_features
+from twin.vehicle.vehicle import Vehicle
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `candidates` reads."""
     parser.add_argument("store", help="missions with full inputs")
     parser.add_argument("--kinds", nargs="+", default=list(NETWORKS.shipped()))
     parser.add_argument("--members", type=int, default=1)
-    options = parser.parse_args()
-    os.environ["OMP_NUM_THREADS"] = "1"
-    features = select_features(input_groups("full", options.store))
-    with Selection(options.store, channels_of(features)) as selection:
-        (mission,) = selection.read([int(selection.lengths.argmax())])
+    parser.add_argument("--missions", type=int, default=1, help="how many, the longest first")
+    parser.add_argument("--run", help="trained networks in place of random ones")
+
+
+def candidates(
+    options: argparse.Namespace,
+) -> Iterator[tuple[str, dict[str, Ensemble], list[MissionSequence], Vehicle | None]]:
+    """Name, networks, the store's longest missions for them, and its vehicle."""
+    torch.manual_seed(0)
+    run = open_run(options.run) if options.run else None
+    features = select_features(input_groups("full", options.store)) if run is None else run.features
+    trained = {} if run is None else run.networks()
+    start = trained["surge"].start if run else None
+    period = run.period if run else None
+    with Selection(options.store, channels_of(features), period=period, start=start) as selection:
+        longest = (-selection.lengths).argsort(kind="stable")[: options.missions]
+        missions = selection.read(longest)
         vehicle = selection.vehicle
+    if run is not None:
+        yield f"run {run.name}{', adapted' * (start is not None)}", trained, missions, vehicle
+        return
     scales = {
         target: prepare(options.store, target=target, features=features).normalisation
         for target in ("surge", "sway")
     }
     for kind in options.kinds:
-        config = NetworkConfig(kind=kind, inputs=len(features), period=mission.period)
-        networks = {
-            target: Ensemble(
-                tuple(Predictor(build_network(config), own) for _ in range(options.members))
-            )
-            for target, own in scales.items()
-        }
+        config = NetworkConfig(kind=kind, inputs=len(features), period=missions[0].period)
+        yield (
+            kind,
+            {
+                target: Ensemble(
+                    tuple(Predictor(build_network(config), own) for _ in range(options.members))
+                )
+                for target, own in scales.items()
+            },
+            missions,
+            vehicle,
+        )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add_arguments(parser)
+    options = parser.parse_args()
+    os.environ["OMP_NUM_THREADS"] = "1"
+    for name, networks, missions, vehicle in candidates(options):
         members = [member for ensemble in networks.values() for member in ensemble.members]
         with tempfile.TemporaryDirectory() as folder:
-            c = export_c(networks, Path(folder) / "velocity.h", mission, vehicle)
-            onnx = [export_step(m, Path(folder) / "step.onnx", mission).step_us for m in members]
+            place = Path(folder) / "velocity.h"
+            c = [export_c(networks, place, mission, vehicle) for mission in missions]
+            onnx = [
+                export_step(m, Path(folder) / "step.onnx", missions[0]).step_us for m in members
+            ]
         weights = sum(p.numel() for m in members for p in m.network.parameters())
         state = sum(m.network.state_size for m in members)
         print(
-            f"{kind:6s} {weights} weights, state of {state} numbers: C {c.step_us:.1f} us, "
-            f"onnxruntime {sum(onnx):.1f} us; C differs by {c.largest:.1g} m/s at most",
+            f"{name:6s} {weights} weights, state of {state} numbers: C "
+            f"{min(p.step_us for p in c):.1f} us, onnxruntime {sum(onnx):.1f} us; over "
+            f"{counted(len(c), 'mission')} C differs by {max(p.largest for p in c):.1g} m/s at "
+            f"most, {median(p.rms for p in c):.1g} m/s in root mean square, "
+            f"{max(p.rms for p in c):.1g} in the worst",
             flush=True,
         )
 
 
 if __name__ == "__main__":
-    torch.manual_seed(0)
     main()

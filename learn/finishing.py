@@ -201,13 +201,16 @@ def _familiarity(run: Run) -> Familiarity:
 
 def _error_model(run: Run, split: str) -> ErrorModel:
     seconds: list[float] = []
-    errors: list[Array] = []
+    surge: list[Array] = []
+    sway: list[Array] = []
 
     def watch(reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
         seconds.append(reference.mission.samples * reference.mission.period)
-        surge = estimates[NETWORK].surge
-        assert surge is not None
-        errors.append(surge - reference.surge)
+        said = estimates[NETWORK]
+        assert said.surge is not None
+        assert said.sway is not None
+        surge.append(said.surge - reference.surge)
+        sway.append(said.sway - reference.sway)
 
     found: Evaluation = evaluate(
         run.networks(),
@@ -219,7 +222,7 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         period=run.period,
     )
     ideal = found.provenance.get("sensors") == IDEAL_SENSORS
-    return fit_error_model(found.methods[NETWORK].scores, seconds, errors, ideal_compass=ideal)
+    return fit_error_model(found.methods[NETWORK].scores, seconds, surge, sway, ideal_compass=ideal)
 
 
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:

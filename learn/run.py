@@ -143,7 +143,8 @@ class Run:
         """
         from learn.networks.predictor import Ensemble, load_predictor
 
-        found = {}
+        found, model = {}, self.error_model()
+        intervals = {"surge": model.surge_interval, "sway": model.sway_interval}
         for target in TARGETS:
             members = []
             for place in range(self.members):
@@ -153,7 +154,7 @@ class Run:
                     raise StoreError(
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
-            found[target] = Ensemble(tuple(members), self.adapted, self.familiar)
+            found[target] = Ensemble(tuple(members), self.adapted, self.familiar, intervals[target])
         return found
 
     @property

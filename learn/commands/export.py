@@ -45,6 +45,9 @@ class ExportNetwork(JsonOption):
         checked = export(folder, self.out, to=self.to, store=self.store)
         from learn.networks import TOLERANCE
 
+        most = f"{TOLERANCE * 1e3:g} mm/s"
+        if self.to == "c":
+            most += " in the root mean square or at one sample in 1000"
         run = open_run(folder)
         first = next(iter(checked.values()))
         console.answer(run=run.folder, tolerance=TOLERANCE, models=checked)
@@ -53,13 +56,14 @@ class ExportNetwork(JsonOption):
                 {
                     "model": str(parity.path),
                     "largest difference [mm/s]": 1e3 * parity.largest,
+                    "root mean square [mm/s]": 1e3 * parity.rms,
                     "time per step [us]": parity.step_us,
                 }
                 for parity in checked.values()
             ],
             title="values of the exported model beside those of the trained network, over the "
             f"{first.samples} samples of mission {first.mission}; a difference above "
-            f"{TOLERANCE * 1e3:g} mm/s would have been refused",
+            f"{most} would have been refused",
             digits=3,
         )
         console.say()

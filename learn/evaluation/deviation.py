@@ -72,6 +72,8 @@ class ErrorModel:
     surge_interval: float = 0.0
     """[m/s] either way, within which 68 % of the samples of each validation mission were, in the
     mean; 0 of runs that did not look"""
+    sway_interval: float = 0.0
+    """[m/s] likewise"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -89,6 +91,7 @@ def fit_error_model(
     scores: Sequence[MissionScore],
     seconds: Sequence[float],
     surge_errors: Sequence[Array] = (),
+    sway_errors: Sequence[Array] = (),
     *,
     ideal_compass: bool,
 ) -> ErrorModel:
@@ -101,6 +104,7 @@ def fit_error_model(
       scores: of the networks, on validation missions.
       seconds: duration of each mission.
       surge_errors: [m/s] of each mission, (time,).
+      sway_errors: likewise.
     """
     drifts = [
         score.tracks["velocity"].end_m / duration
@@ -111,14 +115,23 @@ def fit_error_model(
     if not drifts:
         return ErrorModel(heading_sd=heading)
     rms = math.sqrt(math.fsum(d * d for d in drifts) / len(drifts))
-    interval = 0.0
-    if surge_errors:  # missions count alike, whatever their length
-        weights = np.concatenate([np.full(len(e), 1.0 / len(e)) for e in surge_errors])
-        far = np.abs(np.concatenate(list(surge_errors)))
-        order = np.argsort(far)
-        share = np.cumsum(weights[order]) / len(surge_errors)
-        interval = float(far[order[np.searchsorted(share, WITHIN)]])
-    return ErrorModel(velocity_sd=rms / math.sqrt(2.0), heading_sd=heading, surge_interval=interval)
+    return ErrorModel(
+        velocity_sd=rms / math.sqrt(2.0),
+        heading_sd=heading,
+        surge_interval=_interval(surge_errors),
+        sway_interval=_interval(sway_errors),
+    )
+
+
+def _interval(errors: Sequence[Array]) -> float:
+    """Within which WITHIN of the samples were; missions count alike, whatever their length."""
+    if not errors:
+        return 0.0
+    weights = np.concatenate([np.full(len(e), 1.0 / len(e)) for e in errors])
+    far = np.abs(np.concatenate(list(errors)))
+    order = np.argsort(far)
+    share = np.cumsum(weights[order]) / len(errors)
+    return float(far[order[np.searchsorted(share, WITHIN)]])
 
 
 def surge_interval(
@@ -126,20 +139,18 @@ def surge_interval(
 ) -> Array:
     """[m/s] either way, within which 68 % of the surge's errors are said to be, (time,).
 
-    It is what validation missions showed, times the outside figure above 1. Of an adapted run the
-    lasting part of it is, in steady glides, what is left of it in the mean with the filter's surge.
+    It is what validation missions showed, times the outside figure above 1; of an adapted run what
+    that leaves (`Adapted.interval`).
 
     Args:
       mission: with ADAPTED, if the run adapted.
       adapted: what the run knows of its vehicle.
       outside: as `Familiarity.outside`; None: unknown.
     """
-    square = np.full(mission.samples, model.surge_interval**2)
     if adapted is None:
-        return np.sqrt(square) * max(1.0, outside or 0.0)
+        return np.full(mission.samples, model.surge_interval * max(1.0, outside or 0.0))
     _, steady, sd = (mission.signals[name] for name in ADAPTED)
-    weight = adapted.weight(steady, sd)
-    return np.asarray(np.sqrt(np.maximum(square - weight * adapted.deviation**2, weight * sd**2)))
+    return np.asarray(adapted.interval(model.surge_interval, steady, sd))
 
 
 def network_position_sd(
@@ -177,7 +188,7 @@ class Coverage:
         """Before the first mission; `outside` gives the figure of one."""
         self._model, self._adapted, self._outside = model, adapted, outside
         self._ends: list[tuple[float, float]] = []
-        self._within: list[float] = []
+        self._within: dict[str, list[float]] = {"surge": [], "sway": []}
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
         """See one mission; the estimate called `network` is judged."""
@@ -186,24 +197,31 @@ class Coverage:
         error = horizontal_error(track[-1:], reference.water_track[-1:])
         deviation = network_position_sd(reference, estimate, self._model)
         self._ends.append((float(error[0]), float(deviation[-1])))
+        mission = reference.mission
+        outside = None if self._outside is None else self._outside(mission)
         if self._model.surge_interval:
             assert estimate.surge is not None
-            mission = reference.mission
-            outside = None if self._outside is None else self._outside(mission)
             interval = surge_interval(self._model, mission, self._adapted, outside)
-            self._within.append(float(np.mean(np.abs(estimate.surge - reference.surge) < interval)))
+            far = np.abs(estimate.surge - reference.surge)
+            self._within["surge"].append(float(np.mean(far < interval)))
+        if self._model.sway_interval:
+            assert estimate.sway is not None
+            wide = self._model.sway_interval * max(1.0, outside or 0.0)
+            self._within["sway"].append(
+                float(np.mean(np.abs(estimate.sway - reference.sway) < wide))
+            )
 
     def figures(self) -> dict[str, float | None]:
-        """Mean predicted deviation at mission end [m], the share within two of them, and that of
-        the samples whose surge is within its interval."""
-        within = float(np.mean(self._within)) if self._within else None
-        if not self._ends:
-            return {"position_sd_m_mean": None, "within_2sd": None, "surge_within": within}
-        errors, deviations = np.array(self._ends).T
-        return {
-            "position_sd_m_mean": float(deviations.mean()),
-            "within_2sd": float((errors <= 2.0 * deviations).mean()),
-            "surge_within": within,
+        """Mean predicted deviation at mission end [m], the share within two of them, and those of
+        the samples whose surge and sway are within their intervals."""
+        found: dict[str, float | None] = {"position_sd_m_mean": None, "within_2sd": None}
+        if self._ends:
+            errors, deviations = np.array(self._ends).T
+            found["position_sd_m_mean"] = float(deviations.mean())
+            found["within_2sd"] = float((errors <= 2.0 * deviations).mean())
+        return found | {
+            f"{name}_within": float(np.mean(shares)) if shares else None
+            for name, shares in self._within.items()
         }
 
 

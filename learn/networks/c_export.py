@@ -4,12 +4,13 @@
     if (glider_step(&state, &sample, &velocity)) ... velocity.surge, velocity.sway [m/s]
 
 A sample holds the channels that the features read, by their schema names and in their units. The
-members of an ensemble are averaged. There is no allocation and no library but math; features are
-double, since depth is differentiated, and networks are float32.
+members of an ensemble are averaged. There is no allocation, no library but a square root, and no
+double, which small processors compute in software.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shlex
 import shutil
@@ -19,7 +20,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import MissionSequence
@@ -29,19 +29,25 @@ from learn.networks.network_estimator import FASTEST
 from learn.networks.onnx_export import TOLERANCE, Parity
 from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
+from twin.navigation import c_math
+from twin.navigation.c_math import number, table
 from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
-from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.flight_filter import FlightFilter, FlightStart
 from twin.navigation.flight_filter_c import NUMBERS, c_flight
 from twin.navigation.flight_filter_kernels import OUTPUTS
-from twin.navigation.settings import ESTIMATED, MIXED, sources
+from twin.navigation.settings import ESTIMATED, MIXED, estimate, estimate_adapted, sources
 from twin.records.schema import VARIABLES
 from twin.records.storage.whole import whole_file
 from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
 """Of the file."""
+BEYOND = 1e-3
+"""Share of the samples that may differ by more than TOLERANCE. Where a hull falls over at the
+surface, the flight filter's balance of forces jumps from one branch to another, and makes of the
+last digit of float32 a thousand times as much."""
 FLAGS = (
     *("-std=c99", "-O3", "-pedantic"),
     *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),
@@ -80,7 +86,7 @@ def c_header(
         for name, member in members.items()
     )
     measured = sources(read.channels)
-    sample = "\n".join(f"    double {c}; /* [{_unit(c)}] */" for c in measured)
+    sample = "\n".join(f"    float {c}; /* [{_unit(c)}] */" for c in measured)
     flight, flight_state, outside = "", "", ""
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
@@ -90,13 +96,13 @@ def c_header(
         if start is not None:
             filters.append(FlightFilter(vehicle, period, start=start))
         flight = c_flight(*filters)
-        flight_state = f"    double flight[{len(filters)}][{NUMBERS}];\n"
+        flight_state = f"    float flight[{len(filters)}][{NUMBERS}];\n"
         familiar = networks["surge"].familiar
-        outside = "" if familiar is None else familiar.c_function()
+        outside = "" if familiar is None else familiar.c_function(filters[0].model.prior)
     return f"""\
 /* Surge and sway of a vehicle through the water from its sensors, by trained networks.
  *
- * Made by `learn export --to c`. C99, no allocation, no library but math.
+ * Made by `learn export --to c`. C99, float throughout, no allocation, no library but sqrtf.
  *
  *     glider_state state;
  *     glider_velocity velocity;
@@ -113,7 +119,7 @@ def c_header(
 #include <stddef.h>
 #include <string.h>
 
-#define GLIDER_PERIOD {period!r} /* [s] */
+#define GLIDER_PERIOD {number(period)} /* [s] */
 
 typedef struct {{
 {sample}
@@ -123,26 +129,29 @@ typedef struct {{
 typedef struct {{
     float surge; /* [m s-1] forward */
     float sway;  /* [m s-1] to starboard */
+    /* [m s-1] either way, within which 68 % of their errors are said to be; INFINITY: not known */
+    float surge_deviation, sway_deviation;
 }} glider_velocity;
 
 /* All that the next step depends on; it may be copied and kept as bytes. */
 typedef struct {{
-    double window[{read.windows}];
-    double last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
+    float window[{read.windows}];
+    float last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
 {flight_state}    int count;
     int held; /* channels whose last good value stands for the sample's */
 {states}
 }} glider_state;
 
-{c_step.PRELUDE}
+{c_math.PRELUDE}
 {c_steps.PRELUDE}
+{c_step.PRELUDE}
 {C_PRELUDE}
 {flight}{read.functions}
 {functions}
 /* Begin before the first sample, at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
 
-{_step(networks, read, len(features), period)}{outside}
+{outside}{_step(networks, read, len(features), period)}
 #endif
 """
 
@@ -154,23 +163,16 @@ def _unit(channel: str) -> str:
 def _scaled(name: str, member: Predictor) -> str:
     """A function from features to the velocity of one member."""
     scales, count = member.normalisation, len(member.features)
-    mean, scale = (
-        c_step.table(key, torch.tensor(values)) for key, values in _input_scales(member).items()
-    )
     body = f"""\
-{mean}
-{scale}
+{table("mean", scales.mean)}
+{table("scale", scales.scale)}
 float x[{count}];
 for (int i = 0; i < {count}; i++)
-    x[i] = ((float)feature[i] - mean[i]) / scale[i];
-return {c_step.number(scales.target_scale)} * gt_{name}_network(state, x) \
-+ {c_step.number(scales.target_mean)};"""
-    head = f"static inline float gt_{name}(float *state, const double *feature) /* [m s-1] */"
+    x[i] = (feature[i] - mean[i]) / scale[i];
+return {number(scales.target_scale)} * gt_{name}_network(state, x) \
++ {number(scales.target_mean)};"""
+    head = f"static inline float gt_{name}(float *state, const float *feature) /* [m s-1] */"
     return f"{head}\n{{\n{indented(body)}\n}}\n"
-
-
-def _input_scales(member: Predictor) -> dict[str, tuple[float, ...]]:
-    return {"mean": member.normalisation.mean, "scale": member.normalisation.scale}
 
 
 def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period: float) -> str:
@@ -180,7 +182,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     if estimated:
         filters = 1 + (networks["surge"].start is not None)  # as the networks read it; adapted
         flight = [
-            f"double estimated[{filters}][{len(OUTPUTS)}];",
+            f"float estimated[{filters}][{len(OUTPUTS)}];",
             f"for (int k = 0; k < {filters}; k++)",
             "    gt_flight(gt_begins + k, state->flight[k], sample, estimated[k]);",
         ]
@@ -188,25 +190,33 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     for channel in estimated:
         place = f"estimated[0][{ESTIMATED.index(channel)}]"
         statements = statements.replace(f"sample->{channel}", place)
-    means = []
+    said = []
+    wider = "1.0f"
+    if networks["surge"].familiar is not None:
+        wider = "gt_most(1.0f, glider_outside(state))"
     for velocity, ensemble in networks.items():
         members = range(len(ensemble.members))
         total = " + ".join(f"gt_{velocity}_{k}(state->{velocity}_{k}, feature)" for k in members)
         mean = f"({total}) / {len(members)}.0f"
+        known = ensemble.interval
+        interval = f"{number(known)} * {wider}" if known else "INFINITY"
         if velocity == "surge" and ensemble.adapted is not None:
-            filtered, steady, sd = (f"(float)estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
-            own = c_step.number(ensemble.adapted.deviation**2)
-            means.append(f"const float own = {mean}, sd = {sd};")
-            means.append(f"const float weight = {steady} * {own} / ({own} + sd * sd);")
+            filtered, steady, sd = (f"estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
+            own = number(ensemble.adapted.deviation**2)
+            said.append(f"const float own = {mean}, sd = {sd};")
+            said.append(f"const float weight = {steady} * {own} / ({own} + sd * sd);")
             mean = f"own + weight * ({filtered} - own)"
-        means.append(f"velocity->{velocity} = gt_bounded({mean}, {c_step.number(FASTEST)});")
+            left = f"{number(known**2)} - weight * {own}, weight * sd * sd"
+            interval = f"sqrtf(gt_most({left}))" if known else "INFINITY"
+        said.append(f"velocity->{velocity} = gt_bounded({mean}, {number(FASTEST)});")
+        said.append(f"velocity->{velocity}_deviation = {interval};")
     body = "\n".join(
         [
             guard.c_statements(),
             *flight,
-            f"double feature[{count}];",
+            f"float feature[{count}];",
             statements,
-            *means,
+            *said,
             f"if (state->count < {read.longest})\n    state->count++;",
             "return 1;",
         ]
@@ -232,22 +242,40 @@ def export_c(
 
     Raises:
       InputError: there is no C compiler, or no C code of a kind of network or of a feature.
-      StoreError: it cannot be written, does not compile, or differs by more than TOLERANCE from
-        the networks; a file that was there is as it was.
+      StoreError: it cannot be written, does not compile, or differs from the networks by more than
+        TOLERANCE in root mean square, or at more than BEYOND of the samples; a file that was there
+        is as it was.
     """
     compiler, text = find_compiler(), c_header(networks, mission.period, vehicle)
+    mission = _as_given(mission, networks["surge"].start, vehicle)
     with whole_file(path) as place:
         place.write_text(text, encoding="utf-8")
-        velocities, step_us = run_c(place, networks, mission, compiler)
+        said, step_us = run_c(place, networks, mission, compiler)
         wanted = np.stack([networks[name].predict([mission])[0][0] for name in VELOCITIES], 1)
-        largest = float(np.abs(velocities - wanted).max())
-        if not largest <= TOLERANCE:
+        off = np.abs(said[:, :2] - wanted)
+        largest, rms = float(off.max()), float(np.sqrt(np.mean(off**2, 0)).max())
+        beyond = float(np.mean(~(off <= TOLERANCE).all(1)))
+        if not (beyond <= BEYOND and rms <= TOLERANCE):
             raise StoreError(
-                f"the C code differs by {largest:.2g} m/s from the networks on mission "
-                f"{mission.index} (allowed {TOLERANCE:g}); it was not kept. A network with a "
-                "state that amplifies rounding does so: train it longer, or with another --seed"
+                f"the C code differs from the networks on mission {mission.index} by {rms:.2g} m/s "
+                f"in root mean square, {largest:.2g} m/s at most, and by more than {TOLERANCE:g} "
+                f"m/s at {beyond:.2%} of the samples (allowed {TOLERANCE:g} m/s and {BEYOND:.1%}); "
+                "it was not kept. A network with a state that amplifies rounding does so: train it "
+                "longer, or with another --seed"
             )
-    return Parity(path, mission.index, mission.samples, largest, step_us)
+    return Parity(path, mission.index, mission.samples, largest, rms, step_us)
+
+
+def _as_given(
+    mission: MissionSequence, start: FlightStart | None, vehicle: Vehicle | None
+) -> MissionSequence:
+    """A mission in the float32 that a sample has; stores of logs fill gaps with more digits."""
+    signals = {n: v.astype(np.float32).astype(np.float64) for n, v in mission.signals.items()}
+    if vehicle is not None:
+        signals |= estimate(signals, vehicle, mission.period, mission=mission.index)
+        if start is not None:
+            signals |= estimate_adapted(signals, vehicle, mission.period, start)
+    return dataclasses.replace(mission, signals=signals)
 
 
 VELOCITIES = ("surge", "sway")
@@ -257,8 +285,8 @@ MAIN = """\
 #include <stdio.h>
 #include <time.h>
 
-static double given[{samples}][{channels}];
-static float found[{samples}][2];
+static float given[{samples}][{channels}];
+static float found[{samples}][4];
 
 int main(void)
 {{
@@ -269,12 +297,14 @@ int main(void)
     glider_reset(&state);
     const clock_t start = clock();
     for (int k = 0; k < {samples}; k++) {{
-        const double *v = given[k];
+        const float *v = given[k];
         const glider_sample sample = {{{fields}}};
         if (!glider_step(&state, &sample, &velocity))
             return 2;
         found[k][0] = velocity.surge;
         found[k][1] = velocity.sway;
+        found[k][2] = velocity.surge_deviation;
+        found[k][3] = velocity.sway_deviation;
     }}
     fprintf(stderr, "%.9g", 1e6 * (double)(clock() - start) / CLOCKS_PER_SEC / {samples});
     return fwrite(found, sizeof found[0], {samples}, stdout) != {samples};
@@ -307,14 +337,14 @@ def run_c(
     """Compile a header, and run a mission through it.
 
     Returns:
-      Surge and sway [m/s], (time, 2), and the time of a step [us].
+      Surge, sway and their deviations [m/s], (time, 4), and the time of a step [us].
 
     Raises:
       StoreError: it does not compile, or stops.
     """
     features = networks["surge"].members[0].features
     channels = sources(c_features(features, mission.period).channels)
-    given = np.stack([mission.signals[name] for name in channels], 1).astype(np.float64)
+    given = np.stack([mission.signals[name] for name in channels], 1).astype(np.float32)
     source = MAIN.format(
         header=header.name,
         samples=len(given),
@@ -331,4 +361,4 @@ def run_c(
         done = subprocess.run([program], input=given.tobytes(), capture_output=True)
     if done.returncode:
         raise StoreError(f"the program made of {header} ended with code {done.returncode}")
-    return np.frombuffer(done.stdout, np.float32).reshape(-1, 2), float(done.stderr)
+    return np.frombuffer(done.stdout, np.float32).reshape(-1, 4), float(done.stderr)

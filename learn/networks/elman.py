@@ -87,7 +87,7 @@ class Elman(Network):
                 f"float h{k}[{hidden}];",
                 f"gt_dense(h{k}, weight_{k}, bias_{k}, {source}, {layer.inputs}, {hidden});",
                 f"gt_add(h{k}, recurrent_{k}, {past}, {delays * hidden}, {hidden});",
-                f"gt_tanh(h{k}, {hidden});",
+                f"gt_tanhs(h{k}, {hidden});",
                 f"gt_append({past}, {delays}, {hidden}, h{k});",
             ]
             source = f"h{k}"

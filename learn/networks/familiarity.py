@@ -15,6 +15,7 @@ import numpy as np
 
 from learn.data.dataset import MissionSequence
 from twin.errors import StoreError
+from twin.navigation.c_math import table
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import CONSTANTS, GUESS
 from twin.numbers import Array
@@ -69,22 +70,19 @@ class Familiarity:
         far = np.abs(np.asarray(constants) - self.mean) / (FAR * np.array(self.deviation))
         return float(far.max()), CONSTANTS[int(far.argmax())]
 
-    def c_function(self) -> str:
-        """`float glider_outside(const glider_state *state)` in C99."""
-        mean, reach = (
-            "{" + ", ".join(repr(float(v)) for v in values) + "}"
-            for values in (self.mean, FAR * np.array(self.deviation))
-        )
+    def c_function(self, prior: Array) -> str:
+        """`float glider_outside(const glider_state *state)` in C99, whose constants are counted in
+        prior deviations (7,)."""
         return f"""\
 /* How far the hull is outside of those of the training: above 1 it is. */
 static inline float glider_outside(const glider_state *state)
 {{
-    static const double mean[] = {mean};
-    static const double reach[] = {reach};
-    double most = 0.0;
+    {table("mean", self.mean / prior)}
+    {table("reach", FAR * np.array(self.deviation) / prior)}
+    float most = 0.0f;
     for (int i = 0; i < {len(CONSTANTS)}; i++)
-        most = fmax(most, fabs(state->flight[0][{GUESS} + i] - mean[i]) / reach[i]);
-    return (float)most;
+        most = gt_most(most, fabsf(state->flight[0][{GUESS} + i] - mean[i]) / reach[i]);
+    return most;
 }}
 """
 

@@ -86,7 +86,7 @@ class Memoryless(FixedMemory):
         """See `Network.c_step`."""
         arrays, sizes = _body_arrays(self.body)
         return CStep(
-            arrays=arrays, body=f"(void)state;\n{perceptron(sizes, 'gt_tanh')}\nreturn out[0];"
+            arrays=arrays, body=f"(void)state;\n{perceptron(sizes, 'gt_tanhs')}\nreturn out[0];"
         )
 
 

@@ -86,7 +86,7 @@ class Gru(Gated):
     c_units = """
 const float reset = gt_sigmoid(own[i] + fed[i]);
 const float keep = gt_sigmoid(own[hidden + i] + fed[hidden + i]);
-const float fresh = tanhf(own[2 * hidden + i] + reset * fed[2 * hidden + i]);
+const float fresh = gt_tanh(own[2 * hidden + i] + reset * fed[2 * hidden + i]);
 h[i] = fresh + keep * (h[i] - fresh);
 """
 
@@ -101,8 +101,8 @@ class Lstm(Gated):
     c_units = """
 const float in = gt_sigmoid(own[i] + fed[i]);
 const float keep = gt_sigmoid(own[hidden + i] + fed[hidden + i]);
-const float fresh = tanhf(own[2 * hidden + i] + fed[2 * hidden + i]);
+const float fresh = gt_tanh(own[2 * hidden + i] + fed[2 * hidden + i]);
 const float let = gt_sigmoid(own[3 * hidden + i] + fed[3 * hidden + i]);
 c[i] = keep * c[i] + in * fresh;
-h[i] = let * tanhf(c[i]);
+h[i] = let * gt_tanh(c[i]);
 """

@@ -5,6 +5,7 @@ Network flight: a trained run as an estimator of `twin flight --estimator networ
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -74,6 +75,7 @@ class NetworkVelocity(VelocityEstimator):
         self._adapted = networks["surge"].adapted
         self._familiar = networks["surge"].familiar
         self._deviation = VelocityDeviation() if deviation is None else deviation
+        self._known = {name: networks[name].interval or math.inf for name in TARGETS}
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
             feature
@@ -131,6 +133,16 @@ class NetworkVelocity(VelocityEstimator):
         return self._familiar.outside(constants)[0]
 
     @property
+    def intervals(self) -> dict[str, float]:
+        """[m/s] either way, within which 68 % of the errors of `surge` and `sway` are said to be at
+        the last sample (`learn.evaluation.deviation`); infinite where no validation showed it."""
+        wider = max(1.0, self.outside or 0.0)
+        found = {name: known * wider for name, known in self._known.items()}
+        if self._adapted is not None:
+            found["surge"] = float(self._adapted.interval(self._known["surge"], *self._mixed))
+        return found
+
+    @property
     def held(self) -> tuple[str, ...]:
         """Channels whose last good value stands for that of the last sample."""
         return self._guard.held
@@ -142,6 +154,7 @@ class NetworkVelocity(VelocityEstimator):
         for flight in (self._flight, self._second):
             if flight is not None:
                 flight.reset()
+        self._mixed = (0.0, 0.0)  # whether the second filter's glide is steady, its deviation
         self._states = {
             name: [one.network.initial_state(1) for one in members]
             for name, members in self._members.items()
@@ -174,7 +187,8 @@ class NetworkVelocity(VelocityEstimator):
                 value = float(np.mean(each))
                 if name == "surge" and self._adapted is not None:
                     filtered, steady, sd = (sample[c] for c in ADAPTED)
-                    value += self._adapted.weight(steady, sd) * (filtered - value)
+                    self._mixed = steady, sd
+                    value += self._adapted.weight(*self._mixed) * (filtered - value)
                 mean[name] = min(max(value, -FASTEST), FASTEST) if value == value else 0.0
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 

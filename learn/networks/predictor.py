@@ -228,6 +228,13 @@ class Adapted:
         own = self.deviation**2
         return steady * own / (own + filter_sd**2)
 
+    def interval(self, before: float, steady: Any, filter_sd: Any) -> Any:
+        """[m/s] of the surge's interval what adapting leaves: its lasting part is, in steady
+        glides, what is left of it in the mean with the filter's surge."""
+        weight = self.weight(steady, filter_sd)
+        lasting = weight * self.deviation**2
+        return np.sqrt(np.maximum(before**2 - lasting, weight * filter_sd**2))
+
 
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
@@ -238,6 +245,8 @@ class Ensemble:
     """To a vehicle's first dives"""
     familiar: Familiarity | None = None
     """Hulls of the training; None: networks that do not read the flight filter"""
+    interval: float = 0.0
+    """[m/s] either way, as `ErrorModel.surge_interval`; 0: not known"""
 
     def __post_init__(self) -> None:
         if not self.members:

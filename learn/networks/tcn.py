@@ -63,7 +63,7 @@ class CausalConvolutions(Network):
                 row = place + tap * config.dilation**k * size
                 seen = source if tap == config.kernel - 1 else f"state + {row}"
                 lines.append(f"gt_add(h{k}, tap_{k}_{tap}, {seen}, {size}, {config.hidden});")
-            lines.append(f"gt_tanh(h{k}, {config.hidden});")
+            lines.append(f"gt_tanhs(h{k}, {config.hidden});")
             if size == config.hidden:
                 lines.append(f"for (int i = 0; i < {size}; i++) h{k}[i] += {source}[i];")
             if self.reach[k]:

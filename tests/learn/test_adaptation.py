@@ -75,13 +75,13 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
     vehicle = load_vehicle()
     estimator = NetworkVelocity.open(str(run.folder), vehicle, mission.period)
     kept = 4000
-    found = np.array(
-        [
-            estimator.step({c: mission.signals[c][k] for c in estimator.channels}).surge
-            for k in range(kept)
-        ]
-    )
+    found, stated = np.empty(kept), np.empty((kept, 2))
+    for k in range(kept):
+        found[k] = estimator.step({c: mission.signals[c][k] for c in estimator.channels}).surge
+        stated[k] = tuple(estimator.intervals.values())
     assert np.allclose(found, ours.surge[:kept], atol=2e-5)
+    assert stated[:, 0].max() > 1.01 * stated[:, 0].min()  # less in steady glides
+    assert stated[:, 1].min() >= again.error_model().sway_interval > 0.0
     other = NetworkVelocity.open(str(run.folder), vehicle, mission.period)
     other.restore(estimator.state())
     sample = {c: mission.signals[c][kept] for c in estimator.channels}
@@ -98,6 +98,7 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
         assert parity.largest < 1e-5
         said, _ = run_c(parity.path, networks, one, find_compiler())
         assert np.abs(said[:, 0] - theirs.surge).max() > 5e-3  # it is the adapted one
+        assert np.allclose(said[:kept, 2:], stated, rtol=1e-4)
 
 
 def test_the_weight_of_the_filter_goes_with_its_variance():
@@ -204,9 +205,11 @@ def test_a_hull_outside_of_the_training_is_told_of_in_reports_and_on_board(place
         estimator.step(row)
     assert estimator.outside > 1.0
     if shutil.which("cc") is not None:
-        assert _outside_in_c(networks, vehicle, sure.period, rows, place) == pytest.approx(
-            estimator.outside, rel=1e-5
-        )
+        said = _outside_in_c(networks, vehicle, sure.period, rows, place)
+        wanted = (estimator.outside, *estimator.intervals.values())
+        assert said == pytest.approx(wanted, rel=1e-5)
+        known = sure.error_model().surge_interval
+        assert said[1] == pytest.approx(known * estimator.outside, rel=1e-5)
     broken = Run(origin.folder, {**origin.description, FAMILIARITY: {"mean": [0.0]}})
     with pytest.raises(StoreError, match="its familiarity has no mean of 7 constants"):
         broken.networks()
@@ -232,11 +235,13 @@ int main(void)
     glider_reset(&state);
     for (int k = 0; k < {len(rows)}; k++)
         glider_step(&state, samples + k, &velocity);
-    printf("%.9g", (double)glider_outside(&state));
+    const float stated[] = {{velocity.surge_deviation, velocity.sway_deviation}};
+    printf("%.9g %.9g %.9g", (double)glider_outside(&state), (double)stated[0], (double)stated[1]);
     return 0;
 }}
 """
     )
     command = [*find_compiler(), *FLAGS, "outside.c", "-o", "outside", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
-    return float(subprocess.run([folder / "outside"], capture_output=True, check=True).stdout)
+    said = subprocess.run([folder / "outside"], capture_output=True, check=True).stdout
+    return tuple(map(float, said.split()))

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.navigation.c_math import number
 from twin.records.schema import variable
 from twin.records.schema.limits import recorded_limits
 
-FAR = 1e300
-"""of a reach without an end; C has no portable constant of infinity before C99's"""
+FAR = 1e30
+"""of a reach without an end, which float32 has too"""
 
 
 class ChannelReach(NamedTuple):
@@ -110,11 +111,11 @@ class ChannelGuard:
     def c_statements(self) -> str:
         """The same in C99: from `sample` on, `sample` is what goes on; returns 0 before that.
 
-        It needs `double last[n], age[n]; int held;` in `state`, and C_PRELUDE.
+        It needs `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
         """
         lines = ["glider_sample kept = *sample;", "int seen = 1;", "state->held = 0;"]
         for k, name in enumerate(self.channels):
-            numbers = ", ".join(f"{v!r}" for v in self._rows[k])
+            numbers = ", ".join(number(v) for v in self._rows[k])
             lines.append(
                 f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "
                 f"&state->held, {numbers});"
@@ -126,22 +127,22 @@ class ChannelGuard:
 C_PRELUDE = """\
 /* The value to go on with: this one, or the last good one where this is missing, impossible or out
  * of reach. 0: there has been no good one yet. */
-static inline int gt_kept(double *value, double *last, double *age, int *held, double low,
-                          double high, double rate, double jump)
+static inline int gt_kept(float *value, float *last, float *age, int *held, float low, float high,
+                          float rate, float jump)
 {
     int good = *value >= low && *value <= high;
-    if (good && *age > 0.0)
-        good = fabs(*value - *last) <= jump + rate * *age * GLIDER_PERIOD;
+    if (good && *age > 0.0f)
+        good = fabsf(*value - *last) <= jump + rate * *age * GLIDER_PERIOD;
     if (good) {
         *last = *value;
-        *age = 1.0;
+        *age = 1.0f;
         return 1;
     }
     *held += 1;
     *value = *last;
-    if (!(*age > 0.0))
+    if (!(*age > 0.0f))
         return 0;
-    *age += 1.0;
+    *age += 1.0f;
     return 1;
 }
 """

@@ -1,9 +1,24 @@
-"""The flight filter in C99, for vehicles without Python: the code of `flight_filter_kernels`."""
+"""The flight filter in C99, for vehicles without Python: that of `flight_filter_kernels`, sound in
+float32.
+
+- Constants are counted in their prior deviations: their covariance begins near 1, not over twenty
+  orders.
+- The covariance is carried by a square root S of it, P = S S', which no rounding makes indefinite;
+  it is corrected by Potter's formula (Kaminski, Bryson and Schmidt, "Discrete square root
+  filtering: a survey of current techniques", IEEE Transactions on Automatic Control 16, 1971,
+  section III).
+- What is a small difference of large numbers is made of their differences: the net mass from the
+  density less the reference density, the attitude's difference from the accelerometers by the sine
+  of it, slopes of the balance by the change of its depth rate.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
 
+import numpy as np
+
+from twin.navigation.c_math import braced, number
 from twin.navigation.estimators.baseline import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import (
@@ -42,33 +57,49 @@ from twin.navigation.flight_filter_kernels import (
 from twin.vehicle.parts.pump import CUBIC_CM
 
 NUMBERS = CARRIED
-"""Doubles of the filter's state, zero before the first sample."""
+"""Floats of the filter's state, zero before the first sample. As of `flight_filter_kernels`, but
+for constants in prior deviations, the root of their covariance, and times in samples."""
 
 
 def c_flight(*flights: FlightFilter) -> str:
-    """`gt_flight(const gt_begin *begin, double *carried, const glider_sample *sample, double
+    """`gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample, float
     *estimated)`: OUTPUTS of a sample, for the filters' one vehicle and period; `gt_begins` has
     what each of them begins with."""
     law, inertia, hull, prior, _, period = flights[0].model
-    begins = ",\n    ".join(
-        f"{{{_row(flight.begins[0])},\n     {_row(flight.begins[1].ravel())},\n"
-        f"     {float(flight.model.rate_variance)!r}}}"
-        for flight in flights
-    )
+    mass, volume, gravity, reference, squeeze = map(float, hull)
+    begins = []
+    for flight in flights:
+        constants, covariance = flight.begins
+        values, vectors = np.linalg.eigh(covariance / np.outer(prior, prior))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        begins.append(
+            f"{{{braced(constants / prior)},\n{braced(root.ravel())},\n"
+            f"{number(flight.model.rate_variance)}}}"
+        )
     numbers = {
-        "LAW": _row(law),
-        "INERTIA": _row(inertia.ravel()),
-        "PRIOR": _row(prior),
-        "BEGINS": f"{{{begins}}}",
-        "MASS": repr(float(hull[0])),
-        "VOLUME": repr(float(hull[1])),
-        "GRAVITY": repr(float(hull[2])),
-        "REFERENCE": repr(float(hull[3])),
-        "SQUEEZE": repr(float(hull[4])),
-        "PERIOD": repr(float(period)),
-        "OCEAN": repr(STANDARD_OCEAN[0]),
-        "DEEPER": repr(STANDARD_OCEAN[1]),
-        **{name: repr(value) for name, value in _SETTINGS.items()},
+        "LAW": braced(law),
+        "INERTIA": braced(inertia.ravel()),
+        "PRIOR": braced(prior),
+        "GROWTH": braced(np.expm1(NUDGE * prior)),
+        "BEGINS": "{" + ",\n".join(begins) + "}",
+        "AFLOAT": number(samples_beyond(AFLOAT_S, period)),
+        "EVERY": number(samples_beyond(EVERY_S, period)),
+        "NEUTRAL": number(mass - reference * volume),
+        "FUSED": number(-math.expm1(-period / FUSED_S)),
+        "BRIEF": number(-math.expm1(-period / SMOOTHED_S)),
+        "QUIET": number(-math.expm1(-period / QUIET_S)),
+        "MOST_SINE": number(math.sin(MOST_OFFSET)),
+        "DEGREE": number(math.radians(1.0)),
+        "VOLUME": number(volume),
+        "GRAVITY": number(gravity),
+        "REFERENCE": number(reference),
+        "HEAVIER": number(reference * gravity),
+        "SQUEEZE": number(squeeze),
+        "PERIOD": number(period),
+        "OCEAN": number(STANDARD_OCEAN[0]),
+        "DEEPER": number(STANDARD_OCEAN[1]),
+        **{name: number(value) for name, value in _SETTINGS.items()},
+        **{name: str(value) for name, value in _PLACES.items()},
     }
     text = _TEXT
     for name, value in numbers.items():
@@ -77,207 +108,252 @@ def c_flight(*flights: FlightFilter) -> str:
     return text
 
 
-def _row(values: Iterable[float]) -> str:
-    return "{" + ", ".join(repr(float(v)) for v in values) + "}"
+def samples_beyond(seconds: float, period: float) -> int:
+    """How many periods, added up as the kernels do, are more than so many seconds."""
+    count, total = 0, 0.0
+    while total <= seconds:
+        count, total = count + 1, total + period
+    return count
 
 
-_SETTINGS: dict[str, float | int] = {
-    "AFLOAT_S": AFLOAT_S, "BEFORE": BEFORE, "COVARIANCE": COVARIANCE, "CUBIC_CM": CUBIC_CM,
-    "EVERY_S": EVERY_S, "FLAT2": FLAT_SINE**2, "FUSED_S": FUSED_S, "GUESS": GUESS,
-    "ITERATIONS": ITERATIONS, "LEAST_NET": LEAST_NET, "LEAST_SINE": LEAST_SINE,
-    "LEAST_SURGE": LEAST_SURGE, "MEANS": MEANS,
-    "MOST_OFFSET": MOST_OFFSET, "NUDGE": NUDGE, "OFFSET": OFFSET, "QUIET_PITCH": QUIET_PITCH,
-    "QUIET_RATE": QUIET_RATE, "QUIET_S": QUIET_S, "RELINEARISED": RELINEARISED,
-    "RESTING_RATE": RESTING_RATE, "RESTLESS": RESTLESS, "SETTLED": SETTLED,
-    "SHALLOW": SHALLOW_DEPTH, "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE,
-    "SLOW_RATE": SLOW_RATE, "SMOOTHED_S": SMOOTHED_S, "SPREAD": SPREAD, "STARTED": STARTED,
-    "SURFACE": SURFACE_DEPTH, "WARM": WARM, "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
+_SETTINGS: dict[str, float] = {
+    "CUBIC_CM": CUBIC_CM, "FLAT2": FLAT_SINE**2, "LEAST_NET": LEAST_NET, "LEAST_SINE": LEAST_SINE,
+    "LEAST_SURGE": LEAST_SURGE, "MOST_OFFSET": MOST_OFFSET, "NUDGE": NUDGE,
+    "QUIET_PITCH": QUIET_PITCH, "QUIET_RATE": QUIET_RATE, "RESTING_RATE": RESTING_RATE,
+    "SHALLOW": SHALLOW_DEPTH, "SURFACE": SURFACE_DEPTH, "WIDEST": WIDEST,
+    "HALF_WIDEST": 0.5 * WIDEST,
 }  # fmt: skip
+_PLACES = {
+    "BEFORE": BEFORE, "GUESS": GUESS, "ITERATIONS": ITERATIONS, "MEANS": MEANS, "OFFSET": OFFSET,
+    "RELINEARISED": RELINEARISED, "RESTLESS": RESTLESS, "ROOT": COVARIANCE, "SETTLED": SETTLED,
+    "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE, "SLOW_RATE": SLOW_RATE,
+    "SPREAD": SPREAD, "STARTED": STARTED, "WARM": WARM,
+}  # fmt: skip
+"""Of numbers in the state, and counts"""
 
 _TEXT = """\
-/* What a filter begins with: constants, their covariance, and the variance of a depth rate. */
+/* What a filter begins with: constants in prior deviations, a root of their covariance, and the
+ * variance of a depth rate. */
 typedef struct {
-    double constants[7], covariance[49], rate;
+    float constants[7], root[49], rate;
 } gt_begin;
 static const gt_begin gt_begins[] = @BEGINS@;
 
 /* Steady balance of forces: speed, angle of attack, sideslip and the downward part of the
- * direction into `out`; 0 where nothing pulls along the hull. */
-static int gt_balance(const double *x, const double *c, const double *start, int iterations,
-                      double *out)
+ * direction into `out`, with their changes by constant `nudged`; 0 where nothing pulls along the
+ * hull. */
+static int gt_balance(const float *x, const float *c, int nudged, const float *start,
+                      int iterations, gt_pair *out)
 {
-    static const double law[] = @LAW@;
-    static const double inertia[] = @INERTIA@;
-    const double drag = law[0] * exp(c[0]), induced = law[1] * exp(c[6]);
-    const double slope = law[3] * exp(c[1]);
-    const double pitch = x[0] - (c[2] * cos(x[0]) + c[3] * sin(x[0]));
-    const double sp = sin(pitch), cp = cos(pitch), sr = sin(x[1]), cr = cos(x[1]);
-    double net = x[5] + c[4] + x[6] * c[5];
-    if (net * sp > -@LEAST_NET@ * fabs(sp))
-        net = sp > 0.0 ? -@LEAST_NET@ : @LEAST_NET@;
-    const double weight = @GRAVITY@ * net;
-    const double w0 = -weight * sp, w1 = weight * cp * sr, w2 = weight * cp * cr;
-    double speed = start[0], alpha = start[1], beta = start[2];
-    if (fabs(alpha) > @HALF_WIDEST@ || fabs(beta) > @HALF_WIDEST@) {
-        speed = 0.3;
-        alpha = beta = 0.0;
+    static const float law[] = @LAW@;
+    static const float inertia[] = @INERTIA@;
+    static const float prior[] = @PRIOR@;
+    static const float growth[] = @GROWTH@;
+    gt_pair own[7], drag, induced, slope, sp, cp, ca, sa, cb, sb, net, w[3], v[3], m[3], t[3];
+    for (int j = 0; j < 7; j++) {
+        own[j].value = c[j] * prior[j];
+        own[j].change = j == nudged ? @NUDGE@ * prior[j] : 0.0f;
     }
-    for (int k = 0; k < iterations; k++) {
-        const double ca = cos(alpha), sa = sin(alpha), cb = cos(beta), sb = sin(beta);
-        const double u = speed * ca * cb, v = speed * sb, w = speed * sa * cb;
-        const double m0 = inertia[0] * u + inertia[1] * v + inertia[2] * w;
-        const double m1 = inertia[3] * u + inertia[4] * v + inertia[5] * w;
-        const double m2 = inertia[6] * u + inertia[7] * v + inertia[8] * w;
-        const double t0 = w0 + m1 * x[4] - m2 * x[3];
-        const double t1 = w1 + m2 * x[2] - m0 * x[4];
-        const double t2 = w2 + m0 * x[3] - m1 * x[2];
-        const double along = ca * cb * t0 + sb * t1 + sa * cb * t2;
-        const double side = -ca * sb * t0 + cb * t1 - sa * sb * t2;
-        const double normal = -sa * t0 + ca * t2;
-        if (along <= 1e-6)
+    drag.value = law[0] * gt_exp(own[0].value);
+    induced.value = law[1] * gt_exp(own[6].value);
+    slope.value = law[3] * gt_exp(own[1].value);
+    drag.change = nudged == 0 ? drag.value * growth[0] : 0.0f;
+    induced.change = nudged == 6 ? induced.value * growth[6] : 0.0f;
+    slope.change = nudged == 1 ? slope.value * growth[1] : 0.0f;
+    const gt_pair pitch = {x[0], 0.0f}, still = {x[5], 0.0f}, shift = {-law[2], 0.0f};
+    gt_directed(pitch, &sp, &cp);
+    gt_directed(gt_plus(pitch, gt_plus(gt_scaled(-cp.value, own[2]), gt_scaled(-sp.value, own[3]))),
+                &sp, &cp);
+    net = gt_plus(still, gt_plus(own[4], gt_scaled(x[6], own[5])));
+    if (net.value * sp.value > -@LEAST_NET@ * fabsf(sp.value)) {
+        net.value = sp.value > 0.0f ? -@LEAST_NET@ : @LEAST_NET@;
+        net.change = 0.0f;
+    }
+    net = gt_scaled(@GRAVITY@, net);
+    w[0] = gt_scaled(-1.0f, gt_times(net, sp));
+    w[1] = gt_scaled(gt_sine(x[1]), gt_times(net, cp));
+    w[2] = gt_scaled(gt_cosine(x[1]), gt_times(net, cp));
+    gt_pair speed = {start[0], 0.0f}, alpha = {start[1], 0.0f}, beta = {start[2], 0.0f};
+    if (fabsf(alpha.value) > @HALF_WIDEST@ || fabsf(beta.value) > @HALF_WIDEST@) {
+        speed.value = 0.3f;
+        alpha.value = beta.value = 0.0f;
+    }
+    for (int k = 0;; k++) {
+        gt_directed(alpha, &sa, &ca);
+        gt_directed(beta, &sb, &cb);
+        v[0] = gt_times(ca, cb);
+        v[1] = sb;
+        v[2] = gt_times(sa, cb);
+        if (k == iterations)
+            break;
+        for (int i = 0; i < 3; i++)
+            m[i] = gt_times(speed, gt_plus(gt_scaled(inertia[3 * i], v[0]),
+                gt_plus(gt_scaled(inertia[3 * i + 1], v[1]), gt_scaled(inertia[3 * i + 2], v[2]))));
+        for (int i = 0; i < 3; i++) {
+            const int next = (i + 1) % 3, last = (i + 2) % 3;
+            t[i] = gt_plus(w[i], gt_plus(gt_scaled(x[2 + last], m[next]),
+                gt_scaled(-x[2 + next], m[last])));
+        }
+        const gt_pair along = gt_dot(v, t);
+        const gt_pair side = gt_plus(gt_times(cb, t[1]), gt_scaled(-1.0f,
+            gt_times(sb, gt_plus(gt_times(ca, t[0]), gt_times(sa, t[2])))));
+        const gt_pair normal = gt_plus(gt_times(ca, t[2]), gt_scaled(-1.0f, gt_times(sa, t[0])));
+        if (along.value <= 1e-6f)
             return 0;
-        const double square = along / (drag + induced * alpha * alpha);
-        alpha = fmin(fmax((normal / square - law[2]) / slope, -@WIDEST@), @WIDEST@);
-        beta = fmin(fmax(-side / square / law[4], -@WIDEST@), @WIDEST@);
-        speed = sqrt(square);
+        const gt_pair lifting = gt_times(induced, gt_times(alpha, alpha));
+        const gt_pair square = gt_over(along, gt_plus(drag, lifting));
+        alpha = gt_held(gt_over(gt_plus(gt_over(normal, square), shift), slope), @WIDEST@);
+        beta = gt_held(gt_scaled(-1.0f / law[4], gt_over(side, square)), @WIDEST@);
+        speed.value = sqrtf(square.value);
+        speed.change = square.change / (speed.value + sqrtf(square.value + square.change));
     }
     out[0] = speed;
     out[1] = alpha;
     out[2] = beta;
-    out[3] = -cos(alpha) * cos(beta) * sp + sin(beta) * cp * sr + sin(alpha) * cos(beta) * cp * cr;
+    const gt_pair level = gt_plus(gt_scaled(gt_sine(x[1]), v[1]), gt_scaled(gt_cosine(x[1]), v[2]));
+    out[3] = gt_plus(gt_times(cp, level), gt_scaled(-1.0f, gt_times(sp, v[0])));
     return 1;
 }
 
 /* Surge of a balance; the depth rate has the say where the path is steep. */
-static double gt_surge(const double *out, double rate)
+static gt_pair gt_surge(const gt_pair *out, float rate)
 {
-    const double weight = @FLAT2@ + out[3] * out[3];
-    const double speed = fmax((out[0] * @FLAT2@ + rate * out[3]) / weight, 0.0);
-    return speed * cos(out[1]) * cos(out[2]);
+    gt_pair sine, ca, cb, weight = gt_times(out[3], out[3]);
+    weight.value += @FLAT2@;
+    gt_pair speed = gt_over(gt_plus(gt_scaled(@FLAT2@, out[0]), gt_scaled(rate, out[3])), weight);
+    if (!(speed.value > 0.0f))
+        speed.value = speed.change = 0.0f;
+    gt_directed(out[1], &sine, &ca);
+    gt_directed(out[2], &sine, &cb);
+    return gt_times(speed, gt_times(ca, cb));
+}
+
+/* Depth rate of the balance, or its surge at a depth rate where that is given, and its slope along
+ * each constant; the balance from its angles on is left in `out`. */
+static float gt_slopes(const float *x, const float *c, const float *rate, float *slope,
+                       gt_pair *out)
+{
+    const float start[3] = {out[0].value, out[1].value, out[2].value};
+    gt_pair found = {0.0f, 0.0f};
+    for (int j = 0; j < 7; j++) {
+        gt_balance(x, c, j, start, @ITERATIONS@, out);
+        found = rate ? gt_surge(out, *rate) : gt_times(out[0], out[3]);
+        slope[j] = found.change / @NUDGE@;
+    }
+    return found.value;
+}
+
+/* The root of the covariance, transposed, times a slope; gives the variance along it. */
+static float gt_along(const float *root, const float *slope, float *through)
+{
+    float variance = 0.0f;
+    for (int j = 0; j < 7; j++) {
+        through[j] = 0.0f;
+        for (int i = 0; i < 7; i++)
+            through[j] += root[7 * i + j] * slope[i];
+        variance += through[j] * through[j];
+    }
+    return variance;
 }
 
 /* A correction of the seven constants by the depth rate; gives the deviation of surge over surge
  * that they leave. */
-static double gt_correct(double *c, double *cov, const double *x, double rate, double noise,
-                         double *out)
+static float gt_correct(float *c, float *root, const float *x, float rate, float noise,
+                        gt_pair *out)
 {
-    static const double prior[] = @PRIOR@;
-    double before[7], slope[7], gain[7], start[3], variance = noise;
+    float before[7], slope[7], through[7], gain[7], variance = noise;
     memcpy(before, c, sizeof before);
     for (int again = 0; again < @RELINEARISED@; again++) {
-        memcpy(start, out, sizeof start);
-        for (int j = 0; j < 7; j++) {
-            const double kept = c[j], nudge = @NUDGE@ * prior[j];
-            c[j] += nudge;
-            gt_balance(x, c, start, @ITERATIONS@, out);
-            slope[j] = out[0] * out[3] / nudge;
-            c[j] = kept;
-        }
-        gt_balance(x, c, start, @ITERATIONS@, out);
-        const double here = out[0] * out[3];
-        double surprise = rate - here;
-        variance = noise;
-        for (int j = 0; j < 7; j++)
-            slope[j] -= here / (@NUDGE@ * prior[j]);
+        float surprise = rate - gt_slopes(x, c, NULL, slope, out);
+        variance = noise + gt_along(root, slope, through);
         for (int i = 0; i < 7; i++) {
-            gain[i] = 0.0;
-            for (int j = 0; j < 7; j++)
-                gain[i] += cov[7 * i + j] * slope[j];
-            variance += gain[i] * slope[i];
+            gain[i] = gt_sum(root + 7 * i, through, 7);
             surprise -= slope[i] * (before[i] - c[i]);
         }
         for (int i = 0; i < 7; i++)
             c[i] = before[i] + gain[i] / variance * surprise;
     }
+    const float less = 1.0f / (variance + sqrtf(variance * noise));
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++)
-            cov[7 * i + j] -= gain[i] * gain[j] / variance;
-    memcpy(start, out, sizeof start);
-    for (int j = 0; j < 7; j++) {
-        const double kept = c[j], nudge = @NUDGE@ * prior[j];
-        c[j] += nudge;
-        gt_balance(x, c, start, @ITERATIONS@, out);
-        slope[j] = gt_surge(out, rate) / nudge;
-        c[j] = kept;
-    }
-    gt_balance(x, c, start, @ITERATIONS@, out);
-    const double surge = gt_surge(out, rate);
-    double spread = 0.0;
-    for (int j = 0; j < 7; j++)
-        slope[j] -= surge / (@NUDGE@ * prior[j]);
-    for (int i = 0; i < 7; i++)
-        for (int j = 0; j < 7; j++)
-            spread += slope[i] * cov[7 * i + j] * slope[j];
-    return sqrt(fmax(spread, 0.0)) / fmax(surge, @LEAST_SURGE@);
+            root[7 * i + j] -= less * gain[i] * through[j];
+    const float surge = gt_slopes(x, c, &rate, slope, out);
+    return sqrtf(gt_along(root, slope, through)) / gt_most(surge, @LEAST_SURGE@);
 }
 
 /* Surge and sway [m/s], angle of attack [rad], whether the glide is steady, and the deviation of
  * surge [m/s], by a balance of forces that is learned on the way. */
-static void gt_flight(const gt_begin *begin, double *carried, const glider_sample *sample,
-                      double *estimated)
+static void gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample,
+                      float *estimated)
 {
-    const double degree = 3.14159265358979323846 / 180.0;
-    const int first = carried[@STARTED@] == 0.0;
-    double *c = carried + @GUESS@, *cov = carried + @COVARIANCE@;
+    const int first = carried[@STARTED@] == 0.0f;
+    float *c = carried + @GUESS@, *root = carried + @ROOT@;
     if (first) {
         memcpy(c, begin->constants, sizeof begin->constants);
-        memcpy(cov, begin->covariance, sizeof begin->covariance);
+        memcpy(root, begin->root, sizeof begin->root);
     }
-    const double depth = sample->measured_depth, density = sample->measured_density;
-    const double fx = sample->measured_specific_force_x, fy = sample->measured_specific_force_y;
-    const double fz = sample->measured_specific_force_z;
-    double pitch = sample->measured_pitch * degree;
-    const double size = sqrt(fx * fx + fy * fy + fz * fz);
-    const double shown = size > 0.0 ? asin(fmin(fmax(fx / size, -1.0), 1.0)) : pitch;
-    const double offset = fmin(fmax(pitch - shown, -@MOST_OFFSET@), @MOST_OFFSET@);
-    const double fused = first ? 1.0 : 1.0 - exp(-@PERIOD@ / @FUSED_S@);
-    const double brief = first ? 1.0 : 1.0 - exp(-@PERIOD@ / @SMOOTHED_S@);
-    const double quiet = 1.0 - exp(-@PERIOD@ / @QUIET_S@);
-    carried[@OFFSET@] += fused * (offset - carried[@OFFSET@]);
-    pitch -= carried[@OFFSET@];
-    const double below = fmax(depth, 0.0), standard = @OCEAN@ + @DEEPER@ * below;
-    const double change = first ? 0.0
-        : (depth - carried[@BEFORE@]) / @PERIOD@ * standard / density;
+    const float depth = sample->measured_depth, density = sample->measured_density;
+    const float fx = sample->measured_specific_force_x, fy = sample->measured_specific_force_y;
+    const float fz = sample->measured_specific_force_z;
+    const float attitude = sample->measured_pitch * @DEGREE@;
+    const float across = sqrtf(fy * fy + fz * fz), size = sqrtf(fx * fx + across * across);
+    float sine, cosine, offset = 0.0f;
+    gt_direction(attitude, &sine, &cosine);
+    if (size > 0.0f) {
+        const float off = (sine * across - cosine * fx) / size; /* the difference's sine */
+        const int small = fabsf(off) < @MOST_SINE@ && cosine * across + sine * fx > 0.0f;
+        offset = small ? off + off * off * off / 6.0f : off > 0.0f ? @MOST_OFFSET@ : -@MOST_OFFSET@;
+    }
+    const float brief = first ? 1.0f : @BRIEF@;
+    carried[@OFFSET@] += (first ? 1.0f : @FUSED@) * (offset - carried[@OFFSET@]);
+    const float pitch = attitude - carried[@OFFSET@];
+    const float below = gt_most(depth, 0.0f);
+    const float change = first ? 0.0f
+        : (depth - carried[@BEFORE@]) / @PERIOD@ * (@OCEAN@ + @DEEPER@ * below) / density;
     carried[@BEFORE@] = depth;
-    const double pressure = below * @REFERENCE@ * @GRAVITY@;
-    const double volume = @VOLUME@ + @CUBIC_CM@ * sample->measured_pump;
-    const double given[8] = {
-        pitch, sample->measured_roll * degree, sample->measured_roll_rate,
+    const float pressure = below * @HEAVIER@;
+    const float pumped = @CUBIC_CM@ * sample->measured_pump;
+    const float displaced = density * (@VOLUME@ + pumped);
+    const float given[8] = {
+        pitch, sample->measured_roll * @DEGREE@, sample->measured_roll_rate,
         sample->measured_pitch_rate, sample->measured_yaw_rate,
-        @MASS@ - density * volume * (1.0 - @SQUEEZE@ * pressure), density * volume * pressure,
-        change};
-    double *x = carried + @MEANS@;
+        @NEUTRAL@ - (density - @REFERENCE@) * @VOLUME@ - density * pumped
+            + displaced * (@SQUEEZE@ * pressure),
+        displaced * pressure, change};
+    float *x = carried + @MEANS@;
     for (int i = 0; i < 8; i++)
         x[i] += brief * (given[i] - x[i]);
-    const double rate = x[7];
-    carried[@RESTLESS@] += quiet * (fabs(pitch - x[0]) - carried[@RESTLESS@]);
-    carried[@SLOW_RATE@] += quiet * (rate - carried[@SLOW_RATE@]);
-    const int still = depth < @SURFACE@ || (depth < @SHALLOW@ && fabs(rate) < @RESTING_RATE@);
-    carried[@SINCE_AFLOAT@] = still ? 0.0 : carried[@SINCE_AFLOAT@] + @PERIOD@;
-    carried[@SINCE_UPDATE@] += @PERIOD@;
-    carried[@STARTED@] = 1.0;
-    const double zero[3] = {0.0, 0.0, 0.0};
-    double out[4] = {0.0, 0.0, 0.0, 0.0};
-    const int gliding = gt_balance(x, c, carried + @WARM@, @SETTLED@, out)
-        || gt_balance(x, c, zero, @ITERATIONS@, out);
+    const float rate = x[7];
+    carried[@RESTLESS@] += @QUIET@ * (fabsf(pitch - x[0]) - carried[@RESTLESS@]);
+    carried[@SLOW_RATE@] += @QUIET@ * (rate - carried[@SLOW_RATE@]);
+    const int still = depth < @SURFACE@ || (depth < @SHALLOW@ && fabsf(rate) < @RESTING_RATE@);
+    carried[@SINCE_AFLOAT@] = still ? 0.0f : carried[@SINCE_AFLOAT@] + 1.0f;
+    carried[@SINCE_UPDATE@] += 1.0f;
+    carried[@STARTED@] = 1.0f;
+    const float zero[3] = {0.0f, 0.0f, 0.0f};
+    gt_pair out[4];
+    const int gliding = gt_balance(x, c, -1, carried + @WARM@, @SETTLED@, out)
+        || gt_balance(x, c, -1, zero, @ITERATIONS@, out);
     for (int i = 0; i < 5; i++)
-        estimated[i] = 0.0;
+        estimated[i] = 0.0f;
     if (!gliding)
         return;
-    const int steady = carried[@SINCE_AFLOAT@] > @AFLOAT_S@ && carried[@RESTLESS@] < @QUIET_PITCH@
-        && fabs(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@ && fabs(out[3]) > @LEAST_SINE@
-        && rate * out[3] > 0.0;
-    if (steady && carried[@SINCE_UPDATE@] > @EVERY_S@) {
-        carried[@SINCE_UPDATE@] = 0.0;
-        carried[@SPREAD@] = gt_correct(c, cov, x, rate, begin->rate, out);
+    const int steady = carried[@SINCE_AFLOAT@] >= @AFLOAT@ && carried[@RESTLESS@] < @QUIET_PITCH@
+        && fabsf(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@ && fabsf(out[3].value) > @LEAST_SINE@
+        && rate * out[3].value > 0.0f;
+    if (steady && carried[@SINCE_UPDATE@] >= @EVERY@) {
+        carried[@SINCE_UPDATE@] = 0.0f;
+        carried[@SPREAD@] = gt_correct(c, root, x, rate, begin->rate, out);
     }
-    memcpy(carried + @WARM@, out, 3 * sizeof *out);
-    estimated[2] = out[1];
+    for (int i = 0; i < 3; i++)
+        carried[@WARM@ + i] = out[i].value;
+    estimated[2] = out[1].value;
     if (!still) {
-        estimated[0] = gt_surge(out, rate);
-        estimated[1] = estimated[0] * tan(out[2]) / cos(out[1]);
-        estimated[3] = steady;
-        estimated[4] = carried[@SPREAD@] * fmax(estimated[0], @LEAST_SURGE@);
+        estimated[0] = gt_surge(out, rate).value;
+        gt_direction(out[2].value, &sine, &cosine);
+        estimated[1] = estimated[0] * sine / cosine / gt_cosine(out[1].value);
+        estimated[3] = (float)steady;
+        estimated[4] = carried[@SPREAD@] * gt_most(estimated[0], @LEAST_SURGE@);
     }
 }
 """

@@ -288,12 +288,15 @@ def test_the_surges_interval_holds_what_validation_missions_showed(store, missio
     """68 % of samples; wider outside of the training, narrower where an adapted run is sure."""
     errors = [np.linspace(-0.01, 0.01, n) for n in (400, 900)]
     scores = evaluate(oracles(missions), store, split="all", baselines=()).methods["network"].scores
-    model = fit_error_model(scores, [1.0] * len(scores), errors, ideal_compass=True)
+    swayed = [0.1 * e for e in errors]
+    model = fit_error_model(scores, [1.0] * len(scores), errors, swayed, ideal_compass=True)
     assert model.surge_interval == pytest.approx(0.0068, rel=0.02)
+    assert model.sway_interval == pytest.approx(0.00068, rel=0.02)
     for shift, outside, wanted in ((0.006, 0.5, 1.0), (0.008, 0.5, 0.0), (0.008, 1.5, 1.0)):
         coverage = Coverage(model, outside=lambda _, far=outside: far)
         evaluate(oracles(missions, shift=shift), store, baselines=(), watch=coverage.add)
         assert coverage.figures()["surge_within"] == wanted
+        assert coverage.figures()["sway_within"] == 1.0
     signals = {"adapted_surge": np.full(2, 0.4), "adapted_steady": np.array([0.0, 1.0]),
                "adapted_surge_sd": np.full(2, 0.003)}  # fmt: skip
     one = MissionSequence(index=0, split="all", period=1.0, signals=signals)

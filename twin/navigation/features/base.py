@@ -81,7 +81,7 @@ class Feature:
     is one term, and the feature is its value."""
     c: str = dataclasses.field(default="", repr=False)
     """`combine` in C99, for vehicles that run no Python: the body of a function that returns a
-    double, made of the terms' values `const double *t`."""
+    float, made of the terms' values `const float *t`."""
     odd: bool | None = False
     """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
     store's vehicle says."""

@@ -10,6 +10,7 @@ glider's parts, how fast they move, and their commands.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,10 +47,10 @@ def glide_speed(depth_rate: Any, pitch: Any) -> Any:
     return damped_quotient(depth_rate, np.sin(np.deg2rad(pitch)))
 
 
-C_DAMPED = f"return -rate * sine / (sine * sine + {FLAT_SINE**2!r});"
+C_DAMPED = f"return -rate * sine / (sine * sine + {FLAT_SINE**2!r}f);"
 """`damped_quotient` in C99."""
 C_GLIDE = f"""
-const double rate = t[0], sine = sin(t[1] * 3.14159265358979323846 / 180.0);
+const float rate = t[0], sine = gt_sine(t[1] * {math.radians(1.0):.9g}f);
 {C_DAMPED}
 """
 """`glide_speed` in C99."""
@@ -91,13 +92,13 @@ def gravity_glide_speed(depth_rate: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 C_GRAVITY_SINE = """
-const double size = sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
-return size > 0.0 ? t[0] / size : 0.0;
+const float size = sqrtf(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+return size > 0.0f ? t[0] / size : 0.0f;
 """
 """`gravity_sine` in C99."""
 C_GRAVITY_GLIDE = f"""
-const double size = sqrt(t[1] * t[1] + t[2] * t[2] + t[3] * t[3]);
-const double rate = t[0], sine = size > 0.0 ? t[1] / size : 0.0;
+const float size = sqrtf(t[1] * t[1] + t[2] * t[2] + t[3] * t[3]);
+const float rate = t[0], sine = size > 0.0f ? t[1] / size : 0.0f;
 {C_DAMPED}
 """
 """`gravity_glide_speed` in C99."""

@@ -1,0 +1,157 @@
+"""C math: float32 arithmetic in C99, for processors that compute double in software.
+
+The elementary functions are the header's own: those of C libraries compute in double inside, or
+differ from one to the next. They are within two units of the last digit.
+
+Pairs: a value and its change, so that a small difference of large numbers is not one of roundings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+PER_LINE = 8
+"""Numbers in a line of a table."""
+
+
+def number(value: float) -> str:
+    """A float32 constant, exact."""
+    text = f"{np.float32(value):.9g}"
+    return f"{text if set(text) & set('.e') else text + '.0'}f"
+
+
+def braced(values: Iterable[float]) -> str:
+    """Numbers of an array in C, some to a line."""
+    flat = [number(v) for v in values]
+    lines = [", ".join(flat[k : k + PER_LINE]) for k in range(0, len(flat), PER_LINE)]
+    return "{" + ",\n    ".join(lines) + "}"
+
+
+def table(name: str, values: Iterable[float]) -> str:
+    """An array of constants, float32 to the bit."""
+    return f"static const float {name}[] = {braced(values)};"
+
+
+PRELUDE = """\
+/* The nearest whole number, of less than four millions. */
+static inline float gt_round(float v)
+{
+    const float shifted = v + 12582912.0f; /* 1.5 times 2^23: units are its last place */
+    return shifted - 12582912.0f;
+}
+
+static inline float gt_most(float a, float b) { return a > b ? a : b; }
+
+/* v within -most and most; nothing where v is not a number. */
+static inline float gt_bounded(float v, float most)
+{
+    return v > most ? most : v < -most ? -most : v == v ? v : 0.0f;
+}
+
+/* Sine and cosine of an angle [rad], by their series within an eighth of a turn. */
+static inline void gt_direction(float angle, float *sine, float *cosine)
+{
+    const float quarters = gt_round(angle * 0.636619772f);
+    const float v = angle - quarters * 1.5703125f - quarters * 4.83751297e-4f
+        - quarters * 7.54978995e-8f;
+    const float q = v * v;
+    const float s = v + v * q * (-1.0f / 6.0f + q * (1.0f / 120.0f + q * (-1.0f / 5040.0f
+        + q * (1.0f / 362880.0f))));
+    const float c = 1.0f - 0.5f * q + q * q * (1.0f / 24.0f + q * (-1.0f / 720.0f
+        + q * (1.0f / 40320.0f - q * (1.0f / 3628800.0f))));
+    const int quarter = (int)quarters;
+    *sine = quarter & 1 ? c : s;
+    *cosine = quarter & 1 ? s : c;
+    if (quarter & 2)
+        *sine = -*sine;
+    if ((quarter + 1) & 2)
+        *cosine = -*cosine;
+}
+
+static inline float gt_sine(float angle)
+{
+    float sine, cosine;
+    gt_direction(angle, &sine, &cosine);
+    return sine;
+}
+
+static inline float gt_cosine(float angle)
+{
+    float sine, cosine;
+    gt_direction(angle, &sine, &cosine);
+    return cosine;
+}
+
+/* A float by its bits: what compares them needs no branches, and goes into vector instructions. */
+typedef union {
+    float value;
+    int bits;
+} gt_bits;
+
+/* e^v, by its series within half an octave; of at most 87 either way. */
+static inline float gt_exp(float v)
+{
+    gt_bits x = {v}, scale;
+    const int size = x.bits & 0x7fffffff;
+    x.bits ^= size ^ (size < 0x42ae0000 ? size : 0x42ae0000);
+    const float octaves = gt_round(x.value * 1.44269504f);
+    const float r = x.value - octaves * 0.693359375f + octaves * 2.12194440e-4f;
+    scale.bits = ((int)octaves + 127) << 23;
+    return scale.value * (1.0f + r * (1.0f + r * (1.0f / 2.0f + r * (1.0f / 6.0f
+        + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r * (1.0f / 720.0f + r * (1.0f / 5040.0f))))))));
+}
+
+/* A value, and by how much it changes where a constant is nudged: the difference of two float32
+ * would have lost it. */
+typedef struct {
+    float value, change;
+} gt_pair;
+
+static inline gt_pair gt_scaled(float k, gt_pair a)
+{
+    const gt_pair made = {k * a.value, k * a.change};
+    return made;
+}
+
+static inline gt_pair gt_plus(gt_pair a, gt_pair b)
+{
+    const gt_pair made = {a.value + b.value, a.change + b.change};
+    return made;
+}
+
+static inline gt_pair gt_times(gt_pair a, gt_pair b)
+{
+    const gt_pair made = {a.value * b.value, a.change * (b.value + b.change) + a.value * b.change};
+    return made;
+}
+
+static inline gt_pair gt_over(gt_pair a, gt_pair b)
+{
+    gt_pair made = {a.value / b.value, 0.0f};
+    made.change = (a.change - made.value * b.change) / (b.value + b.change);
+    return made;
+}
+
+static inline gt_pair gt_dot(const gt_pair *a, const gt_pair *b)
+{
+    return gt_plus(gt_times(a[0], b[0]), gt_plus(gt_times(a[1], b[1]), gt_times(a[2], b[2])));
+}
+
+static inline void gt_directed(gt_pair angle, gt_pair *sine, gt_pair *cosine)
+{
+    float s, c;
+    gt_direction(angle.value, &sine->value, &cosine->value);
+    gt_direction(0.5f * angle.change, &s, &c);
+    sine->change = 2.0f * s * (cosine->value * c - sine->value * s);
+    cosine->change = -2.0f * s * (sine->value * c + cosine->value * s);
+}
+
+/* Within -most and most. */
+static inline gt_pair gt_held(gt_pair a, float most)
+{
+    const gt_pair end = {gt_bounded(a.value, most), 0.0f};
+    return fabsf(a.value) < most ? a : end;
+}
+"""
