@@ -158,6 +158,8 @@ Result = TypeVar("Result")
 
 UNREADABLE = "unreadable file"
 """Subject of the report's entries of files that could not be read."""
+TRUNCATED = "truncated: "
+"""Begins what is said of a file that was read and ends too early"""
 OTHER_KIND = "file of another kind"
 """Subject of those that are no logs of the kind, as offload folders hold them: no failure."""
 _NAMED = 2

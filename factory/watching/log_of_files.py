@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from factory.importing import IMPORTERS, UNREADABLE, DiveRules, ReadOptions
+from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, DiveRules, ReadOptions
 from factory.importing.dives.dive_store import WANTED, dataset_of_rows, tell_lacking
 from factory.importing.tally import summarise
 from factory.watching.deployment_folder import WatchedDeployment
@@ -62,8 +62,15 @@ class LogOfFiles:
     """of the logs; empty: no file tells it"""
     unreadable: tuple[str, ...]
     """Why files were left out, in words"""
+    short: tuple[str, ...] = ()
+    """Files that were read and end too early, with how far they go"""
     missing: str = ""
     """Why no dives could be had of the files that are there now; empty where they could"""
+
+    @property
+    def cut_or_left_out(self) -> list[str]:
+        """Files that end too early, and those that are left out, in sentences."""
+        return [*self.short, *(f"left out: {said}" for said in self.unreadable)]
 
 
 def log_of_files(
@@ -217,6 +224,11 @@ def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
         kind=found.kind,
         files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
         unreadable=tuple(said),
+        short=tuple(
+            f"{entry['subject']} is {entry['detail']}"
+            for entry in entries
+            if entry["detail"].startswith(TRUNCATED)
+        ),
     )
 
 

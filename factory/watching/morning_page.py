@@ -64,9 +64,6 @@ def write_morning(
     )  # fmt: skip
     page = Page(folder / PAGE, told.verdict, lead or told.title, beside=BESIDE)
     page.numbers(_numbers(told))
-    if told.lacking or told.log.unreadable:
-        page.section("What is missing")
-        page.points([*told.lacking, *(f"left out: {said}" for said in told.log.unreadable)])
     if (said := told.dialogue) is not None:
         page.section("Said at its last surfacing")
         page.say(f"{said.vehicle}, {moment_of(said.time):%Y-%m-%d %H:%M} UTC by its clock.")
@@ -76,6 +73,9 @@ def write_morning(
         page.points(new)
     if told.surfacings is not None:
         _forecast(page, told)
+    if told.missing:
+        page.section("What is missing")
+        page.points(told.missing)
     if came:
         page.section("What came")
         page.points(came)
@@ -199,8 +199,9 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         lines.append(f"Taken to go {told.plan}")
     lines.append(_power(told))
     lines += list(new[:2])
-    if told.lacking:
-        lines.append(f"Missing: {told.lacking[0]}")
+    if told.missing:
+        more = len(told.missing) - 1
+        lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
     return "\n".join([line for line in lines if line][:10]) + "\n"
 
 

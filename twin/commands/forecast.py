@@ -155,6 +155,8 @@ class ForecastSurfacings(JsonOption):
                 console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
             known = known_from_logs(logs, str(vehicle.path) if model else None)
+            if known.silent:
+                console.warn(known.silent)
             if (used := counted_energy(logs, vehicle, newest=True)) is not None:
                 vehicle = with_consumption(vehicle, used.consumption)
                 console.note(f"energy by the log's counter: {used.power:.2f} W so far")

@@ -68,6 +68,8 @@ class Known:
     been forecast for them."""
     rhythm: Rhythm | None = None
     """How long it stays at the surface and how its dives keep the time; None: not known."""
+    silent: str = ""
+    """What the log does not tell of its dives, in words; empty where nothing is missing"""
     by_model: bool = False
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
@@ -148,9 +150,9 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
                 f"store {path}: {why_no_legs(logs, deployment)}; nothing is known of the current: "
                 "give --from, and leave --logs out"
             )
-        dives = dive_times(logs, deployment)
+        times = dive_times(logs, deployment)
     latitude = float(np.median([one.begin[0] for one in legs]))
-    walked = walk(legs, latitude=latitude, dives=dives)
+    walked = walk(legs, latitude=latitude, dives=times.dives)
     last = legs[-1]
     return Known(
         pool=walked.pool,
@@ -163,6 +165,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         ways=walked.ways,
         reach=walked.reach[1],
         rhythm=walked.rhythm,
+        silent=times.silent,
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 

@@ -19,6 +19,7 @@ from logs import (
     SHARED,
     Flight,
     write_basestation,
+    write_dbd,
     write_mat,
     write_ngdac,
     write_og1,
@@ -219,6 +220,31 @@ def test_why_there_is_no_forecast_is_the_first_of_what_is_missing(
     last = said.splitlines()[-1]
     assert last.startswith("Missing: forecast: ")
     assert "no file 'forecast.nc'" in last
+
+
+def test_a_file_that_ends_too_early_is_named_with_how_far_it_goes(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("dbdreader")
+    flight = Flight(dives=2)
+    log, _ = write_dbd(source, flight)
+    whole = log.read_bytes()
+    log.write_bytes(whole[: len(whole) * 3 // 4])
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0, err
+    (told,) = re.findall(rf"{log.name} is truncated: goes to (.*) UTC", said + err)
+    moment = datetime.datetime.fromisoformat(told).replace(tzinfo=datetime.UTC).timestamp()
+    assert abs(moment - np.interp(0.75, [0.0, 1.0], flight.time[[0, -1]])) < 300.0
+    assert (
+        f"{log.name} is truncated: goes to {told}"
+        in (made.folder / "page" / "index.html").read_text()
+    )
+    events = [json.loads(one) for one in (made.folder / "events.jsonl").read_text().splitlines()]
+    assert [one["event"] for one in events] == ["short file"]
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert "nothing new" in said
+    assert f"{log.name} is truncated" in err
 
 
 def test_a_second_pass_at_the_same_time_does_nothing(
