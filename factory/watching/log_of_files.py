@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LOG = "log.zarr"
-IN_SETTINGS = "--variation-deg", "variation_deg in deployment.toml"
-"""What an import's message calls an option, and what it is here"""
 DIGEST = "files_digest"
 """Attribute of the store: which files made it, and how they were read"""
 
@@ -106,7 +104,7 @@ def log_of_files(
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(str(place), str(found.folder)).replace(*IN_SETTINGS)
+            said = str(error).replace(str(place), str(found.folder))
             return _without(store, found, said)
     copy = json.dumps(f"{place}/")[1:-1]  # as the report's text has it
     dataset.attrs[IMPORT_REPORT] = dataset.attrs[IMPORT_REPORT].replace(copy, "")

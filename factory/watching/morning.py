@@ -291,7 +291,7 @@ def morning(
     flown, plan, files, routes = None, "", None, None
     changes: tuple[Mapping[str, str], ...] = ()
     if not legs:
-        lacking.append("forecast: no dive lies between two fixes and has a known way")
+        lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
         takes = vehicle if used is None else with_consumption(vehicle, used.consumption)

@@ -247,6 +247,45 @@ def test_a_file_that_ends_too_early_is_named_with_how_far_it_goes(
     assert f"{log.name} is truncated" in err
 
 
+def test_a_junk_file_hides_no_missing_list_of_sensors(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("dbdreader")
+    (source / "aaa.sbd").write_bytes(b"junk")
+    for k in range(3):
+        log, cache = write_dbd(tmp_path, Flight(dives=2), f"unit{k}")
+        shutil.copy(log, source / f"unit1-2023-317-0-{k}.sbd")
+    cache.rename(tmp_path / "kept.cac")
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    for words in ("aaa.sbd is not a Slocum", "0badcafe.cac is missing", 'toml: cache = "FOLDER"'):
+        assert (said + err).count(words) == 1, said + err
+        assert words in (made.folder / "page" / "summary.txt").read_text()
+    assert "--cache" not in said + err
+    (tmp_path / "lists").mkdir()
+    (tmp_path / "kept.cac").rename(tmp_path / "lists" / "0badcafe.cac")
+    settings = made.folder / "deployment.toml"
+    settings.write_text(settings.read_text().replace('cache = ""', 'cache = "../lists"'))
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert (said + err).count("aaa.sbd is not a Slocum") == 1, said + err
+    assert "0badcafe" not in said + err
+    assert (made.folder / LOG).exists()
+
+
+def test_why_a_piece_has_no_dive_is_said_again_by_what_is_kept(
+    tmp_path: Path, source: Path
+) -> None:
+    pytest.importorskip("dbdreader")
+    write_dbd(source, Flight(dives=2), without=("m_depth", "m_pressure"))
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    first = log_of_files(made, made.folder)
+    assert "neither depth nor pressure" in first.missing
+    assert log_of_files(made, made.folder) == first
+    (source / "b.txt").write_text("x")
+    assert log_of_files(made, made.folder).missing.endswith(f"; {first.missing}")
+
+
 def test_a_second_pass_at_the_same_time_does_nothing(
     tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
