@@ -257,8 +257,10 @@ def _forecast(page: Page, told: Morning) -> None:
             "Ellipses hold 50 and 90 % of the surfacings; their semi-axes are from the middle to "
             "the edge, with the bearing of the longer.",
         )
-    else:
-        page.say(found.left_out or f"No surfacing within {found.request.hours:g} h.")
+    elif not found.left_out:
+        page.say(f"No surfacing within {found.request.hours:g} h.")
+    if found.remarks:
+        page.points(found.remarks)
     page.facts(found.spread)
     page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
     page.code(boxes_text(notice_boxes(found), told.deployment))

@@ -272,8 +272,8 @@ class _Shows:
             console.say("semi-axes: from the middle of an ellipse to its edge")
         elif not found.left_out:
             console.say(f"no surfacing within {found.request.hours:g} h")
-        if found.left_out:
-            console.warn(found.left_out)
+        for said in found.remarks:
+            console.warn(said)
         if found.failed:
             console.warn(f"{found.failed} of {found.request.members} members went unstable")
         if (beside := found.beside_mujoco) is not None:

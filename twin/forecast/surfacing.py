@@ -158,6 +158,13 @@ def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
     )
 
 
+def over(flights: Sequence[MemberFlight], within: float) -> float | None:
+    """[s] at which the mission is over in the median, where half of the members end it by a time
+    [s] that a forecast reaches to; else None."""
+    ends = [float(one.time[-1]) for one in flights if one.over and one.time[-1] < within]
+    return float(np.median(ends)) if 2 * len(ends) >= max(len(flights), 1) else None
+
+
 def _due(flights: Sequence[MemberFlight], index: int, within: float) -> bool:
     """Whether half of the members have a surfacing within a time [s]."""
     early = sum(len(one.time) > index and one.time[index] <= within for one in flights)

@@ -15,8 +15,8 @@ from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, members_of
-from twin.forecast.request import Request
-from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, surfacings_of
+from twin.forecast.request import HOUR, Request
+from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, over, surfacings_of
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,8 @@ class Forecast:
     """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
     left_out: str = ""
     """Why a surfacing within the hours is not told; empty: none is left out."""
+    over_s: float | None = None
+    """[s] after the start at which the mission is over, in the median; None: it goes on."""
     beside_mujoco: EndsApart | None = None
     """Of the first member, where lanes flew it; None before all have been flown."""
 
@@ -53,6 +55,20 @@ class Forecast:
     def complete(self) -> bool:
         """Whether all members have been flown."""
         return self.flown + self.failed == self.request.members
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of the surfacings that are told and of those that are not."""
+        said = [self.left_out] if self.left_out else []
+        if self.over_s is not None:
+            moment = self.moment(self.over_s)[:16].replace("T", " ")
+            said.append(
+                f"the plan is over about {moment} UTC, "
+                f"{self.request.hours - self.over_s / HOUR:.1f} h before the forecast ends: from "
+                "then on it is taken to float and drift, and boxes and energy are of that. Give "
+                "more places in goto, a longer mission, or fewer hours"
+            )
+        return said
 
     @property
     def days_left(self) -> float | None:
@@ -108,6 +124,8 @@ class Forecast:
             "spread": self.spread,
             "notes": list(request.notes()),
             "left_out": self.left_out,
+            "over_s": self.over_s,
+            "remarks": self.remarks,
             "surfacings": [
                 {
                     **one.describe(),
@@ -196,6 +214,7 @@ def forecast(
             request=request,
             surfacings=told,
             left_out=left_out(flights, len(told), request.horizon),
+            over_s=over(flights, request.horizon),
             flown=len(flights),
             failed=failed,
             track=first,

@@ -140,7 +140,8 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
 
 def _table(found: Forecast) -> str:
     rows = [forecast_row(found, one) for one in found.surfacings]
-    note = f"<p>{_text(found.left_out)}</p>" if found.left_out else ""
+    said = [*found.request.notes(), *found.remarks]
+    note = "".join(f"<p>{_text(one)}</p>" for one in said)
     if not rows:
         return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
     head = "".join(f"<th>{_text(name)}</th>" for name in rows[0])

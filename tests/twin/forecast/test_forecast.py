@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from twin.errors import (
     MissionError,
     SimulationUnstable,
     StoreError,
+    VehicleError,
     WriteError,
 )
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
@@ -32,7 +35,7 @@ from twin.navigation.current import Leg
 from twin.physics.scenario import Scenario
 from twin.records.store import write_store
 from twin.show.forecast_page import page, write_forecast
-from twin.vehicle.vehicle import load_vehicle
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
 from twin.water.current.axes import Origin
 from twin.water.current.current_text import parse_current
@@ -401,6 +404,37 @@ def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
     slip = mission_to("37,122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
     with pytest.raises(MissionError, match=r"did you mean 37, -122\.4 \(the sign of the long"):
         asked(mission=slip)
+
+
+def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
+    near = mission_to("36.803,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=100)
+    found = forecast(asked(mission=near, hours=2.0), known_without_logs(36.8, UNIX))
+    (one,) = found.surfacings
+    assert found.over_s == pytest.approx(one.time_s, abs=120.0)
+    (said,) = found.remarks
+    assert f"the plan is over about {found.moment(found.over_s)[:10]}" in said
+    assert f"{2.0 - found.over_s / 3600.0:.1f} h before the forecast ends" in said
+    assert said in html.unescape(write_forecast(found, tmp_path / "next").read_text())
+    assert (steps[-1].over_s, steps[-1].remarks) == (None, [])
+
+
+def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> None:
+    deep = to_north(depth=300.0)
+    (said,) = asked(vehicle=load_vehicle("slocum-200"), mission=deep).notes()
+    assert "dives to 300 m, and slocum-200 is built for 200 m" in said
+    for name, depth, warned in (
+        ("slocum-1000", 300.0, False), ("glider", 1500.0, False), ("glider", 5000.0, True),
+    ):  # fmt: skip
+        notes = asked(vehicle=load_vehicle(name), mission=to_north(depth=depth)).notes()
+        assert len(notes) == warned, (name, depth)
+    assert 'name="rated_depth"' in notes[0]
+    xml = load_vehicle("glider").xml.replace(
+        "</custom>", '<numeric name="rated_depth" data="6000"/></custom>'
+    )
+    own = parse_vehicle(xml, Path("mine.xml"))
+    assert asked(vehicle=own, mission=to_north(depth=5000.0)).notes() == ()
+    with pytest.raises(VehicleError, match="rated_depth"):
+        load_vehicle("spray").replace(rated_depth=0.0)
 
 
 def test_logs_without_fixes_are_refused(store) -> None:
