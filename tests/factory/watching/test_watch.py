@@ -48,6 +48,7 @@ from twin.navigation.current import Leg
 from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
 from twin.records.storage.disk import temporary_name
+from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)
@@ -469,6 +470,36 @@ def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
     assert ".writing-" not in broken.missing
     assert not list(made.folder.glob(".*writing*"))
     assert broken.store == first.store
+
+
+@pytest.mark.parametrize("name", ["zarr.json", "measured_depth/zarr.json"])
+def test_a_damaged_log_is_made_again_and_said(
+    tmp_path: Path, base: list[Path], source: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    shutil.copy(base[0], source)
+    log = made.folder / LOG
+    log_of_files(made, made.folder)
+    wanted = store_hash(log)
+    path = log / name
+    path.write_bytes(path.read_bytes()[:40])
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0, err
+    assert (said + err).count(f"log.zarr was damaged, and is made again: {name} is changed") == 1
+    assert store_hash(log) == wanted
+    assert log_of_files(made, made.folder).damage == ""
+    path.write_bytes(b"{")
+    (log / "notes.txt").write_text("mine")  # nobody's to remove
+    shutil.copy(base[1], source)
+    if name == "zarr.json":
+        with pytest.raises(WriteError, match=r"log\.zarr exists and glider-twin did not write it"):
+            log_of_files(made, made.folder)
+    (log / "notes.txt").unlink()
+    log.rename(tmp_path / "other.zarr")
+    path = tmp_path / "other.zarr" / "zarr.json"
+    path.write_bytes(b"{")
+    with pytest.raises(WriteError, match="exists and is damaged, or another thing of glider-twin"):
+        write_store(xr.Dataset(), tmp_path / "other.zarr", overwrite=True)
 
 
 def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(
