@@ -168,7 +168,8 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
         speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
         lines.append(
-            f"{counted(len(told.dives), 'dive')} of {told.deployment}"
+            f"{counted(len(told.dives), 'dive')} of {told.deployment}, "
+            f"{len(told.legs)} from fix to fix"
             + (
                 f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
                 if speed >= 0.0
@@ -230,7 +231,7 @@ def _home(told: Morning) -> float | None:
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
-    found = {"dives": f"{len(told.dives)}"}
+    found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
     if (fix := told.last_fix) is not None:
         found["last fix, UTC"] = f"{moment_of(fix.time):%m-%d %H:%M}"
     if told.surfacings is not None and told.surfacings.surfacings:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from logs import START, Flight, write_slocum
 
 import twin
@@ -30,9 +31,11 @@ from twin.forecast import Request, forecast, known_from_logs, known_without_logs
 from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
+from twin.geodesy import offset
 from twin.identify.start_values import other_kind
 from twin.navigation.current import Leg
 from twin.physics.scenario import Scenario
+from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.show.forecast_page import page, write_forecast
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
@@ -438,8 +441,6 @@ def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> Non
 
 
 def test_logs_without_fixes_are_refused(store) -> None:
-    import xarray as xr
-
     with xr.open_zarr(store) as dataset:
         lost = dataset.load().copy()
     lost["displacement_north"] = lost["displacement_north"] * np.nan
@@ -465,6 +466,25 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     # it drifts with what the fixes have told
     assert "surfacing 1: about" in said.err
     assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
+
+
+def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys) -> None:
+    assert PROGRAM.main(["forecast", "--logs", str(store)]) == 2
+    said = capsys.readouterr().err
+    assert "give --goto" in said
+    assert "the log has none; `twin watch --new" in said
+    with xr.open_zarr(store) as dataset:
+        sent = dataset.load().copy()
+    for axis, metres in (("north", 3000.0), ("east", -500.0)):
+        depth = sent["measured_depth"]
+        sent[f"commanded_waypoint_{axis}"] = depth.copy(data=np.full(depth.shape, metres, "f4"))
+    write_store(sent, tmp_path / "sent.zarr")
+    with LogStore(store) as logs:
+        latitude, longitude = logs.fixes(7)[0]
+    assert PROGRAM.main(["forecast", "--logs", str(tmp_path / "sent.zarr")]) == 2
+    there = re.search(r'sent to --goto "(.*),(.*)"; `twin watch', capsys.readouterr().err)
+    moved = offset(*(np.float64(word) for word in there.groups()), latitude, longitude)
+    assert [float(one) for one in moved] == pytest.approx([3000.0, -500.0], abs=20.0)
 
 
 def test_an_interruption_says_how_many_members_the_folder_holds(
