@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from factory.watching.morning import Morning
-from factory.watching.morning_figures import mail_figure, track_figure, water_figure
+from factory.watching.morning_figures import (
+    close_figure,
+    deployment_figure,
+    mail_figure,
+    water_figure,
+)
 from factory.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli.text_table import counted
 from twin.forecast import NINETY, boxes_text, notice_boxes
@@ -81,16 +86,24 @@ def write_morning(
         page.points(came)
     if told.legs:
         page.section("Track and currents")
-        page.figure(
-            "track",
-            track_figure(told.legs, told.surfacings),
-            "Fixes with straight lines between those that begin and end a dive, the mean current "
-            "of each dive, and ellipses that hold 50 and 90 % of the next surfacings.",
-        )
-        page.figure(
-            "current",
-            water_figure(told.legs),
-            "Mean current of each dive: its way over ground less its way through the water.",
+        page.pair(
+            [
+                (
+                    "track",
+                    close_figure(told.legs, told.surfacings),
+                    "Last dives: fixes with straight lines between those that begin and end one, "
+                    "its mean current, the next surfacings by their numbers with ellipses that "
+                    "hold 50 and 90 % of them, and where it goes: at the edge where that is "
+                    "outside.",
+                ),
+                ("deployment", deployment_figure(told.legs), "All dives."),
+                (
+                    "current",
+                    water_figure(told.legs),
+                    "Mean current of each dive: its way over ground less its way through the "
+                    "water.",
+                ),
+            ]
         )
     if told.health is not None:
         _health(page, told.health)
@@ -190,8 +203,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         ellipse = one.ellipse(NINETY)
         lines.append(
             f"Next surfacing {found.moment(one.time_s)[:16].replace('T', ' ')} UTC "
-            f"({found.moment(one.early_s)[11:16]} to {found.moment(one.late_s)[11:16]}) at "
-            f"{one.latitude:.4f}, {one.longitude:.4f}"
+            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}"
         )
         lines.append(
             f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
@@ -260,8 +272,9 @@ def _forecast(page: Page, told: Morning) -> None:
         )
     elif not found.left_out:
         page.say(f"No surfacing within {found.request.hours:g} h.")
-    if found.remarks:
-        page.points(found.remarks)
+    said = [one for one in (*found.remarks, found.bounds_known) if one]
+    if said:
+        page.points(said)
     page.facts(found.spread)
     page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
     page.code(boxes_text(notice_boxes(found), told.deployment))

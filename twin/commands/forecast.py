@@ -278,6 +278,7 @@ class _Shows:
         if found.surfacings:
             console.table([forecast_row(found, one) for one in found.surfacings])
             console.say("semi-axes: from the middle of an ellipse to its edge")
+            console.say(found.bounds_known)
         elif not found.left_out:
             console.say(f"no surfacing within {found.request.hours:g} h")
         for said in found.remarks:

@@ -17,11 +17,12 @@ from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, members_of
 from twin.forecast.request import HOUR, Request
 from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, over, surfacings_of
+from twin.records.coordinates import utc_clock
 
 Array = NDArray[np.float64]
 
 DAY = 86400.0
-KILO = 1e3
+MINUTE, KILO = 60.0, 1e3
 KWH = 3.6e6
 """[J]"""
 
@@ -71,6 +72,17 @@ class Forecast:
         return said
 
     @property
+    def bounds_known(self) -> str:
+        """How well the members tell the bounds of the times; empty where there are none."""
+        if not self.surfacings or self.flown < 2:
+            return ""
+        off = ", ".join(f"{one.bound_s / MINUTE:.0f}" for one in self.surfacings)
+        return (
+            f"{self.flown} members tell the bounds of the times to +-{off} min: other members, "
+            "hours or seeds move them by as much; more members tell them better"
+        )
+
+    @property
     def days_left(self) -> float | None:
         """[d] that the batteries last at this power; None where their energy is not given."""
         if self.request.energy_left_kwh is None or self.power_w <= 0.0:
@@ -90,6 +102,12 @@ class Forecast:
     def moment(self, seconds: float) -> str:
         """UTC at `seconds` after the start, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
+
+    def bounds(self, one: Surfacing) -> str:
+        """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
+        middle = self.begins.replace(tzinfo=datetime.UTC).timestamp()
+        times = (utc_clock(middle + at, middle + one.time_s) for at in (one.early_s, one.late_s))
+        return " to ".join(times)
 
     def targets(self) -> Array:
         """Longitude, latitude [degree] of the mission's targets, (target, 2)."""
@@ -126,6 +144,7 @@ class Forecast:
             "left_out": self.left_out,
             "over_s": self.over_s,
             "remarks": self.remarks,
+            "bounds_known": self.bounds_known,
             "surfacings": [
                 {
                     **one.describe(),

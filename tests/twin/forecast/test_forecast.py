@@ -16,6 +16,7 @@ from logs import START, Flight, write_slocum
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
+from twin.checks.agreement import EndsApart
 from twin.cli.console import Console
 from twin.commands.forecast import ForecastSurfacings
 from twin.errors import (
@@ -37,7 +38,7 @@ from twin.navigation.current import Leg
 from twin.physics.scenario import Scenario
 from twin.records.logged import LogStore
 from twin.records.store import write_store
-from twin.show.forecast_page import page, write_forecast
+from twin.show.forecast_page import forecast_row, page, write_forecast
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
 from twin.water.current.axes import Origin
@@ -129,6 +130,17 @@ def _flight(place, time=60.0):
                  end=np.zeros(6))  # fmt: skip
 
 
+def test_bounds_of_times_say_how_far_another_draw_moves_them() -> None:
+    rng = np.random.default_rng(3)
+    told = []
+    for _ in range(300):
+        times = rng.normal(7200.0, 900.0, 100)
+        (one,) = surfacings_of([_flight((0.0, 0.0), time) for time in times], PLACE)
+        told.append((one.early_s, one.late_s, one.bound_s))
+    early, late, said = np.array(told).T
+    assert np.mean(said) == pytest.approx(0.5 * (early.std() + late.std()), rel=0.1)
+
+
 def test_two_members_spread_as_far_as_they_are_apart() -> None:
     (one,) = surfacings_of([_flight((0.0, 0.0)), _flight((400.0, 0.0))], PLACE)
     (alone,) = surfacings_of([_flight((200.0, 0.0))], PLACE)
@@ -217,6 +229,30 @@ def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
     assert said["speed_m_s"] == pytest.approx(off, rel=1e-9)
     assert said["time_s"] == one.duration // 10.0 * 10.0
     assert said["unstable"] == ""
+
+
+def test_whether_two_engines_differ_as_usual_is_said() -> None:
+    def text(position: float, speed: float, hours: float = 6.0) -> str:
+        return EndsApart(
+            time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable=""
+        ).text
+
+    assert text(2.0, 1e-5).endswith("after 6.00 h: usual")
+    assert text(2.0, 0.041).endswith("2 m and 41 mm/s from it after 6.00 h: usual, its speed "
+                                     "differs most while it turns")  # fmt: skip
+    assert "more than the 10 m that are usual; --engine mujoco" in text(11.0, 0.0)
+    assert "usual" in text(19.0, 0.0, hours=12.0)
+    assert "more than" not in text(19.0, 0.0, hours=12.0)
+
+
+def test_a_bound_on_another_day_has_its_day(steps) -> None:
+    found = dataclasses.replace(steps[-1], request=asked(
+        place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00")
+    ))  # fmt: skip
+    one = dataclasses.replace(found.surfacings[0], time_s=600.0, early_s=0.0, late_s=1800.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "23:40 to 11-23 00:10"
+    one = dataclasses.replace(one, time_s=1800.0, late_s=2400.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
 
 
 def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
@@ -419,6 +455,9 @@ def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
     assert f"{2.0 - found.over_s / 3600.0:.1f} h before the forecast ends" in said
     assert said in html.unescape(write_forecast(found, tmp_path / "next").read_text())
     assert (steps[-1].over_s, steps[-1].remarks) == (None, [])
+    assert steps[0].bounds_known == ""  # of the mean alone
+    off = [f"{round(one.bound_s / 60.0)}" for one in steps[-1].surfacings]
+    assert f"24 members tell the bounds of the times to +-{', '.join(off)} min" in (page(steps[-1]))
 
 
 def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> None:
