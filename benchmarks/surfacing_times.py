@@ -4,10 +4,10 @@
 
 FOLDER is as of `benchmarks.surfacings`. From its fifth dive on, each deployment is asked for the
 times of the next, the second and the fourth surfacing, by what its dives so far have told: stays at
-the surface and how well dives keep the time (`twin.forecast.surfacing_schedule.Rhythm`). Printed is
-the part that comes within the interval of 90 %, its median width, and by how much the middle is
-off in the median, beside a rival that lets dives follow each other without a stay, as long as the
-median of the last five.
+the surface and how well dives keep the time (`twin.forecast.surfacing_schedule.Rhythm`). Those
+beyond a hole in the log are left out. Printed is the part that comes within the interval of 90 %,
+its median width, and by how much the middle is off in the median, beside a rival that lets dives
+follow each other without a stay, as long as the median of the last five.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.surfacings import stores_in
 from twin.cli.text_table import format_table
 from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
-from twin.logs.logged_leg import dive_times
+from twin.logs.logged_leg import DiveTime, dive_times
 from twin.records.logged import LogStore
 
 AHEAD = (1, 2, 4)
@@ -33,7 +33,7 @@ KNOWN, DRAWS, LEAST = 4, 400, 8
 MINUTE = 60.0
 
 
-def told(dives: Sequence[tuple[float, float]]) -> list[tuple[int, bool, float, float, float]]:
+def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float]]:
     """Of each forecast: surfacings ahead, whether the interval held it, its width, and by how much
     its middle and the rival were off [s]."""
     schedule, rng = SurfacingSchedule(), np.random.default_rng(0)
@@ -42,16 +42,17 @@ def told(dives: Sequence[tuple[float, float]]) -> list[tuple[int, bool, float, f
         rhythm = Rhythm.of(schedule, dives[:k]) if k >= KNOWN else None
         if rhythm is not None:
             drawn = rhythm.draw(DRAWS, max(AHEAD), 0.0, rng)
-            usual = float(np.median([end - begin for begin, end in dives[max(0, k - 5) : k]]))
+            usual = float(np.median([one.end - one.begin for one in dives[max(0, k - 5) : k]]))
             ends = np.cumsum(drawn.stays + usual * (1.0 + drawn.late[:, None]), axis=1)
             for ahead in AHEAD:
-                if k + ahead > len(dives):
-                    continue
-                came = dives[k + ahead - 1][1] - dives[k - 1][1]
+                stays = [one.stay for one in dives[k : k + ahead]]
+                if len(stays) < ahead or not np.isfinite(stays).all():
+                    continue  # beyond the log, or beyond a hole in which it may have come up
+                came = dives[k + ahead - 1].end - dives[k - 1].end
                 low, middle, high = np.quantile(ends[:, ahead - 1], [0.05, 0.5, 0.95])
                 off, rival = abs(came - middle), abs(came - ahead * usual)
                 found.append((ahead, bool(low <= came <= high), high - low, off, rival))
-        schedule.learn(*dive)
+        schedule.learn(dive)
     return found
 
 
@@ -85,7 +86,7 @@ def main() -> None:
         for store in stores_in(options.folder, Path(work)):
             with LogStore(store) as logs:
                 for name in dict.fromkeys(logs.deployments):
-                    dives = dive_times(logs, name)
+                    dives = dive_times(logs, name).dives
                     if len(dives) >= LEAST:
                         found = told(dives)
                         every += found

@@ -191,12 +191,12 @@ class WatchDeployment(JsonOption):
             passed = one_pass(deployment, until=until, replay=self.replay, say=console.note)
         if passed.told is None:
             console.say(f"nothing new: {passed.verdict}")
+            missing = passed.log.cut_or_left_out
         else:
             console.say(summary(passed.told, passed.new).rstrip("\n"))
-            for said in passed.told.lacking[1:]:  # the summary has the first
-                console.note(f"missing: {said}")
-        for said in passed.log.unreadable:
-            console.warn(f"left out: {said}")
+            missing = list(passed.told.missing[1:])  # the summary has the first
+        for said in missing:
+            console.note(f"missing: {said}")
         for name, same in passed.same.items():
             console.say(f"{name}: {'the same bytes' if same else 'other bytes than before'}")
         console.say(str(passed.page))

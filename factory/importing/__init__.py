@@ -6,6 +6,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import OTHER_KIND as OTHER_KIND
+    from factory.importing.deployment_log import TRUNCATED as TRUNCATED
     from factory.importing.deployment_log import UNREADABLE as UNREADABLE
     from factory.importing.formats.base import IMPORTERS as IMPORTERS
     from factory.importing.formats.base import Importer as Importer

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.tally import OtherKind, Tally, summarise
+from factory.importing.tally import OtherKind, Tally, by_reason
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -158,10 +158,10 @@ Result = TypeVar("Result")
 
 UNREADABLE = "unreadable file"
 """Subject of the report's entries of files that could not be read."""
+TRUNCATED = "truncated: "
+"""Begins what is said of a file that was read and ends too early"""
 OTHER_KIND = "file of another kind"
 """Subject of those that are no logs of the kind, as offload folders hold them: no failure."""
-_NAMED = 2
-"""Files that an entry of several names"""
 
 
 def each_file(
@@ -172,7 +172,7 @@ def each_file(
     Files with the same reason are reported together.
 
     Raises:
-      InputError: of the first file, when none can be read.
+      InputError: why, when none can be read.
     """
     found: list[tuple[Path, Result]] = []
     refused: list[tuple[Path, InputError]] = []
@@ -183,30 +183,31 @@ def each_file(
             refused.append((path, error))
     _tell(refused, len(paths), tally)
     if refused and not found:
-        raise refused[0][1]
+        first = refused[0][1]
+        if len(refused) == 1 or isinstance(first, OtherKind):
+            raise first
+        reasons = [(path.name, _reason(path, error)) for path, error in refused]
+        raise InputError("; ".join(by_reason(reasons, len(paths))))
     return found
 
 
 def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:
     """Report the files that are left out, by reason."""
-    groups: dict[tuple[str, str], list[tuple[Path, InputError]]] = {}
+    groups: dict[tuple[str, str], list[str]] = {}
     for path, error in refused:
         subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
-        groups.setdefault((subject, _reason(path, error)), []).append((path, error))
-    for (subject, reason), members in groups.items():
-        if len(members) == 1:
-            path, error = members[0]
-            why = str(error)
-            why = why if path.name in why else f"{path.name}: {why}"
-        else:
-            names = summarise([path.name for path, _ in members], _NAMED)
-            why = f"{len(members)} of {total} files: {reason} ({names})"
-        tally.add("left out", subject, len(members), why)
+        reason = _reason(path, error)
+        groups.setdefault((subject, reason), []).append(path.name)
+        if subject == UNREADABLE:
+            tally.unreadable.append((path.name, reason))
+    for (subject, reason), names in groups.items():
+        (why,) = by_reason([(name, reason) for name in names], total)
+        tally.add("left out", subject, len(names), why)
 
 
 def _reason(path: Path, error: InputError) -> str:
-    """What an error says, without the name of the file that it begins with."""
+    """What an error says behind the name of the file that it begins with."""
     why = str(error)
     for name in (str(path), path.name):
         why = why.removeprefix(name)
-    return why.lstrip(": ")
+    return why

@@ -200,7 +200,7 @@ class MostUnreadable(InputError):
 def _with_left_out(error: InputError, tally: Tally) -> InputError:
     """The error with the files that could not be read before: what is missing may be in them."""
     left_out = [e.detail for e in tally.entries() if e.subject == UNREADABLE]
-    if not set(left_out) - {str(error)}:
+    if all(why in str(error) for why in left_out):
         return error
     return InputError(f"{error}; left out before: {summarise(left_out, 2)}")
 

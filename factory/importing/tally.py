@@ -44,6 +44,8 @@ class Tally:
         self._counts: dict[tuple[str, str, str], int] = {}
         self.names: dict[str, dict[str, str]] = {}
         """What became of each name in the files, by kind of file (`unread_names`)."""
+        self.unreadable: list[tuple[str, str]] = []
+        """Files that could not be read, by name, and why."""
 
     def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
         """Count something; nothing is recorded for a count of 0."""
@@ -128,6 +130,23 @@ def summarise(names: Sequence[str], limit: int = 6) -> str:
     return head if len(names) <= limit else f"{head} and {len(names) - limit} more"
 
 
+def by_reason(refused: Sequence[tuple[str, str]], total: int) -> list[str]:
+    """Names of files, of so many in all, and what follows them in words: each reason once."""
+    groups: dict[str, list[str]] = {}
+    for name, reason in refused:
+        groups.setdefault(reason, []).append(name)
+    said = []
+    for reason, names in groups.items():
+        words = reason.lstrip(": ")
+        if len(names) > 1:
+            said.append(f"{len(names)} of {total} files: {words} ({summarise(names, _FEW)})")
+        else:
+            said.append(names[0] + (reason if words != reason else f": {words}"))
+    return said
+
+
+_FEW = 2
+"""Files with the same reason that a line names."""
 _NAMED = 12
 """Names that one line shows; the report's `names` holds all of them."""
 _ALIKE = 0.6

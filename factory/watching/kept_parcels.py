@@ -6,6 +6,7 @@ them may be taken away: the next pass makes it again.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -28,7 +29,7 @@ from factory.importing.parcels import (
     read_rows,
     write_rows,
 )
-from factory.importing.tally import EMPTY, LEFT_OUT, NOT_READ, READ, Tally
+from factory.importing.tally import EMPTY, LEFT_OUT, NOT_READ, READ, Tally, by_reason
 from factory.watching.sources.arrived_files import ArrivedFiles
 from factory.watching.sources.base import WHOLE
 from twin.errors import InputError
@@ -41,6 +42,12 @@ COUNTED = " (parcels counted)"
 """Behind what is said of a window: its files are in several windows"""
 SEVERAL = ("depth samples", "dives", "rows", "GPS fixes", "files")
 """Subjects of counts over a window that say nothing of a parcel"""
+IN_SETTINGS = (
+    ("--variation-deg", "variation_deg in deployment.toml"),
+    ("give its folder with --cache", 'name its folder in deployment.toml: cache = "FOLDER"'),
+    ("give --cache ", "name it as cache in deployment.toml: "),
+)
+"""What an import's message says of its options, and what it is here"""
 STATES = (READ, LEFT_OUT, EMPTY, NOT_READ)
 """What became of a name: the first of these that it is in any parcel"""
 
@@ -102,7 +109,6 @@ class KeptParcels:
         self._names: dict[str, tuple[str, ...]] = {}
         self._known: dict[str, dict[str, Any] | None] = {}
         self._heads: dict[str, dict[str, Any]] = {}
-        self._refused: list[InputError] = []
         self._grow = not found.source.neighbours
         """Whether parcels are read alone: their dives are then kept one by one"""
 
@@ -237,12 +243,11 @@ class KeptParcels:
             else:
                 owned = owned_rows(*given, window.own, carried, tally)
         except InputError as error:
-            self._refused.append(error)
             head["error"] = self._unplaced(str(error))
         else:
             rows = owned.rows
             head |= {name: value for name, value in vars(owned).items() if name != "rows"}
-        lost = self._unreadable(digest) if head["error"] or _lost(tally) else []
+        lost = self._unreadable(digest) if head["error"] or tally.unreadable else []
         files = {Path(name).name for name in self._names[digest]}
         head |= {
             "unreadable": lost,
@@ -277,23 +282,24 @@ class KeptParcels:
         found.pop("", None)
         return found
 
-    def _unreadable(self, digest: str) -> list[str]:
-        """Why files of a parcel cannot be read, as they say alone."""
+    def _unreadable(self, digest: str) -> list[tuple[str, str]]:
+        """Files of a parcel that cannot be read, and why, as they say alone."""
         tally = Tally()
-        try:
+        with contextlib.suppress(InputError):  # such as a log without a depth: that is readable
             read_logs(self.found.kind, self._staged((digest,)), self.options, tally)
-        except InputError:
-            if not _lost(tally):  # such as a log without a depth: readable, and without a dive
-                return []
-        return [self._unplaced(why) for why in _lost(tally)]
+        return [(name, self._unplaced(why)) for name, why in tally.unreadable]
 
     def _together(self) -> ParcelRows:
         order = sorted(self._heads, key=lambda digest: self._names[digest])
         heads = [self._heads[digest] for digest in order]
         rows = [row for digest in order for row in read_rows(self._path(digest))]
         told = [head for head in heads if not head["error"]]
-        if not told or (not rows and self._refused):
-            raise self._refused[0]
+        errors = [head["error"] for head in heads if head["error"]]
+        if not told or (not rows and errors):
+            lost = [(name, why) for head in heads for name, why in head["unreadable"]]
+            others = [head["error"] for head in heads if head["error"] and not head["unreadable"]]
+            said = [*by_reason(lost, len(self.found.sums)), *dict.fromkeys(others)]
+            raise InputError("; ".join(said))
         names = sorted({name for head in told for name in head["deployments"]})
         if self.found.source.joins and rows:
             names = [min(rows, key=lambda one: one.segment.start).deployment]
@@ -306,7 +312,7 @@ class KeptParcels:
         return ParcelRows(
             rows=tuple(rows),
             files=tuple(sorted({name for head in heads for name in head["files"]})),
-            tally=_told(heads),
+            tally=_told(heads, len(self.found.sums)),
             period=min(head["period"] for head in told),
             models=frozenset(name for head in told for name in head["models"]),
             simulated=any(head["simulated"] for head in told),
@@ -321,23 +327,26 @@ class KeptParcels:
         return [self.place / name for name in names]
 
     def _unplaced(self, text: str) -> str:
-        """A text without where the files were copied to, which is another place at every pass."""
-        return text.replace(f"{self.place}/", "").replace(str(self.folder / LISTS), "the source")
+        """A text without where the files were copied to, which is another place at every pass, and
+        with a deployment's settings for an import's options."""
+        for was, here in (
+            (f"{self.place}/", ""),
+            (str(self.folder / LISTS), "source and cache"),
+            *IN_SETTINGS,
+        ):
+            text = text.replace(was, here)
+        return text
 
     def _path(self, digest: str) -> Path:
         return self.folder / f"{digest}{ENDING}"
 
 
-def _lost(tally: Tally) -> list[str]:
-    return [entry.detail for entry in tally.entries() if entry.subject == UNREADABLE]
-
-
-def _told(heads: list[dict[str, Any]]) -> Tally:
-    """What was said of all parcels."""
+def _told(heads: list[dict[str, Any]], files: int) -> Tally:
+    """What was said of all parcels, of so many files."""
     tally = Tally()
+    for why in by_reason([(n, w) for head in heads for n, w in head["unreadable"]], files):
+        tally.add("left out", UNREADABLE, 1, why)
     for head in heads:
-        for why in head["unreadable"]:
-            tally.add("left out", UNREADABLE, 1, why)
         for action, subject, count, detail, exact in head["entries"]:
             if exact:
                 tally.add(action, subject, count, detail)

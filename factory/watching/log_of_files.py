@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from factory.importing import IMPORTERS, UNREADABLE, DiveRules, ReadOptions
+from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, DiveRules, ReadOptions
 from factory.importing.dives.dive_store import WANTED, dataset_of_rows, tell_lacking
 from factory.importing.tally import summarise
 from factory.watching.deployment_folder import WatchedDeployment
@@ -33,6 +33,7 @@ from twin.records.attributes import (
 )
 from twin.records.presence import is_store, read_attributes
 from twin.records.schema import MISSION
+from twin.records.storage.checksums import damaged_files, is_listed
 from twin.records.storage.disk import lock, remove, temporary_name
 from twin.records.storage.whole import clean
 from twin.records.store import write_store
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LOG = "log.zarr"
-IN_SETTINGS = "--variation-deg", "variation_deg in deployment.toml"
-"""What an import's message calls an option, and what it is here"""
 DIGEST = "files_digest"
 """Attribute of the store: which files made it, and how they were read"""
 
@@ -62,8 +61,18 @@ class LogOfFiles:
     """of the logs; empty: no file tells it"""
     unreadable: tuple[str, ...]
     """Why files were left out, in words"""
+    short: tuple[str, ...] = ()
+    """Files that were read and end too early, with how far they go"""
+    damage: str = ""
+    """What was wrong with the log that was there, in words; empty where nothing was"""
     missing: str = ""
     """Why no dives could be had of the files that are there now; empty where they could"""
+
+    @property
+    def cut_or_left_out(self) -> list[str]:
+        """A log that was damaged, files that end too early, and those that are left out."""
+        damaged = [self.damage] if self.damage else []
+        return [*damaged, *self.short, *(f"left out: {said}" for said in self.unreadable)]
 
 
 def log_of_files(
@@ -75,7 +84,8 @@ def log_of_files(
 ) -> LogOfFiles:
     """Bring `folder/log.zarr` up to date.
 
-    A source whose files say nothing, such as half of the only one, leaves the store as it was.
+    A source whose files say nothing, such as half of the only one, leaves the store as it was. A
+    store that is damaged is made again.
 
     Args:
       until: only dives that had ended by then, UTC.
@@ -87,7 +97,8 @@ def log_of_files(
     store = folder / LOG
     found = arrived(deployment)
     stamp = "" if until is None else f" until {until.isoformat()}"
-    if not found.missing and not again and _digest(store) == found.digest + stamp:
+    damage = _damage(store)
+    if not (found.missing or again or damage) and _digest(store) == found.digest + stamp:
         return _outcome(store, found, changed=False)
     if found.missing:
         return _without(store, found, found.missing)
@@ -99,14 +110,25 @@ def log_of_files(
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(str(place), str(found.folder)).replace(*IN_SETTINGS)
+            said = str(error).replace(str(place), str(found.folder))
             return _without(store, found, said)
     copy = json.dumps(f"{place}/")[1:-1]  # as the report's text has it
     dataset.attrs[IMPORT_REPORT] = dataset.attrs[IMPORT_REPORT].replace(copy, "")
     dataset.attrs[HISTORY] = f"factory import {found.kind} of all files that arrived"
     dataset.attrs[DIGEST] = found.digest + stamp
+    if damage:
+        remove(store)
     write_store(dataset, store, overwrite=True)
-    return _outcome(store, found, changed=True)
+    return dataclasses.replace(_outcome(store, found, changed=True), damage=damage)
+
+
+def _damage(store: Path) -> str:
+    """What is wrong with the log that is there, in words: of one that this program wrote, and to
+    which nobody has added a file."""
+    if not is_listed(store):
+        return ""
+    one = next(damaged_files(store), None)
+    return "" if one is None else f"{store.name} was damaged, and is made again: {one}"
 
 
 @contextlib.contextmanager
@@ -217,6 +239,11 @@ def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
         kind=found.kind,
         files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
         unreadable=tuple(said),
+        short=tuple(
+            f"{entry['subject']} is {entry['detail']}"
+            for entry in entries
+            if entry["detail"].startswith(TRUNCATED)
+        ),
     )
 
 

@@ -42,7 +42,7 @@ from twin.identify import (
     start_vehicle,
     with_consumption,
 )
-from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
+from twin.logs import Endurance, EnergyUse, counted_energy, dive_times, endurance_of
 from twin.mission import Waypoint
 from twin.physics.start import utc_text
 from twin.records.attributes import DIVE
@@ -147,6 +147,13 @@ class Morning:
         latitude, longitude = end_of(self.legs[-1])
         return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """All that is missing: why there is no forecast, short files and those that are left out,
+        and what else is not told."""
+        first = self.lacking[:1] if self.surfacings is None else ()
+        return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
+
     def parameters(self) -> list[dict[str, Any]]:
         """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
         if self.followed is None:
@@ -197,6 +204,7 @@ class Morning:
             "forecast": None if self.surfacings is None else self.surfacings.describe(),
             "lacking": list(self.lacking),
             "unreadable": list(self.log.unreadable),
+            "short": list(self.log.short),
         }
 
 
@@ -233,6 +241,7 @@ def morning(
         dives = tuple(int(numbers[row]) for row in rows)
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
+        silent = dive_times(logs, name).silent
         source = logs.source
     if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
         lacking.append(
@@ -242,6 +251,8 @@ def morning(
         dialogue = None
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
+    if silent:
+        lacking.append(silent)
     vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
     shared: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
@@ -280,7 +291,7 @@ def morning(
     flown, plan, files, routes = None, "", None, None
     changes: tuple[Mapping[str, str], ...] = ()
     if not legs:
-        lacking.append("forecast: no dive lies between two fixes and has a known way")
+        lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
         takes = vehicle if used is None else with_consumption(vehicle, used.consumption)

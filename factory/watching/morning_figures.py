@@ -23,20 +23,28 @@ HALF = 0.5
 DAY = 86400.0
 CLOSE = 4
 """Last dives of the detailed map"""
+MAP, SERIES = (4.1, 3.9), (4.1, 2.4)
+"""[in] of figures that stand beside each other, and below each other on a phone"""
 LETTERS = 105
 """In a line of the picture for e-mail"""
 
 
-def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
-    """All dives, and the last few with the ellipses of the next surfacings."""
+def close_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
+    """The last dives, with the numbered ellipses of the next surfacings and where it goes."""
+    return _map_figure(legs[-CLOSE:], found)
+
+
+def deployment_figure(legs: Sequence[LoggedLeg]) -> Figure:
+    """All dives."""
+    return _map_figure(legs, None)
+
+
+def _map_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
     with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 3.9)
-        close, whole = figure.subplots(1, 2)  # what is new comes first on a phone
-        _draw_track(whole, legs, None)
-        whole.set_title("deployment")
-        _draw_track(close, legs[-CLOSE:], found)
-        close.set_title("last dives" if found is None else "last dives, next surfacings")
-        figure.legend(*close.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+        figure = style.new_figure(*MAP)
+        axes = figure.subplots()
+        _draw_track(axes, legs, found)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -94,6 +102,25 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
         label = "forecast" if track else "50 and 90 %" if k == 0 else ""
         dashes = (0, (4, 2)) if track else "-"
         axes.plot(x, ring[:, 0], color=style.ESTIMATE, lw=0.9, ls=dashes, zorder=3, label=label)
+    if found is not None:
+        _draw_places(axes, found, longitude[0] - begins[0, 1])
+
+
+def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
+    """Numbers of the surfacings at their middles, and targets, at the edge where they are far.
+
+    Args:
+      turned: [degree] by which the map's longitudes are beyond those of the forecast.
+    """
+    for one in found.surfacings:
+        axes.annotate(f"{one.number}", (one.longitude + turned, one.latitude), ha="center",
+                      va="center", color=style.ESTIMATE, weight="bold", zorder=5)  # fmt: skip
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    for k, (x, y) in enumerate(found.targets() + np.array([turned, 0.0])):
+        inside = west <= x <= east and south <= y <= north
+        at = np.clip(x, west, east), np.clip(y, south, north)
+        axes.plot(*at, "D" if inside else ">", color=style.PALETTE["purple"], ms=5.0, ls="none",
+                  clip_on=False, zorder=5, label="" if k else "goes to")  # fmt: skip
 
 
 def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
@@ -102,7 +129,7 @@ def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
     days = np.array([(one.leg.start + 0.5 * one.leg.duration - start) / DAY for one in legs])
     current = np.array([one.leg.current for one in legs])
     with style.styled():
-        figure = style.new_figure(style.PAGE_WIDTH, 2.4)
+        figure = style.new_figure(*SERIES)
         axes = figure.add_subplot()
         for k, (name, colour) in enumerate((("north", "blue"), ("east", "vermillion"))):
             axes.plot(days, current[:, k], "o-", color=style.PALETTE[colour], ms=3.0, lw=0.8,

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 
 from factory.watching.morning import Morning
-from factory.watching.morning_figures import mail_figure, track_figure, water_figure
+from factory.watching.morning_figures import (
+    close_figure,
+    deployment_figure,
+    mail_figure,
+    water_figure,
+)
 from factory.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli.text_table import counted
 from twin.forecast import NINETY, boxes_text, notice_boxes
@@ -64,9 +69,6 @@ def write_morning(
     )  # fmt: skip
     page = Page(folder / PAGE, told.verdict, lead or told.title, beside=BESIDE)
     page.numbers(_numbers(told))
-    if told.lacking or told.log.unreadable:
-        page.section("What is missing")
-        page.points([*told.lacking, *(f"left out: {said}" for said in told.log.unreadable)])
     if (said := told.dialogue) is not None:
         page.section("Said at its last surfacing")
         page.say(f"{said.vehicle}, {moment_of(said.time):%Y-%m-%d %H:%M} UTC by its clock.")
@@ -76,21 +78,32 @@ def write_morning(
         page.points(new)
     if told.surfacings is not None:
         _forecast(page, told)
+    if told.missing:
+        page.section("What is missing")
+        page.points(told.missing)
     if came:
         page.section("What came")
         page.points(came)
     if told.legs:
         page.section("Track and currents")
-        page.figure(
-            "track",
-            track_figure(told.legs, told.surfacings),
-            "Fixes with straight lines between those that begin and end a dive, the mean current "
-            "of each dive, and ellipses that hold 50 and 90 % of the next surfacings.",
-        )
-        page.figure(
-            "current",
-            water_figure(told.legs),
-            "Mean current of each dive: its way over ground less its way through the water.",
+        page.pair(
+            [
+                (
+                    "track",
+                    close_figure(told.legs, told.surfacings),
+                    "Last dives: fixes with straight lines between those that begin and end one, "
+                    "its mean current, the next surfacings by their numbers with ellipses that "
+                    "hold 50 and 90 % of them, and where it goes: at the edge where that is "
+                    "outside.",
+                ),
+                ("deployment", deployment_figure(told.legs), "All dives."),
+                (
+                    "current",
+                    water_figure(told.legs),
+                    "Mean current of each dive: its way over ground less its way through the "
+                    "water.",
+                ),
+            ]
         )
     if told.health is not None:
         _health(page, told.health)
@@ -168,7 +181,8 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
         speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
         lines.append(
-            f"{counted(len(told.dives), 'dive')} of {told.deployment}"
+            f"{counted(len(told.dives), 'dive')} of {told.deployment}, "
+            f"{len(told.legs)} from fix to fix"
             + (
                 f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
                 if speed >= 0.0
@@ -189,8 +203,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         ellipse = one.ellipse(NINETY)
         lines.append(
             f"Next surfacing {found.moment(one.time_s)[:16].replace('T', ' ')} UTC "
-            f"({found.moment(one.early_s)[11:16]} to {found.moment(one.late_s)[11:16]}) at "
-            f"{one.latitude:.4f}, {one.longitude:.4f}"
+            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}"
         )
         lines.append(
             f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
@@ -199,8 +212,9 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         lines.append(f"Taken to go {told.plan}")
     lines.append(_power(told))
     lines += list(new[:2])
-    if told.lacking:
-        lines.append(f"Missing: {told.lacking[0]}")
+    if told.missing:
+        more = len(told.missing) - 1
+        lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
     return "\n".join([line for line in lines if line][:10]) + "\n"
 
 
@@ -229,7 +243,7 @@ def _home(told: Morning) -> float | None:
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
-    found = {"dives": f"{len(told.dives)}"}
+    found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
     if (fix := told.last_fix) is not None:
         found["last fix, UTC"] = f"{moment_of(fix.time):%m-%d %H:%M}"
     if told.surfacings is not None and told.surfacings.surfacings:
@@ -256,8 +270,11 @@ def _forecast(page: Page, told: Morning) -> None:
             "Ellipses hold 50 and 90 % of the surfacings; their semi-axes are from the middle to "
             "the edge, with the bearing of the longer.",
         )
-    else:
-        page.say(found.left_out or f"No surfacing within {found.request.hours:g} h.")
+    elif not found.left_out:
+        page.say(f"No surfacing within {found.request.hours:g} h.")
+    said = [one for one in (*found.remarks, found.bounds_known) if one]
+    if said:
+        page.points(said)
     page.facts(found.spread)
     page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
     page.code(boxes_text(notice_boxes(found), told.deployment))

@@ -21,10 +21,11 @@ EVENTS = "events.jsonl"
 
 
 def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, Any]]:
-    """Files that cannot be read, and an alarm with what it may be instead."""
+    """Files that cannot be read or end too early, and an alarm with what it may be instead."""
     found: list[dict[str, Any]] = [
         {"event": "unreadable file", "says": said} for said in log.unreadable
     ]
+    found += [{"event": "short file", "says": said} for said in log.short]
     if log.missing:
         found.append({"event": "nothing to import", "says": log.missing})
     if health is not None and health.alarm:

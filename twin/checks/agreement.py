@@ -46,6 +46,9 @@ SPEED_LIMIT, ATTITUDE_LIMIT, POSITION_LIMIT = 1e-3, 0.1, 0.3
 """Agreement asked for: RMS speed [m/s], RMS attitude [deg], position [% of distance]"""
 START_DEPTH = 1000.0
 """[m] far from the surface"""
+USUAL_APART = 10.0
+"""[m] by which ends of two engines differ in six hours at most: a doubled step alone moves a
+surfacing by up to 5 m (`python -m benchmarks.forecast_speed`)"""
 LEG = (60.0, 150.0)
 """[s] time between actuator steps"""
 SHEAR = 0.2
@@ -246,10 +249,17 @@ class EndsApart:
         """In words."""
         if self.position_m is None or self.speed_m_s is None:
             return f"MuJoCo could not fly it: {self.unstable}"
-        return (
+        hours = self.time_s / 3600.0
+        said = (
             f"MuJoCo ends {self.position_m:.2g} m and {1e3 * self.speed_m_s:.2g} mm/s from it "
-            f"after {self.time_s / 3600.0:.2f} h"
+            f"after {hours:.2f} h"
         )
+        usual = USUAL_APART * max(1.0, hours / 6.0)
+        if self.position_m > usual:
+            return f"{said}: more than the {usual:.0f} m that are usual; --engine mujoco flies all"
+        if self.speed_m_s > SPEED_LIMIT:
+            return f"{said}: usual, its speed differs most while it turns"
+        return f"{said}: usual"
 
 
 def flown_in_mujoco(scenario: Scenario) -> Trajectory | SimulationUnstable:

@@ -98,11 +98,11 @@ class ForecastSurfacings(JsonOption):
     def _check(self) -> None:
         from twin.errors import InputError
 
-        if (self.goto is None) == (self.mission is None):
-            raise InputError(
-                'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
-                + ("" if self.goto is None else ", not both")
-            )
+        if self.goto is not None and self.mission is not None:
+            raise InputError("give --goto or --mission, not both")
+        if self.goto is None and self.mission is None:
+            said = 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
+            raise InputError(said if self.logs is None else f"{said}; {self._aim(self.logs)}")
         if self.from_ is None and self.logs is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         for name, needed in (
@@ -116,6 +116,14 @@ class ForecastSurfacings(JsonOption):
             raise InputError("--way is for --logs, which is not given: leave it out")
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
+
+    def _aim(self, logs: Path) -> str:
+        """Where the log itself goes, and who takes that from it."""
+        from twin.forecast import aim_of
+
+        aim = aim_of(logs)
+        sent = f'in its last dive it was sent to --goto "{aim}"' if aim else "the log has none"
+        return f"{sent}; `twin watch --new FOLDER --from FILES` takes it from the log at each pass"
 
     def _once(self, console: Console, logs: Path | None) -> None:
         """One forecast."""
@@ -155,6 +163,8 @@ class ForecastSurfacings(JsonOption):
                 console.warn(warning)
             model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
             known = known_from_logs(logs, str(vehicle.path) if model else None)
+            if known.silent:
+                console.warn(known.silent)
             if (used := counted_energy(logs, vehicle, newest=True)) is not None:
                 vehicle = with_consumption(vehicle, used.consumption)
                 console.note(f"energy by the log's counter: {used.power:.2f} W so far")
@@ -268,10 +278,11 @@ class _Shows:
         if found.surfacings:
             console.table([forecast_row(found, one) for one in found.surfacings])
             console.say("semi-axes: from the middle of an ellipse to its edge")
+            console.say(found.bounds_known)
         elif not found.left_out:
             console.say(f"no surfacing within {found.request.hours:g} h")
-        if found.left_out:
-            console.warn(found.left_out)
+        for said in found.remarks:
+            console.warn(said)
         if found.failed:
             console.warn(f"{found.failed} of {found.request.members} members went unstable")
         if (beside := found.beside_mujoco) is not None:

@@ -155,9 +155,9 @@ def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:
             "scored": scores.segments,
             **{m.replace("_", " "): scores.mean[m] for m in METHODS},
             **{f"{m.replace('_', ' ')} scored": scores.segments_of[m] for m in sorted(partial)},
-            "by best rival": scores.ratio,
-            "in 50 %": scores.coverage_50,
-            "in 90 %": scores.coverage_90,
+            "forecast / best rival": scores.ratio,
+            "inside 50 %": scores.coverage_50,
+            "inside 90 %": scores.coverage_90,
         }
         for name, scores in rows
     ]

@@ -10,6 +10,7 @@ from twin.forecast.deployment_hindcast import DeploymentHindcast as DeploymentHi
 from twin.forecast.deployment_hindcast import Hindcast as Hindcast
 from twin.forecast.deployment_hindcast import hindcast as hindcast
 from twin.forecast.known import Known as Known
+from twin.forecast.known import aim_of as aim_of
 from twin.forecast.known import begun as begun
 from twin.forecast.known import known_from_logs as known_from_logs
 from twin.forecast.known import known_without_logs as known_without_logs

@@ -247,7 +247,7 @@ def _store(path: Path, asked: _Asked, advance: Callable[[], object]) -> list[Dep
                 walked = walk(
                     legs,
                     latitude=float(np.median([one.begin[0] for one in legs])),
-                    dives=dive_times(logs, name),
+                    dives=dive_times(logs, name).dives,
                     train=train,
                     priors=asked.priors,
                     field=None if asked.current is None else field_mean(logs, legs, asked.current),

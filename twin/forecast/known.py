@@ -22,7 +22,6 @@ from twin.forecast.way_pool import WayPool
 from twin.geodesy import great_circle, position
 from twin.logs.logged_leg import (
     MODEL,
-    LoggedLeg,
     dive_times,
     flown_velocities,
     legs_of,
@@ -68,6 +67,8 @@ class Known:
     been forecast for them."""
     rhythm: Rhythm | None = None
     """How long it stays at the surface and how its dives keep the time; None: not known."""
+    silent: str = ""
+    """What the log does not tell of its dives, in words; empty where nothing is missing"""
     by_model: bool = False
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
@@ -148,23 +149,39 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
                 f"store {path}: {why_no_legs(logs, deployment)}; nothing is known of the current: "
                 "give --from, and leave --logs out"
             )
-        dives = dive_times(logs, deployment)
+        times = dive_times(logs, deployment)
     latitude = float(np.median([one.begin[0] for one in legs]))
-    walked = walk(legs, latitude=latitude, dives=dives)
+    walked = walk(legs, latitude=latitude, dives=times.dives)
     last = legs[-1]
     return Known(
         pool=walked.pool,
-        place=_end(last),
+        place=_moved(last.leg.over_ground, last.begin),
         time=last.leg.end,
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
-        source=f"{counted(len(legs), 'dive')} of {deployment} (way through the water: "
-        f"{last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
+        source=f"{counted(len(legs), 'dive')} from fix to fix of {deployment} (way through the "
+        f"water: {last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
         legs=len(legs),
         ways=walked.ways,
         reach=walked.reach[1],
         rhythm=walked.rhythm,
+        silent=times.silent,
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
+
+
+def aim_of(path: str | Path) -> str:
+    """The place "LAT,LON" that the vehicle was sent to in the last dive of a store of logs, if the
+    log has it; else empty.
+
+    Raises:
+      StoreError: no store of logs.
+    """
+    with LogStore(Path(path)) as logs:
+        legs = legs_of(logs, _last_deployment(logs)[0])
+    if not legs or not legs[-1].targets:
+        return ""
+    latitude, longitude = _moved(legs[-1].targets[-1], legs[-1].begin)
+    return f"{latitude:.4f},{longitude:.4f}"
 
 
 def begun(start: str | None, known: Known | None) -> tuple[Origin, Known, str]:
@@ -206,7 +223,8 @@ def _last_deployment(logs: LogStore) -> tuple[str, str]:
     return names[0], "" if names[0] == names[1] else names[1]
 
 
-def _end(one: LoggedLeg) -> tuple[float, float]:
-    north, east = (np.array([metres]) for metres in one.leg.over_ground)
-    latitude, longitude = position(north, east, *one.begin)
+def _moved(metres: tuple[float, float], begin: tuple[float, float]) -> tuple[float, float]:
+    """Latitude, longitude [degree] so far north and east of a place."""
+    north, east = (np.array([value]) for value in metres)
+    latitude, longitude = position(north, east, *begin)
     return float(latitude[0]), float(longitude[0])

@@ -252,8 +252,7 @@ def _with_field(
 def _mean_field(request: Request) -> tuple[float, float]:
     """North, east [m/s] at the start, mean over the depths of the first dives."""
     assert request.field is not None
-    deepest = max(getattr(s, "max_depth_m", 0.0) for s in request.mission.segments)
-    depths = np.linspace(0.0, max(deepest, 1.0), 21)
+    depths = np.linspace(0.0, max(request.deepest, 1.0), 21)
     rest = np.zeros_like(depths)
     program = request.field.compile(request.flown, request.place)
     north, east = sample_track(program, rest, rest, rest, depths, rest, rest, rest)[:, :2].T
@@ -270,6 +269,8 @@ PER_CORE = {"mujoco": 12, "lanes": 4 * LANES[0]}
 """Members for each core between two looks: enough to keep it busy, few enough to show progress"""
 UNDER = 3.0
 """Times the depth that counts as surfaced, beyond which the vehicle has dived"""
+FLOATS = 300.0
+"""[s] beyond a mission's own stay at the surface, after which it is over"""
 THINNED = 30
 """Samples of a track for one point that is kept"""
 
@@ -294,6 +295,8 @@ class MemberFlight:
     """[J] in all"""
     end: Array
     """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
+    over: bool = False
+    """Whether its mission was over with its last surfacing: it floats from then on"""
 
     def delayed(self, stays: Array, late: float, drift: Array) -> MemberFlight:
         """The same with stays at the surface [s] before its dives, in which it drifts [m/s], and
@@ -376,7 +379,11 @@ def fly_nominal(
 def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
     """The surfacings of a run."""
     vehicle = scenario.vehicle
-    found = surfacings(run["true_depth"], 0.5 * vehicle.hull_length + SURFACED_MARGIN_M)
+    depth, afloat = run["true_depth"], 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
+    found = surfacings(depth, afloat)
+    stays = [getattr(one, "stay_s", 0.0) for one in getattr(scenario.mission, "segments", ())]
+    last = int(found[-1]) if len(found) else len(depth) - 1
+    floats = run.time[-1] - run.time[last] > max(stays, default=0.0) + FLOATS
     energy = np.sum([run[name] for name in run if name.startswith(ENERGY)], axis=0)
     return MemberFlight(
         time=run.time[found],
@@ -387,6 +394,7 @@ def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
         duration=float(run.time[-1]),
         taken=float(energy[-1]),
         end=state_at(run, -1),
+        over=bool(floats and depth[last:].max() <= UNDER * afloat),
     )
 
 

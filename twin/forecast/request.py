@@ -22,6 +22,8 @@ FASTEST = 3.0
 """[m/s] over ground: a glider's speed and 2 m/s of current, rounded up"""
 SLOWEST = 0.1
 """[m/s] of a climb, for how far beyond the horizon members fly"""
+DEEPEST = 1500.0
+"""[m] for a vehicle whose file has no rated depth: that of the deepest among the shipped ones"""
 LATE = 0.25
 """Of a dive, by which members come up later than others"""
 
@@ -70,7 +72,7 @@ class Request:
         self.notes()  # refuses targets that are too far
 
     def notes(self) -> tuple[str, ...]:
-        """What is odd about the targets; MissionError where one is too far to be meant."""
+        """What is odd about depth and targets; MissionError where one is too far to be meant."""
         said = []
         placed = self.mission.placed(self.place.latitude_deg, self.place.longitude_deg)
         first = placed.segments[0]
@@ -87,7 +89,24 @@ class Request:
                     f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
                     f"{span}: is it the place that is meant?"
                 )
+        rated, deepest = self.vehicle.rated_depth, self.deepest
+        if deepest > (rated or DEEPEST):
+            known = (
+                f"{self.vehicle.name} is built for {rated:g} m"
+                if rated
+                else f"no vehicle that is known here is built for more than {DEEPEST:g} m; yours "
+                'has it as <numeric name="rated_depth" data="METRES"/> in its file'
+            )
+            said.append(
+                f"dives to {deepest:g} m, and {known}: the forecast flies them though nothing may "
+                "come up from there; give a depth that it is built for"
+            )
         return tuple(said)
+
+    @property
+    def deepest(self) -> float:
+        """[m] of all dives of the mission."""
+        return max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
 
     @property
     def horizon(self) -> float:
@@ -97,8 +116,7 @@ class Request:
     @property
     def flown(self) -> float:
         """[s] that members fly: beyond the horizon, until those that are late are up, too."""
-        deepest = max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
-        return self.horizon + deepest / SLOWEST + LATE * longest_dive(self.mission)
+        return self.horizon + self.deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
 def check_members(members: int, engine: str = "lanes") -> None:

@@ -21,6 +21,8 @@ HALF, NINETY = 0.5, 0.9
 """Parts that ellipses hold of the surfacings to expect"""
 FIX_DEVIATION = 5.0
 """[m] north and east each, of the GPS fix that will be taken"""
+TAILS = np.array([0.05, 0.95])
+"""Parts of the members that are up before the two bounds of a time"""
 LEAST = 0.99
 """Part of the members that must have a surfacing for it to be told: without the late ones, place,
 time and ellipse would be those of the early ones"""
@@ -52,6 +54,8 @@ class Surfacing:
     """5 of 100 members are up before"""
     late_s: float
     """5 of 100 members are up later"""
+    bound_s: float
+    """deviation of these two by the draw of the members: another seed tells them so far off"""
     energy_kj: float
     """mean, taken since the start"""
     energy_deviation_kj: float
@@ -86,6 +90,7 @@ class Surfacing:
             "time_s": self.time_s,
             "early_s": self.early_s,
             "late_s": self.late_s,
+            "bound_s": self.bound_s,
             "ellipse_50": dataclasses.asdict(self.ellipse(HALF)),
             "ellipse_90": dataclasses.asdict(self.ellipse(NINETY)),
             "energy_kJ": self.energy_kj,
@@ -126,7 +131,7 @@ def surfacings_of(
         if len(having) > 1:
             spread = spread + np.cov(places, rowvar=False)
         longitude, latitude = degrees(centre[None], place)[0]
-        early, late = np.quantile(times, [0.05, 0.95])
+        early, late = np.quantile(times, TAILS)
         found.append(
             Surfacing(
                 number=index + 1,
@@ -139,12 +144,24 @@ def surfacings_of(
                 time_s=float(times.mean()),
                 early_s=float(early),
                 late_s=float(late),
+                bound_s=_bound_deviation(times),
                 energy_kj=float(energy.mean()),
                 energy_deviation_kj=float(energy.std()),
                 members=places,
             )
         )
     return tuple(found)
+
+
+def _bound_deviation(times: Array) -> float:
+    """[s] Standard deviation of the two bounds of times by the draw of the members, their mean.
+
+    How many of n members are before a bound is binomial: half of the distance between the ranks one
+    deviation before and behind it (David and Nagaraja 2003, Order Statistics, section 7.1).
+    """
+    off = np.sqrt(TAILS * (1.0 - TAILS) / len(times))
+    below, above = (np.quantile(times, np.clip(TAILS + s * off, 0.0, 1.0)) for s in (-1.0, 1.0))
+    return 0.5 * float((above - below).mean())
 
 
 def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
@@ -156,6 +173,13 @@ def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
         f"surfacing {told + 1} is left out: only {100.0 * part:.0f} % of the members have it, the "
         "others end at their last target or are late; their mean would be that of the early ones"
     )
+
+
+def over(flights: Sequence[MemberFlight], within: float) -> float | None:
+    """[s] at which the mission is over in the median, where half of the members end it by a time
+    [s] that a forecast reaches to; else None."""
+    ends = [float(one.time[-1]) for one in flights if one.over and one.time[-1] < within]
+    return float(np.median(ends)) if 2 * len(ends) >= max(len(flights), 1) else None
 
 
 def _due(flights: Sequence[MemberFlight], index: int, within: float) -> bool:

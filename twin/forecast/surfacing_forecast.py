@@ -15,13 +15,14 @@ from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, members_of
-from twin.forecast.request import Request
-from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, surfacings_of
+from twin.forecast.request import HOUR, Request
+from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, over, surfacings_of
+from twin.records.coordinates import utc_clock
 
 Array = NDArray[np.float64]
 
 DAY = 86400.0
-KILO = 1e3
+MINUTE, KILO = 60.0, 1e3
 KWH = 3.6e6
 """[J]"""
 
@@ -46,6 +47,8 @@ class Forecast:
     """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
     left_out: str = ""
     """Why a surfacing within the hours is not told; empty: none is left out."""
+    over_s: float | None = None
+    """[s] after the start at which the mission is over, in the median; None: it goes on."""
     beside_mujoco: EndsApart | None = None
     """Of the first member, where lanes flew it; None before all have been flown."""
 
@@ -53,6 +56,31 @@ class Forecast:
     def complete(self) -> bool:
         """Whether all members have been flown."""
         return self.flown + self.failed == self.request.members
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of the surfacings that are told and of those that are not."""
+        said = [self.left_out] if self.left_out else []
+        if self.over_s is not None:
+            moment = self.moment(self.over_s)[:16].replace("T", " ")
+            said.append(
+                f"the plan is over about {moment} UTC, "
+                f"{self.request.hours - self.over_s / HOUR:.1f} h before the forecast ends: from "
+                "then on it is taken to float and drift, and boxes and energy are of that. Give "
+                "more places in goto, a longer mission, or fewer hours"
+            )
+        return said
+
+    @property
+    def bounds_known(self) -> str:
+        """How well the members tell the bounds of the times; empty where there are none."""
+        if not self.surfacings or self.flown < 2:
+            return ""
+        off = ", ".join(f"{one.bound_s / MINUTE:.0f}" for one in self.surfacings)
+        return (
+            f"{self.flown} members tell the bounds of the times to +-{off} min: other members, "
+            "hours or seeds move them by as much; more members tell them better"
+        )
 
     @property
     def days_left(self) -> float | None:
@@ -74,6 +102,12 @@ class Forecast:
     def moment(self, seconds: float) -> str:
         """UTC at `seconds` after the start, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
+
+    def bounds(self, one: Surfacing) -> str:
+        """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
+        middle = self.begins.replace(tzinfo=datetime.UTC).timestamp()
+        times = (utc_clock(middle + at, middle + one.time_s) for at in (one.early_s, one.late_s))
+        return " to ".join(times)
 
     def targets(self) -> Array:
         """Longitude, latitude [degree] of the mission's targets, (target, 2)."""
@@ -108,6 +142,9 @@ class Forecast:
             "spread": self.spread,
             "notes": list(request.notes()),
             "left_out": self.left_out,
+            "over_s": self.over_s,
+            "remarks": self.remarks,
+            "bounds_known": self.bounds_known,
             "surfacings": [
                 {
                     **one.describe(),
@@ -196,6 +233,7 @@ def forecast(
             request=request,
             surfacings=told,
             left_out=left_out(flights, len(told), request.horizon),
+            over_s=over(flights, request.horizon),
             flown=len(flights),
             failed=failed,
             track=first,

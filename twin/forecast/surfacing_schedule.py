@@ -7,13 +7,13 @@ hour, two, three or four. Which of these a pilot has ordered shows in the dives 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.logs.logged_leg import DiveTime, usual_duration
 from twin.navigation.current.pool import Mixture, Pool, Prior
 
 Array = NDArray[np.float64]
@@ -43,17 +43,12 @@ FREEDOM, COUNTED, FORGETTING = 3.0, 2.0, 0.9
 """See `Pool`: orders are kept to the minute until a pilot gives another"""
 
 
-def usual_duration(before: Sequence[tuple[float, float]]) -> float:
-    """[s] median of the last three dives, each by its begin and end [s]."""
-    return float(np.median([end - begin for begin, end in before[-3:]]))
-
-
 class SurfacingSchedule:
     """Orders to surface, mixed by how well they foretold the ends so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = PRIORS):
         self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED, forgetting=FORGETTING)
-        self._dives: list[tuple[float, float]] = []
+        self._dives: list[DiveTime] = []
 
     def expect(self, begin: float) -> Mixture:
         """Duration [s] of a dive that begins at a time [s], (1,).
@@ -65,13 +60,13 @@ class SurfacingSchedule:
         usual = usual_duration(self._dives) if self._dives else 1.0
         return self.pool.expect(said, np.full((len(said), 1, 1), usual**2))
 
-    def learn(self, begin: float, end: float) -> Array | None:
+    def learn(self, dive: DiveTime) -> Array | None:
         """Take a dive that has ended; returns the part of each order in explaining it."""
         part = None
         if self._dives:
-            self.expect(begin)
-            part = self.pool.learn([end - begin])
-        self._dives = [*self._dives, (begin, end)][-RECENT:]
+            self.expect(dive.begin)
+            part = self.pool.learn([dive.end - dive.begin])
+        self._dives = [*self._dives, dive][-RECENT:]
         return part
 
     def _foretold(self, begin: float) -> list[float]:
@@ -79,11 +74,11 @@ class SurfacingSchedule:
         if not self._dives:
             return [np.nan] * len(self.pool.names)
         last, usual = self._dives[-1], usual_duration(self._dives)
-        ends = np.array([end for _, end in self._dives])
+        ends = np.array([one.end for one in self._dives])
         every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
-        since = max(last[1] + every - begin, SHORTEST)
+        since = max(last.end + every - begin, SHORTEST)
         clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
-        return [last[1] - last[0], usual, since, *clocks]
+        return [last.end - last.begin, usual, since, *clocks]
 
 
 def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
@@ -113,17 +108,17 @@ class Rhythm:
     """[s] of the next dive, by each order"""
 
     @classmethod
-    def of(cls, schedule: SurfacingSchedule, dives: Sequence[tuple[float, float]]) -> Rhythm | None:
-        """By the begins and ends [s] of all dives; None where they are too few.
+    def of(cls, schedule: SurfacingSchedule, dives: Sequence[DiveTime]) -> Rhythm | None:
+        """By all dives; None where too few of their stays are known.
 
         Args:
           schedule: which has learned from them.
         """
-        stays = np.array([b[0] - a[1] for a, b in itertools.pairwise(dives)])
+        stays = np.array([one.stay for one in dives[1:]])
         stays = stays[(stays >= 0.0) & (stays < LONGEST_STAY)][-STAYS:]
         if len(stays) < 2:
             return None
-        return cls(stays=stays, late=schedule.expect(dives[-1][1] + float(np.median(stays))))
+        return cls(stays=stays, late=schedule.expect(dives[-1].end + float(np.median(stays))))
 
     def draw(self, count: int, dives: int, waited: float, rng: np.random.Generator) -> Delays:
         """Draws for some members and dives.

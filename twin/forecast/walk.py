@@ -23,10 +23,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from twin.forecast import surfacing_schedule, way_pool
-from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle, usual_duration
+from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle
 from twin.forecast.way_pool import WayPool, plain_velocity
 from twin.geodesy import position
-from twin.logs.logged_leg import LoggedLeg
+from twin.logs.logged_leg import DiveTime, LoggedLeg, usual_duration
 from twin.navigation.current import Leg, Reaches, models
 from twin.navigation.current.models import CurrentPool, TidalFit
 from twin.navigation.current.pool import Mixture, Prior
@@ -153,7 +153,7 @@ def walk(
     legs: Sequence[LoggedLeg],
     *,
     latitude: float,
-    dives: Sequence[Pair] = (),
+    dives: Sequence[DiveTime] = (),
     train: int = 0,
     priors: Priors | None = None,
     field: FieldMean | None = None,
@@ -164,8 +164,8 @@ def walk(
     Args:
       legs: of one deployment, in order of time.
       latitude: [degree] of the deployment.
-      dives: begin and end [s] of all dives, those without a known way, too, in order of time; by
-        default the legs'.
+      dives: all that are known, those without a known way, too, in order of time; by default the
+        legs'.
       train: legs at the beginning that are not scored.
       priors: what is believed before the first.
       field: what a forecast field foretells of each leg.
@@ -178,14 +178,14 @@ def walk(
     )
     ways, ends, tide = WayPool(priors.way), SurfacingSchedule(priors.schedule), TidalFit(RIVAL_DAYS)
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
-    times = list(dives) or [(one.leg.start, one.leg.end) for one in legs]
+    times = list(dives) or [_time_of(one) for one in legs]
     parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
     alone: list[Array] = []
     found: list[HindcastSurfacing] = []
     for k, one in enumerate(legs):
         leg = one.leg
-        while times and times[0][1] <= leg.start + 1.0:
-            _keep(parts["schedule"], ends.learn(*times.pop(0)))
+        while times and times[0].end <= leg.start + 1.0:
+            _keep(parts["schedule"], ends.learn(times.pop(0)))
         if field is not None:
             told = field(one, one, np.array(leg.through_water), leg.duration)
             leg = dataclasses.replace(leg, field=told)
@@ -216,17 +216,23 @@ def walk(
         scales={name: one.scales for name, one in pools.items()},
         pool=pool,
         ways=ways,
-        rhythm=_rhythm(ends, times, list(dives)),
+        rhythm=_rhythm(ends, times, dives),
         reach=reaches[0].now,
         singles=dict(zip(pool.models, errors.tolist(), strict=True)),
     )
 
 
-def _rhythm(ends: SurfacingSchedule, left: Sequence[Pair], dives: Sequence[Pair]) -> Rhythm | None:
+def _time_of(one: LoggedLeg) -> DiveTime:
+    return DiveTime(one.leg.start, one.leg.end, math.nan)
+
+
+def _rhythm(
+    ends: SurfacingSchedule, left: Sequence[DiveTime], dives: Sequence[DiveTime]
+) -> Rhythm | None:
     """After all dives, of which those that are left have not been learned."""
     schedule = copy.deepcopy(ends)
     for dive in left:
-        schedule.learn(*dive)
+        schedule.learn(dive)
     return Rhythm.of(schedule, dives)
 
 
@@ -255,7 +261,7 @@ def _judge(
     carried = pool.expect(ahead)
     ground = through.mean + carried.mean
     ended = np.array(leg.over_ground)
-    usual = usual_duration([(each.leg.start, each.leg.end) for each in before])
+    usual = usual_duration([_time_of(each) for each in before])
     plain = plain_velocity(before, one.targets)
     last = before[-1].leg.current
     fitted = tide.expect(_leg_ahead(leg, usual, usual * plain))[0]

@@ -143,11 +143,12 @@ def judged(
         np.isfinite(values).sum(axis=0) >= LEAST_DIVES, [c.noise for c in CHANNELS], np.inf
     )
     groups = confusable(hypotheses, noise)
-    order = np.argsort(-verdict.probability, kind="stable")
-    kinds = tuple(
-        _kind(verdict, int(k), hypotheses, levels, numbers, groups) for k in order.tolist()
-    )
     alarm = bool(rang) and rang[-1][1] == len(values) - 1
+    loud = [NAMES.index(channel.name) for channel, _ in loud_channels(levels)]
+    telling = {one.kind for one in hypotheses if (_over(one)[loud] > 1.0).any()}
+    order = np.argsort(-verdict.probability, kind="stable").tolist()
+    order[alarm:] = sorted(order[alarm:], key=lambda k: verdict.kinds[k] not in telling)
+    kinds = tuple(_kind(verdict, k, hypotheses, levels, numbers, groups) for k in order)
     first = kinds[0]
     return DeploymentHealth(
         **shared,
@@ -233,6 +234,12 @@ def _dives(numbers: Sequence[int]) -> str:
     return f"dive{'s' if len(numbers) > 1 else ''} {', '.join(words)}"
 
 
+def _over(one: Hypothesis) -> Array:
+    """[noise] by which a fault of its usual size shows in each channel, (channels,)."""
+    shown = np.nan_to_num(np.abs(np.atleast_2d(one.signature))).max(axis=0) * one.scale
+    return np.asarray(shown / np.array([channel.noise for channel in CHANNELS]))
+
+
 def _kind(
     verdict: Verdict,
     k: int,
@@ -245,9 +252,7 @@ def _kind(
     best = hypotheses[verdict.best[k]]
     kind = FAULTS[name]
     first = int(verdict.since[k])
-    signature = np.atleast_2d(best.signature)
-    shown = np.nan_to_num(np.abs(signature)).max(axis=0) * best.scale
-    over = shown / np.array([channel.noise for channel in CHANNELS])
+    over = _over(best)
     told = np.atleast_1d(np.isfinite(levels.innovation).any(axis=0))
     by = [c for c in np.argsort(-over).tolist() if over[c] > 1.0 and told[c]][:4]
     loud = np.nan_to_num(np.abs(levels.innovation[first:, by])).sum(axis=1) if by else np.zeros(0)

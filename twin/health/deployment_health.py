@@ -64,7 +64,8 @@ class DeploymentHealth:
     probability: float
     """of that kind, or of a fault at all where there is no alarm"""
     kinds: tuple[KindVerdict, ...]
-    """every kind that the vehicle can have and the log can show, the likeliest first"""
+    """every kind that the vehicle can have and the log can show: of an alarm the one it is of, then
+    those that show in what is far off its level in the last dive, then the likeliest"""
     evidence: Array
     """log of the odds of a fault after each dive, see `Verdict`, (dives,)"""
     threshold: float

@@ -14,8 +14,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from twin.logs.corrected_track import track_velocity
 from twin.logs.fix import fixes_at
 from twin.navigation.current import Leg
 from twin.records.attributes import DIVE_DURATION
+from twin.records.coordinates import utc_clock, utc_minute
 from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]
@@ -127,12 +129,87 @@ def legs_of(
     return found
 
 
-def dive_times(logs: LogStore, deployment: str) -> list[tuple[float, float]]:
-    """Begin and end [s] unix of every dive of a deployment, in order of time: of those without a
-    known way, too."""
-    durations = logs.number(DIVE_DURATION)
-    times = [(float(logs.starts[m]), float(durations[m])) for m in logs.missions_of(deployment)]
-    return [(start, start + lasted) for start, lasted in times if start + lasted > start]
+class DiveTime(NamedTuple):
+    """A dive whose begin and end are known."""
+
+    begin: float
+    """[s] unix"""
+    end: float
+    """[s] unix"""
+    stay: float
+    """[s] at the surface before it; NaN where the log does not tell"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveTimes:
+    """When a deployment dived, and when its log is silent."""
+
+    dives: tuple[DiveTime, ...]
+    """From surface to surface, in order of time: those without a known way, too"""
+    holes: tuple[tuple[float, float], ...]
+    """Begin and end [s] unix of silences in which it may have dived"""
+
+    @property
+    def silent(self) -> str:
+        """What is not known, in words; empty where nothing is missing."""
+        if not self.holes:
+            return ""
+        told = [f"{utc_minute(one)} to {utc_clock(end, one)}" for one, end in self.holes[-TOLD:]]
+        return (
+            f"the log has {counted(len(self.holes), 'hole')} of an hour or more"
+            f"{', the last' if len(self.holes) > TOLD else ''}: {', '.join(told)} UTC. A file is "
+            "missing or short, and it may have dived then: stays at the surface around holes do "
+            "not count"
+        )
+
+
+SILENT = 3600.0
+"""[s] without a sample from which a log has a hole: as `factory import` parts dives"""
+TOLD = 3
+"""Holes that are told with their times, the last ones"""
+AFLOAT = 3.0
+"""[m] that the pressure sensor of a glider at the surface is under water at most"""
+SAME = 1.5
+"""[s] by which two times of one stay may differ: clocks are rounded"""
+
+
+def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
+    """When a deployment dived.
+
+    What lies between two dives is a stay at the surface where fixes begin and end it, and either
+    tell it without a hole or are so near that no usual dive fits in. Else a file may be missing, or
+    half of one: nobody knows whether it dived then, nor how long the stay was. A dive that the log
+    leaves or enters under water lasted longer than it says, and is left out.
+    """
+    durations, waited = (logs.number(name) for name in (DIVE_DURATION, "surface_duration"))
+    dives: list[DiveTime] = []
+    holes: list[tuple[float, float]] = []
+    before, fixed = math.nan, False
+    for row in logs.missions_of(deployment):
+        begin, end = float(logs.starts[row]), float(logs.starts[row] + durations[row])
+        if not end > begin:
+            continue
+        begun, ended = (bool(np.isfinite(fix).all()) for fix in logs.fixes(row))
+        gap, told = begin - before, float(np.nan_to_num(waited[row]))
+        usual = usual_duration(dives) if dives else 0.0
+        known = fixed and begun and (abs(gap - told) < SAME or gap < usual)
+        if not known and gap - told >= SILENT:
+            holes.append((before, begin - told))
+        if (begun and ended) or _afloat(logs.signal("measured_depth", row)):
+            dives.append(DiveTime(begin, end, gap if known else math.nan))
+        before, fixed = end, ended
+    return DiveTimes(dives=tuple(dives), holes=tuple(holes))
+
+
+def _afloat(depth: Array) -> bool:
+    """Whether a dive begins and ends at the surface by its depth [m]."""
+    known = depth[np.isfinite(depth)]
+    return bool(known.size and max(known[0], known[-1]) < AFLOAT)
+
+
+def usual_duration(before: Sequence[DiveTime]) -> float:
+    """[s] median of the last three dives."""
+    return float(np.median([one.end - one.begin for one in before[-3:]]))
 
 
 def why_no_legs(logs: LogStore, deployment: str) -> str:
@@ -201,7 +278,7 @@ def flown_velocities(
     Raises:
       TwinError: the vehicle cannot be flown on this store.
     """
-    from twin.logs import estimate_flight
+    from twin.logs.flight_estimate import estimate_flight
 
     flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
     return {

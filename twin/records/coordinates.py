@@ -7,6 +7,7 @@ The starts are the origins of the missions' frames. Stores of earlier versions l
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -138,6 +139,17 @@ def unix_seconds(moment: str | np.datetime64 | None) -> float:
     found: Any = moment
     since = np.datetime64("NaT" if moment is None else found, "us") - _EPOCH
     return float(since / np.timedelta64(1, "s"))
+
+
+def utc_minute(unix: float) -> str:
+    """A unix time [s] as people read it, to the minute, such as 2023-09-20 06:31; UTC."""
+    return f"{datetime.datetime.fromtimestamp(unix, datetime.UTC):%Y-%m-%d %H:%M}"
+
+
+def utc_clock(unix: float, beside: float) -> str:
+    """The time of day, UTC, with the day where it is not that of another time [s] unix."""
+    text = utc_minute(unix)
+    return text[11:] if text[:10] == utc_minute(beside)[:10] else text[5:]
 
 
 def flown_coordinates(

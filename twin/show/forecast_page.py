@@ -19,7 +19,8 @@ FILES = (INDEX, DOCUMENT, GEOJSON)
 HOUR = 3600.0
 
 STYLE = """
-:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6; }
+:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
+  --ground: #fff; --shade: #0004; }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
   background: #fff; max-width: 64rem; margin: 0 auto; padding: 1.5rem 1.25rem 3rem; }
@@ -30,7 +31,6 @@ dl { display: grid; grid-template-columns: repeat(auto-fit, minmax(12rem, 1fr));
 dl div { border: 1px solid var(--line); border-radius: 6px; padding: .6rem .8rem; }
 dt { color: var(--dim); font-size: .85rem; }
 dd { margin: 0; font-size: 1.2rem; font-variant-numeric: tabular-nums; }
-.scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .3rem .6rem .3rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid var(--line); }
@@ -106,6 +106,8 @@ def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = No
 
 def page(found: Forecast, *, reload_s: float | None = None) -> str:
     """The HTML text."""
+    from twin.show.figures.page_layout import SHADED
+
     request, place = found.request, found.request.place
     title = f"{request.vehicle.name}: the next surfacings"
     state = "" if found.complete else f", {found.flown} of {request.members} members"
@@ -127,7 +129,7 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"{again}<title>{_text(title)}</title>\n<style>{STYLE}</style></head>\n<body>\n"
+        f"{again}<title>{_text(title)}</title>\n<style>{STYLE}{SHADED}</style></head>\n<body>\n"
         f'<h1>{_text(title)}</h1>\n<p class="lead">{_text(lead)}</p>\n'
         f"{draw_map(found)}\n"
         '<p class="lead">Ellipses hold 50 and 90 % of the surfacings; the table has their '
@@ -140,7 +142,8 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
 
 def _table(found: Forecast) -> str:
     rows = [forecast_row(found, one) for one in found.surfacings]
-    note = f"<p>{_text(found.left_out)}</p>" if found.left_out else ""
+    said = [*found.request.notes(), *found.remarks, found.bounds_known]
+    note = "".join(f"<p>{_text(one)}</p>" for one in said if one)
     if not rows:
         return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
     head = "".join(f"<th>{_text(name)}</th>" for name in rows[0])
@@ -156,7 +159,7 @@ def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
     return {
         "surfacing": f"{one.number}",
         "UTC": found.moment(one.time_s)[:16].replace("T", " "),
-        "5 to 95 %": f"{found.moment(one.early_s)[11:16]} to {found.moment(one.late_s)[11:16]}",
+        "5 to 95 %": found.bounds(one),
         "latitude": f"{one.latitude:.4f}",
         "longitude": f"{one.longitude:.4f}",
         "50 % semi-axes": _axes(one.ellipse(HALF)),

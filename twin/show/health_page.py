@@ -79,7 +79,8 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
         page.points(one.remarks)
     if one.kinds:
         page.say(
-            "Every fault that the vehicle can have and this log can show, the likeliest first:"
+            "Every fault that the vehicle can have and this log can show. Those that show in what "
+            "is far off its level in the last dive come first, then the likeliest:"
         )
         for place, kind in enumerate(one.kinds):
             page.details(_summary(kind), _facts(kind), shown=one.alarm and place == 0)

@@ -203,7 +203,8 @@ def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
                 {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
                 for name, scores in rows
             ],
-            words,
+            f"{words} Forecast / best rival is the forecast's error over that of the best other "
+            "one, below 1 where it is better; inside are the parts that came up in the ellipses.",
             first=False,
         )
     for one in found.deployments:
@@ -231,9 +232,9 @@ def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
     return {
         **{TITLES[name]: scores.mean[name] for name in METHODS},
         **{f"{TITLES[name]}, scored": scores.segments_of[name] for name in partial},
-        "by the best rival": scores.ratio,
-        "in 50 %": scores.coverage_50,
-        "in 90 %": scores.coverage_90,
+        "forecast / best rival": scores.ratio,
+        "part inside 50 %": scores.coverage_50,
+        "part inside 90 %": scores.coverage_90,
     }
 
 
@@ -284,7 +285,7 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
                 "90 % ellipse, km": _kilometres(
                     Ellipse.of(s.surfacing.reach[1] * s.surfacing.covariance)
                 ),
-                "held": "yes" if s.surfacing.held[1] else "no",
+                "inside 90 %": "yes" if s.surfacing.held[1] else "no",
             }
             for s in one.surfacings[-MOST_ROWS:]
             if s.scored

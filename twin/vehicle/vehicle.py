@@ -130,6 +130,8 @@ class Vehicle:
     usual_glide: tuple[float, float] = USUAL_GLIDE
     """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
     that do not say theirs."""
+    rated_depth: float | None = None
+    """[m] that it is built for; None: the file does not say"""
     usual_mission: str = ""
     """Shipped mission for it when nobody names one; empty: by its parts."""
     summary: str = ""
@@ -156,6 +158,7 @@ class Vehicle:
             rule = f"from 0 to {most:g} {unit}"
             self._require(0 <= getattr(self, name) <= most, name, rule)
         self._require(self.hull_thermal_lag > 0, "hull_thermal_lag", "positive")
+        self._require(self.rated_depth is None or self.rated_depth > 0, "rated_depth", "positive")
         for part in self.parts:
             for name, rule in part.problems():
                 self._require(False, f"{part.name}: {name}", rule)
@@ -475,6 +478,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         followers=shared,
         idle=idle_parts(parts, steering, shared, alone),
         usual_glide=numeric("usual_glide", 2) if "usual_glide" in reader.numerics else USUAL_GLIDE,
+        rated_depth=number("rated_depth") if "rated_depth" in reader.numerics else None,
         usual_mission=reader.text("usual_mission", ""),
         summary=reader.text("summary", ""),
         source=reader.text("source", ""),
@@ -501,6 +505,6 @@ def _refuse_unknown(reader: MjcfReader) -> None:
     """Raise VehicleError for a misspelt number or text; those of other hull laws may be there."""
     others = [name for law in LAWS.values() for name in law.names()]
     loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
-    known = ("added_mass", "cruise_speed", "usual_glide", PRESETS)
+    known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)
     right = (*known, *loops, *IDENTIFIED, *LOSSES, *others)
     reader.refuse_unknown(right, (SPREAD, SEPARATOR, USER))

@@ -13,6 +13,7 @@ from factory.importing.angles import reference_declination
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.tally import Tally
 from twin.errors import InputError
+from twin.records.coordinates import utc_minute
 
 FLIGHT = Flight()
 pytestmark = pytest.mark.filterwarnings("error")
@@ -62,7 +63,19 @@ def test_a_file_without_the_closing_byte_is_whole_when_its_last_cycle_is(dbd: Pa
     assert np.array_equal(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
     dbd.write_bytes(whole[:-4])
     _, report = import_logs("slocum", [dbd])
-    assert [e.subject for e in report.entries if "truncated" in e.detail] == [dbd.name]
+    (said,) = [e for e in report.entries if "truncated" in e.detail]
+    assert said.subject == dbd.name
+    assert said.detail == f"truncated: goes to {utc_minute(FLIGHT.time[-2])} UTC"
+
+
+def test_of_files_that_cannot_be_read_every_reason_is_said_once(dbd: Path) -> None:
+    (dbd.parent / "0badcafe.cac").unlink()
+    (dbd.parent / "aaa.dbd").write_bytes(b"junk")
+    (dbd.parent / "bbb.dbd").write_bytes(dbd.read_bytes() + b"X")
+    with pytest.raises(InputError) as told:
+        import_logs("slocum", [dbd.parent])
+    for words in ("aaa.dbd is not a Slocum", "2 of 3 files: cache file 0badcafe.cac is missing"):
+        assert str(told.value).count(words) == 1, told.value
 
 
 def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import Browser, needs_browser
 from logs import Flight, write_slocum
+from matplotlib.text import Annotation
 from PIL import Image
 
 from factory.watching import WatchedDeployment, one_pass
 from factory.watching.morning import Morning
+from factory.watching.morning_figures import close_figure, deployment_figure
 from factory.watching.morning_page import SHOWN
 from twin.geodesy import offset
 
@@ -102,11 +105,40 @@ def test_where_and_when_next_with_ellipses(page: Page) -> None:
 
 
 def test_track_and_currents(page: Page) -> None:
-    assert page.section("Track and currents").count("data:image/png") == 2
+    assert page.section("Track and currents").count("data:image/png") == 3
     north, east = np.mean([one.leg.current for one in page.told.legs], axis=0)
     # the way through the water is that of a vehicle that is not the one that dived
     assert (north, east) == pytest.approx((FLIGHT.north, FLIGHT.east), abs=0.05)
     assert page.latest["current"] == pytest.approx(page.told.legs[-1].leg.current)
+
+
+def test_the_map_has_the_numbers_of_surfacings_and_where_it_goes(page: Page) -> None:
+    found = page.told.surfacings
+    assert found is not None
+    (axes,) = close_figure(page.told.legs, found).axes
+    told = {one.get_text(): one.xy for one in axes.texts if isinstance(one, Annotation)}
+    for one in found.surfacings:
+        assert told[f"{one.number}"] == pytest.approx((one.longitude, one.latitude))
+    places = {line.get_label(): line for line in axes.lines}
+    east, north = places["goes to"].get_xydata()[0]
+    wanted = [float(word) for word in NEXT.split(",")]
+    # at the edge where it is outside
+    (low, high), (south, top) = axes.get_xlim(), axes.get_ylim()
+    assert (north, east) == pytest.approx(
+        (np.clip(wanted[0], south, top), np.clip(wanted[1], low, high)), abs=1e-4
+    )
+    assert len(deployment_figure(page.told.legs).axes[0].lines) > len(page.told.legs)
+
+
+@needs_browser
+def test_no_figure_is_wider_than_a_phone(page: Page) -> None:
+    with Browser(390, 844) as browser:
+        browser.open(page.folder / "index.html")
+        assert browser.run("document.documentElement.scrollWidth") <= 390
+        wide = "[...document.querySelectorAll('.pair img')].map(one => one.offsetWidth)"
+        widths = browser.run(wide)
+        assert len(widths) >= 3
+        assert max(widths) <= 390
 
 
 def test_health_says_what_was_asked_and_what_could_not_be(page: Page) -> None:

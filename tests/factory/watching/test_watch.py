@@ -19,6 +19,7 @@ from logs import (
     SHARED,
     Flight,
     write_basestation,
+    write_dbd,
     write_mat,
     write_ngdac,
     write_og1,
@@ -47,6 +48,7 @@ from twin.navigation.current import Leg
 from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
 from twin.records.storage.disk import temporary_name
+from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)
@@ -219,6 +221,70 @@ def test_why_there_is_no_forecast_is_the_first_of_what_is_missing(
     last = said.splitlines()[-1]
     assert last.startswith("Missing: forecast: ")
     assert "no file 'forecast.nc'" in last
+
+
+def test_a_file_that_ends_too_early_is_named_with_how_far_it_goes(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("dbdreader")
+    flight = Flight(dives=2)
+    log, _ = write_dbd(source, flight)
+    whole = log.read_bytes()
+    log.write_bytes(whole[: len(whole) * 3 // 4])
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0, err
+    (told,) = re.findall(rf"{log.name} is truncated: goes to (.*) UTC", said + err)
+    moment = datetime.datetime.fromisoformat(told).replace(tzinfo=datetime.UTC).timestamp()
+    assert abs(moment - np.interp(0.75, [0.0, 1.0], flight.time[[0, -1]])) < 300.0
+    assert (
+        f"{log.name} is truncated: goes to {told}"
+        in (made.folder / "page" / "index.html").read_text()
+    )
+    events = [json.loads(one) for one in (made.folder / "events.jsonl").read_text().splitlines()]
+    assert [one["event"] for one in events] == ["short file"]
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert "nothing new" in said
+    assert f"{log.name} is truncated" in err
+
+
+def test_a_junk_file_hides_no_missing_list_of_sensors(
+    tmp_path: Path, source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("dbdreader")
+    (source / "aaa.sbd").write_bytes(b"junk")
+    for k in range(3):
+        log, cache = write_dbd(tmp_path, Flight(dives=2), f"unit{k}")
+        shutil.copy(log, source / f"unit1-2023-317-0-{k}.sbd")
+    cache.rename(tmp_path / "kept.cac")
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    for words in ("aaa.sbd is not a Slocum", "0badcafe.cac is missing", 'toml: cache = "FOLDER"'):
+        assert (said + err).count(words) == 1, said + err
+        assert words in (made.folder / "page" / "summary.txt").read_text()
+    assert "--cache" not in said + err
+    (tmp_path / "lists").mkdir()
+    (tmp_path / "kept.cac").rename(tmp_path / "lists" / "0badcafe.cac")
+    settings = made.folder / "deployment.toml"
+    settings.write_text(settings.read_text().replace('cache = ""', 'cache = "../lists"'))
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert (said + err).count("aaa.sbd is not a Slocum") == 1, said + err
+    assert "0badcafe" not in said + err
+    assert (made.folder / LOG).exists()
+
+
+def test_why_a_piece_has_no_dive_is_said_again_by_what_is_kept(
+    tmp_path: Path, source: Path
+) -> None:
+    pytest.importorskip("dbdreader")
+    write_dbd(source, Flight(dives=2), without=("m_depth", "m_pressure"))
+    made = deployment(tmp_path, source, vehicle="slocum-200")
+    first = log_of_files(made, made.folder)
+    assert "neither depth nor pressure" in first.missing
+    assert log_of_files(made, made.folder) == first
+    (source / "b.txt").write_text("x")
+    assert log_of_files(made, made.folder).missing.endswith(f"; {first.missing}")
 
 
 def test_a_second_pass_at_the_same_time_does_nothing(
@@ -404,6 +470,36 @@ def test_a_source_that_says_nothing_leaves_the_log_as_it_was(
     assert ".writing-" not in broken.missing
     assert not list(made.folder.glob(".*writing*"))
     assert broken.store == first.store
+
+
+@pytest.mark.parametrize("name", ["zarr.json", "measured_depth/zarr.json"])
+def test_a_damaged_log_is_made_again_and_said(
+    tmp_path: Path, base: list[Path], source: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = deployment(tmp_path, source)
+    shutil.copy(base[0], source)
+    log = made.folder / LOG
+    log_of_files(made, made.folder)
+    wanted = store_hash(log)
+    path = log / name
+    path.write_bytes(path.read_bytes()[:40])
+    code, said, err = run(capsys, "watch", made.folder, "--once")
+    assert code == 0, err
+    assert (said + err).count(f"log.zarr was damaged, and is made again: {name} is changed") == 1
+    assert store_hash(log) == wanted
+    assert log_of_files(made, made.folder).damage == ""
+    path.write_bytes(b"{")
+    (log / "notes.txt").write_text("mine")  # nobody's to remove
+    shutil.copy(base[1], source)
+    if name == "zarr.json":
+        with pytest.raises(WriteError, match=r"log\.zarr exists and glider-twin did not write it"):
+            log_of_files(made, made.folder)
+    (log / "notes.txt").unlink()
+    log.rename(tmp_path / "other.zarr")
+    path = tmp_path / "other.zarr" / "zarr.json"
+    path.write_bytes(b"{")
+    with pytest.raises(WriteError, match="exists and is damaged, or another thing of glider-twin"):
+        write_store(xr.Dataset(), tmp_path / "other.zarr", overwrite=True)
 
 
 def test_no_path_and_no_time_of_a_run_is_in_what_is_kept(

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from logs import START, Flight, write_slocum
 
 import twin
 from factory.importing import import_logs
 from twin.__main__ import PROGRAM
+from twin.checks.agreement import EndsApart
 from twin.cli.console import Console
 from twin.commands.forecast import ForecastSurfacings
 from twin.errors import (
@@ -21,18 +25,21 @@ from twin.errors import (
     MissionError,
     SimulationUnstable,
     StoreError,
+    VehicleError,
     WriteError,
 )
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
 from twin.forecast.members import members_of, surfacings
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
+from twin.geodesy import offset
 from twin.identify.start_values import other_kind
 from twin.navigation.current import Leg
 from twin.physics.scenario import Scenario
+from twin.records.logged import LogStore
 from twin.records.store import write_store
-from twin.show.forecast_page import page, write_forecast
-from twin.vehicle.vehicle import load_vehicle
+from twin.show.forecast_page import forecast_row, page, write_forecast
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
 from twin.water.current.axes import Origin
 from twin.water.current.current_text import parse_current
@@ -123,6 +130,17 @@ def _flight(place, time=60.0):
                  end=np.zeros(6))  # fmt: skip
 
 
+def test_bounds_of_times_say_how_far_another_draw_moves_them() -> None:
+    rng = np.random.default_rng(3)
+    told = []
+    for _ in range(300):
+        times = rng.normal(7200.0, 900.0, 100)
+        (one,) = surfacings_of([_flight((0.0, 0.0), time) for time in times], PLACE)
+        told.append((one.early_s, one.late_s, one.bound_s))
+    early, late, said = np.array(told).T
+    assert np.mean(said) == pytest.approx(0.5 * (early.std() + late.std()), rel=0.1)
+
+
 def test_two_members_spread_as_far_as_they_are_apart() -> None:
     (one,) = surfacings_of([_flight((0.0, 0.0)), _flight((400.0, 0.0))], PLACE)
     (alone,) = surfacings_of([_flight((200.0, 0.0))], PLACE)
@@ -211,6 +229,30 @@ def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
     assert said["speed_m_s"] == pytest.approx(off, rel=1e-9)
     assert said["time_s"] == one.duration // 10.0 * 10.0
     assert said["unstable"] == ""
+
+
+def test_whether_two_engines_differ_as_usual_is_said() -> None:
+    def text(position: float, speed: float, hours: float = 6.0) -> str:
+        return EndsApart(
+            time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable=""
+        ).text
+
+    assert text(2.0, 1e-5).endswith("after 6.00 h: usual")
+    assert text(2.0, 0.041).endswith("2 m and 41 mm/s from it after 6.00 h: usual, its speed "
+                                     "differs most while it turns")  # fmt: skip
+    assert "more than the 10 m that are usual; --engine mujoco" in text(11.0, 0.0)
+    assert "usual" in text(19.0, 0.0, hours=12.0)
+    assert "more than" not in text(19.0, 0.0, hours=12.0)
+
+
+def test_a_bound_on_another_day_has_its_day(steps) -> None:
+    found = dataclasses.replace(steps[-1], request=asked(
+        place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00")
+    ))  # fmt: skip
+    one = dataclasses.replace(found.surfacings[0], time_s=600.0, early_s=0.0, late_s=1800.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "23:40 to 11-23 00:10"
+    one = dataclasses.replace(one, time_s=1800.0, late_s=2400.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
 
 
 def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
@@ -403,9 +445,41 @@ def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
         asked(mission=slip)
 
 
-def test_logs_without_fixes_are_refused(store) -> None:
-    import xarray as xr
+def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
+    near = mission_to("36.803,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=100)
+    found = forecast(asked(mission=near, hours=2.0), known_without_logs(36.8, UNIX))
+    (one,) = found.surfacings
+    assert found.over_s == pytest.approx(one.time_s, abs=120.0)
+    (said,) = found.remarks
+    assert f"the plan is over about {found.moment(found.over_s)[:10]}" in said
+    assert f"{2.0 - found.over_s / 3600.0:.1f} h before the forecast ends" in said
+    assert said in html.unescape(write_forecast(found, tmp_path / "next").read_text())
+    assert (steps[-1].over_s, steps[-1].remarks) == (None, [])
+    assert steps[0].bounds_known == ""  # of the mean alone
+    off = [f"{round(one.bound_s / 60.0)}" for one in steps[-1].surfacings]
+    assert f"24 members tell the bounds of the times to +-{', '.join(off)} min" in (page(steps[-1]))
 
+
+def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> None:
+    deep = to_north(depth=300.0)
+    (said,) = asked(vehicle=load_vehicle("slocum-200"), mission=deep).notes()
+    assert "dives to 300 m, and slocum-200 is built for 200 m" in said
+    for name, depth, warned in (
+        ("slocum-1000", 300.0, False), ("glider", 1500.0, False), ("glider", 5000.0, True),
+    ):  # fmt: skip
+        notes = asked(vehicle=load_vehicle(name), mission=to_north(depth=depth)).notes()
+        assert len(notes) == warned, (name, depth)
+    assert 'name="rated_depth"' in notes[0]
+    xml = load_vehicle("glider").xml.replace(
+        "</custom>", '<numeric name="rated_depth" data="6000"/></custom>'
+    )
+    own = parse_vehicle(xml, Path("mine.xml"))
+    assert asked(vehicle=own, mission=to_north(depth=5000.0)).notes() == ()
+    with pytest.raises(VehicleError, match="rated_depth"):
+        load_vehicle("spray").replace(rated_depth=0.0)
+
+
+def test_logs_without_fixes_are_refused(store) -> None:
     with xr.open_zarr(store) as dataset:
         lost = dataset.load().copy()
     lost["displacement_north"] = lost["displacement_north"] * np.nan
@@ -431,6 +505,25 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     # it drifts with what the fixes have told
     assert "surfacing 1: about" in said.err
     assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
+
+
+def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys) -> None:
+    assert PROGRAM.main(["forecast", "--logs", str(store)]) == 2
+    said = capsys.readouterr().err
+    assert "give --goto" in said
+    assert "the log has none; `twin watch --new" in said
+    with xr.open_zarr(store) as dataset:
+        sent = dataset.load().copy()
+    for axis, metres in (("north", 3000.0), ("east", -500.0)):
+        depth = sent["measured_depth"]
+        sent[f"commanded_waypoint_{axis}"] = depth.copy(data=np.full(depth.shape, metres, "f4"))
+    write_store(sent, tmp_path / "sent.zarr")
+    with LogStore(store) as logs:
+        latitude, longitude = logs.fixes(7)[0]
+    assert PROGRAM.main(["forecast", "--logs", str(tmp_path / "sent.zarr")]) == 2
+    there = re.search(r'sent to --goto "(.*),(.*)"; `twin watch', capsys.readouterr().err)
+    moved = offset(*(np.float64(word) for word in there.groups()), latitude, longitude)
+    assert [float(one) for one in moved] == pytest.approx([3000.0, -500.0], abs=20.0)
 
 
 def test_an_interruption_says_how_many_members_the_folder_holds(

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from logs import START, Flight, gps_columns, slocum_columns, write_csv
 
+from factory.importing import import_logs
+from twin.forecast import known_from_logs
 from twin.forecast.members import MemberFlight
 from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
+from twin.logs import DiveTime, dive_times
+from twin.records.coordinates import utc_minute
+from twin.records.logged import LogStore
+from twin.records.store import write_store
 
 HOUR = 3600.0
+FLIGHT = Flight(dives=9, depth=1000.0, surface=5400.0, step=20.0)
+"""Dives of 3.2 h, with 1.5 h at the surface before each"""
 
 
 def rhythm(stays: list[float], lasts: list[float]) -> Rhythm | None:
     """Of dives that follow each other after these stays [s]."""
     dives, at, schedule = [], 0.0, SurfacingSchedule()
     for stay, last in zip(stays, lasts, strict=True):
-        dives.append((at + stay, at + stay + last))
-        at = dives[-1][1]
-        schedule.learn(*dives[-1])
+        dives.append(DiveTime(at + stay, at + stay + last, stay))
+        at = dives[-1].end
+        schedule.learn(dives[-1])
     return Rhythm.of(schedule, dives)
 
 
@@ -33,6 +44,51 @@ def test_stays_are_those_of_the_log_and_a_gap_is_none() -> None:
     assert parts == pytest.approx([0.25] * 4, abs=0.02)
     assert "12 min at the surface (10 to 15 so far)" in found.words
     assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
+
+
+def silent(folder: Path, begin: float, end: float) -> Path:
+    """A store of a log without its samples and fixes between two times [s] unix."""
+    tables = {"flight": slocum_columns(FLIGHT), "gps": gps_columns(FLIGHT)}
+    files = []
+    for name, columns in tables.items():
+        kept = (columns["time"] < begin) | (columns["time"] > end)
+        some = {key: values[kept] for key, values in columns.items()}
+        files.append(write_csv(folder / f"unit1_{name}.csv", some))
+    dataset, _ = import_logs("slocum", files)
+    write_store(dataset, folder / "log.zarr")
+    return folder / "log.zarr"
+
+
+def test_a_hole_of_a_dive_and_a_half_is_no_stay(tmp_path: Path) -> None:
+    """Half a file and a whole one did not come."""
+    begin, end = FLIGHT.dive_times(4)[0] + FLIGHT.leg, FLIGHT.dive_times(5)[1] + 300.0
+    store = silent(tmp_path, begin, end)
+    with LogStore(store) as logs:
+        found = dive_times(logs, "unit1")
+    assert [round((one.begin - START) / FLIGHT.cycle, 1) for one in found.dives] == pytest.approx(
+        [(one * FLIGHT.cycle + FLIGHT.surface) / FLIGHT.cycle for one in (0, 1, 2, 3, 6, 7, 8)],
+        abs=0.1,
+    )
+    assert [one.stay for one in found.dives] == pytest.approx(
+        [np.nan, *[FLIGHT.surface] * 3, np.nan, *[FLIGHT.surface] * 2], abs=60.0, nan_ok=True
+    )
+    assert np.array(found.holes) == pytest.approx(np.array([[begin, end]]), abs=60.0)
+    assert f"1 hole of an hour or more: {utc_minute(found.holes[0][0])} to " in found.silent
+    known = known_from_logs(store)
+    assert known.silent == found.silent
+    assert known.rhythm is not None
+    assert known.rhythm.stays == pytest.approx([FLIGHT.surface] * 5, abs=60.0)
+
+
+def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path: Path) -> None:
+    begin, end = FLIGHT.dive_times(4)[1] + 60.0, FLIGHT.dive_times(5)[0] - 60.0
+    store = silent(tmp_path, begin, end)
+    with LogStore(store) as logs:
+        found = dive_times(logs, "unit1")
+    assert end - begin > HOUR
+    assert len(found.dives) == FLIGHT.dives
+    assert found.dives[5].stay == pytest.approx(FLIGHT.surface, abs=60.0)
+    assert (found.holes, found.silent) == ((), "")
 
 
 def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay() -> None:

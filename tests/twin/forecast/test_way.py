@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from twin.forecast.surfacing_schedule import SurfacingSchedule, middle, usual_duration
+from twin.forecast.surfacing_schedule import SurfacingSchedule, middle
 from twin.forecast.way_pool import WayPool, guided_way, plain_velocity
-from twin.logs.logged_leg import REPORTED, LoggedLeg
+from twin.logs.logged_leg import REPORTED, DiveTime, LoggedLeg, usual_duration
 from twin.navigation.current import Leg
 
 HOUR = 3600.0
@@ -102,9 +102,9 @@ def test_a_vehicle_that_steers_against_a_current_shows_it_in_its_own_track(recko
 
 
 def dives(ends, gap):
-    """Begin and end of dives that begin so long after the end before."""
+    """Dives that begin so long after the end before."""
     both = zip(itertools.pairwise(ends), gap, strict=False)
-    return [(end + wait, after) for (end, after), wait in both]
+    return [DiveTime(end + wait, after, wait) for (end, after), wait in both]
 
 
 def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
@@ -113,9 +113,9 @@ def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
     gaps = rng.uniform(600.0, 5400.0, 20)  # late starts make short dives
     schedule = SurfacingSchedule()
     known = dives(ends, gaps)
-    for begin, end in known[:-1]:
-        schedule.learn(begin, end)
-    begin, end = known[-1]
+    for dive in known[:-1]:
+        schedule.learn(dive)
+    begin, end, _ = known[-1]
     assert begin + middle(schedule.expect(begin)) == pytest.approx(end, abs=120.0)
     assert abs(usual_duration(known[:-1]) - (end - begin)) > 300.0
 
@@ -126,12 +126,12 @@ def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so() -
     for _ in range(20):
         begin = time + rng.uniform(600.0, 9000.0)
         time = begin + 5400.0 + rng.uniform(-60.0, 60.0)
-        schedule.learn(begin, time)
+        schedule.learn(DiveTime(begin, time, math.nan))
     assert middle(schedule.expect(time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
 
 
 def test_a_clock_much_longer_than_the_dives_says_nothing() -> None:
     schedule = SurfacingSchedule()
     for k in range(5):
-        schedule.learn(1000.0 * k, 1000.0 * k + 700.0)
+        schedule.learn(DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0))
     assert not {"every 1 h", "every 4 h"} & {*schedule.expect(6000.0).names}

@@ -132,6 +132,37 @@ def test_nothing_rings_on_a_sound_vehicle(attached):
     assert (one.alarm, one.kind, one.rang, one.noticed_dive) == (False, "none", (), None)
 
 
+def test_what_shows_in_a_loud_channel_comes_first(attached):
+    vehicle, shape, _ = attached
+    quiet = values()
+    loud = quiet.copy()
+    loud[-1, NAMES.index("air")] += 0.5  # a hundred times its noise, in the last dive alone
+    one, before = (
+        judged(
+            name="one", numbers=range(1, DIVES + 1), values=told, time=10_800.0 * np.arange(DIVES),
+            ways=np.full((DIVES, 2), math.nan), dive=shape, vehicle=vehicle, threshold=30.0,
+        )
+        for told in (loud, quiet)
+    )  # fmt: skip
+    assert not one.alarm
+    air = NAMES.index("air")
+    tell = {
+        h.kind
+        for h in signatures_of(vehicle, shape).hypotheses
+        if np.nan_to_num(np.abs(np.atleast_2d(h.signature)[:, air])).max() * h.scale
+        > CHANNELS[air].noise
+    }
+    shows = [kind.kind in tell for kind in one.kinds]
+    assert 0 < sum(shows) < len(shows)
+    assert shows == sorted(shows, reverse=True)
+    for part in (True, False):  # each part the likeliest first
+        told = [k.probability for k in one.kinds if (k.kind in tell) == part]
+        assert told == sorted(told, reverse=True)
+    assert [k.probability for k in before.kinds] == sorted(
+        (k.probability for k in before.kinds), reverse=True
+    )
+
+
 def test_remarks_name_thruster_rudder_and_the_pilots_changes():
     seen = values()
     seen[:, NAMES.index("turn_dive")], seen[:, NAMES.index("turn_climb")] = -14.0, -11.0

@@ -202,7 +202,8 @@ STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
     "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
     "trim_pid", "depth_pid", "buoyancy_pid", "control_period", "source", "summary", "usual_glide",
-    "usual_mission", "cruise_speed", "steering", "spreads", "identified_angle", "idle", "followers",
+    "usual_mission", "rated_depth", "cruise_speed", "steering", "spreads", "identified_angle",
+    "idle", "followers",
 }  # fmt: skip
 """What says nothing of how it moves under given commands in water of one temperature"""
 

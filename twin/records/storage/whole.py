@@ -109,10 +109,10 @@ def check_folder_target(
     if not any(target.iterdir()):
         return
     if not ours(target):
-        raise WriteError(
-            f"{path} exists and glider-twin did not write it; remove it by hand or choose another "
-            "name"
-        )
+        why = "glider-twin did not write it"
+        if is_listed(target):
+            why = "is damaged, or another thing of glider-twin's than what is to be written"
+        raise WriteError(f"{path} exists and {why}; remove it by hand or choose another name")
     if not overwrite:
         raise WriteError(f"{path} already exists; use --overwrite or choose another name")
 

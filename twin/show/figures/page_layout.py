@@ -39,6 +39,15 @@ INDEX, PICTURE = "index.html", ".png"
 SHORT = 16
 """Letters of a cell of words that stay on one line"""
 
+SHADED = """
+/* A shade at an edge beyond which a table goes on: the ground over it goes with the table */
+.scroll { overflow-x: auto; --high: calc(100% - 1.4rem) no-repeat; background:
+  linear-gradient(to right, var(--ground) 35%, transparent) left / 2.4rem 100% no-repeat local,
+  linear-gradient(to left, var(--ground) 35%, transparent) right / 2.4rem 100% no-repeat local,
+  linear-gradient(to right, var(--shade), transparent) left top / .8rem var(--high),
+  linear-gradient(to left, var(--shade), transparent) right top / .8rem var(--high); }
+"""
+"""Of what scrolls sideways, on a page that has the colours --ground and --shade"""
 STYLE = """
 :root { color-scheme: light dark; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
   --mark: #d55e00; --ground: #fff; --code: #f6f7f9; --shade: #0004; }
@@ -54,12 +63,6 @@ dl.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(13rem
 dl.figures div { border: 1px solid var(--line); border-radius: 6px; padding: .7rem .9rem; }
 dl.figures dt { color: var(--dim); font-size: .85rem; }
 dl.figures dd { margin: 0; font-size: 1.35rem; font-variant-numeric: tabular-nums; }
-/* A shade at an edge beyond which a table goes on: the ground over it goes with the table */
-.scroll { overflow-x: auto; --high: calc(100% - 1.4rem) no-repeat; background:
-  linear-gradient(to right, var(--ground) 35%, transparent) left / 2.4rem 100% no-repeat local,
-  linear-gradient(to left, var(--ground) 35%, transparent) right / 2.4rem 100% no-repeat local,
-  linear-gradient(to right, var(--shade), transparent) left top / .8rem var(--high),
-  linear-gradient(to left, var(--shade), transparent) right top / .8rem var(--high); }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .3rem .8rem .3rem 0; text-align: right; border-bottom: 1px solid var(--line);
   vertical-align: bottom; }
@@ -205,7 +208,7 @@ class Page:
         text = (
             f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
             f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>{_text(self._title)}</title>\n<style>{STYLE}</style></head>\n"
+            f"<title>{_text(self._title)}</title>\n<style>{STYLE}{SHADED}</style></head>\n"
             f"<body>\n{body}\n</body></html>\n"
         )
         with whole_folder(self._folder, overwrite=True, ours=self._ours) as folder:

@@ -23,6 +23,7 @@ from factory.importing.columns import tidy
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
+    TRUNCATED,
     Channel,
     DeploymentLog,
     each_file,
@@ -40,6 +41,7 @@ from factory.importing.formats.slocum.native_sensors import WANTED, slocum_log
 from factory.importing.payload import payload_names
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
+from twin.records.coordinates import utc_minute
 
 _CYCLE = b"d"
 """Tag that begins a cycle; then two bits a sensor (2: a new value), and the new values."""
@@ -126,7 +128,7 @@ def read_slocum_binary(
         units |= one.units
         kind = f"{path.suffix.lower()} file"
         note_unread(kind, one.names, (*_CLOCKS, *wanted), tally)
-        rows = 0
+        rows, last = 0, -np.inf
         for name, (time, values) in one.sensors.items():
             time, columns = tidy(
                 np.asarray(time, np.float64),
@@ -138,13 +140,15 @@ def read_slocum_binary(
             own.setdefault(name, []).append(Channel(time[there], columns[name][there]))
             rows = max(rows, int(there.sum()))
             if there.any():
+                last = max(last, float(time[there][-1]))
                 kinds.setdefault(kind, set()).add(name)
         tally.add("read", path.name, rows, "samples of the fullest sensor")
         if not rows:
             tally.add("note", path.name, 1, "holds no sample of a sensor that is used")
         if not one.whole:
             cut.append(path.name)
-            tally.add("note", path.name, 1, "truncated: read up to where it ends")
+            goes = f"goes to {utc_minute(last)} UTC" if rows else "holds no sample that is used"
+            tally.add("note", path.name, 1, f"{TRUNCATED}{goes}")
     for kind in {f"{path.suffix.lower()} file" for path, _ in decoded}:
         note_empty(kind, [n for n in wanted if n not in kinds.get(kind, ())], tally)
     return [
