@@ -29,9 +29,8 @@ EDGES = np.array(
         if math.gcd(n, e) == 1
     ]
 )
-PARTS = tuple((k + 0.5) / 8 for k in range(8))
-"""Of an edge, where its current is looked up, at the node that is nearest: with four, the longest
-edges stepped over a stream against them"""
+PARTS = (0.125, 0.375, 0.625, 0.875)
+"""Of an edge, where its current is looked up, at the node that is nearest"""
 SLOWEST = 0.02
 """[m/s] over ground that counts as no progress: it waits there for better water"""
 CORNERS = 7
