@@ -176,8 +176,8 @@ def network_position_sd(
 
 
 class Coverage:
-    """Counts missions that end within two predicted deviations, and samples within the surge's
-    interval; its `add` is a watch."""
+    """Counts missions that end within two predicted deviations, and samples within the intervals of
+    surge and sway; its `add` is a watch."""
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.dives.segments import LogSegment
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
+from twin.records.coordinates import utc_minute
 
 _SILENT = 120.0
 """[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
@@ -97,7 +98,7 @@ def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
 
 
 def _moment(segment: LogSegment) -> str:
-    return f"{datetime.datetime.fromtimestamp(round(segment.start), datetime.UTC):%Y-%m-%d %H:%M}"
+    return utc_minute(round(segment.start))
 
 
 def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
