@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from learn.networks.familiarity import widened
 from twin.errors import InputError
 from twin.navigation.current import Leg, consistency_of
 from twin.navigation.dead_reckoning import (
@@ -139,8 +140,8 @@ def surge_interval(
 ) -> Array:
     """[m/s] either way, within which 68 % of the surge's errors are said to be, (time,).
 
-    It is what validation missions showed, times the outside figure above 1; of an adapted run what
-    that leaves (`Adapted.interval`).
+    It is what validation missions showed, `widened`; of an adapted run what that leaves
+    (`Adapted.interval`).
 
     Args:
       mission: with ADAPTED, if the run adapted.
@@ -148,7 +149,7 @@ def surge_interval(
       outside: as `Familiarity.outside`; None: unknown.
     """
     if adapted is None:
-        return np.full(mission.samples, model.surge_interval * max(1.0, outside or 0.0))
+        return np.full(mission.samples, widened(model.surge_interval, outside))
     _, steady, sd = (mission.signals[name] for name in ADAPTED)
     return np.asarray(adapted.interval(model.surge_interval, steady, sd))
 
@@ -206,10 +207,9 @@ class Coverage:
             self._within["surge"].append(float(np.mean(far < interval)))
         if self._model.sway_interval:
             assert estimate.sway is not None
-            wide = self._model.sway_interval * max(1.0, outside or 0.0)
-            self._within["sway"].append(
-                float(np.mean(np.abs(estimate.sway - reference.sway) < wide))
-            )
+            wide = widened(self._model.sway_interval, outside)
+            far = np.abs(estimate.sway - reference.sway)
+            self._within["sway"].append(float(np.mean(far < wide)))
 
     def figures(self) -> dict[str, float | None]:
         """Mean predicted deviation at mission end [m], the share within two of them, and those of

@@ -92,3 +92,13 @@ def ended(flight: FlightFilter, mission: MissionSequence) -> tuple[float, ...]:
     flight.reset()
     flight.run(mission.signals)
     return tuple(value for value, _ in flight.constants.values())
+
+
+def widened(interval: float, outside: float | None) -> float:
+    """An interval that validation showed, as it is said where the hull is `outside` of training.
+
+    Args:
+      interval: [m/s] either way.
+      outside: as `Familiarity.outside`, which widens it above 1; None: unknown.
+    """
+    return interval * max(1.0, outside or 0.0)

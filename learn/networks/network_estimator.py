@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from learn.networks.familiarity import widened
 from learn.networks.predictor import Ensemble, Prediction
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
@@ -136,8 +137,8 @@ class NetworkVelocity(VelocityEstimator):
     def intervals(self) -> dict[str, float]:
         """[m/s] either way, within which 68 % of the errors of `surge` and `sway` are said to be at
         the last sample (`learn.evaluation.deviation`); infinite where no validation showed it."""
-        wider = max(1.0, self.outside or 0.0)
-        found = {name: known * wider for name, known in self._known.items()}
+        outside = self.outside
+        found = {name: widened(known, outside) for name, known in self._known.items()}
         if self._adapted is not None:
             found["surge"] = float(self._adapted.interval(self._known["surge"], *self._mixed))
         return found

@@ -227,6 +227,10 @@ def test_every_benchmark_of_a_page_has_its_options() -> None:
             place = ROOT / name.replace(".", "/")
             files = [*place.glob("*.py")] if place.is_dir() else [place.with_suffix(".py")]
             code = "".join(one.read_text(encoding="utf-8") for one in files if one.is_file())
+            # a benchmark may take the options of another, whose function it names
+            if taken := re.search(r"from (benchmarks\.\w+) import [^\n]*add_arguments", code):
+                other = (ROOT / taken[1].replace(".", "/")).with_suffix(".py")
+                code += other.read_text(encoding="utf-8")
             options = re.findall(r"--[a-z-]+", words.partition("#")[0])
             fields = {o: f"    {o[2:].replace('-', '_')}: " for o in options}  # of a dataclass
             wrong += [
