@@ -14,17 +14,24 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled import jit
 from twin.fossen import FossenModel
 from twin.fossen.equations import mass_distribution, rigid_body_mass
+from twin.fossen.forces import damping_wrench, parts_wrench
+from twin.physics.native.effects import law_wrench, part_wrench, refresh
+from twin.vehicle.laws import LAWS
+from twin.vehicle.parts import PARTS
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
+Wrenches = Callable[[Array], Array]
+"""Motions nu_r (n, 6) to forces [N] and moments [N m] of hull and parts, (n, 6)"""
 
 MODELS = ("mujoco", "fossen")
 SPEEDS = (0.1, 0.3, 1.0)
@@ -59,6 +66,8 @@ LARGEST_GAIN = 1e-5
 """of the energy at the start: rounding of the integration"""
 DEEP = 1e3
 """[m] of every part"""
+PLACED = 5
+"""Numbers of a part before its values: code, place, position"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -131,11 +140,10 @@ def energy_gains(
     total = rigid + vehicle.added_mass
     coupled = total if vehicle.added_mass_coupling else rigid
     inverse = np.linalg.inv(total)
-    wrench = _WRENCHES[model]
+    wrenches = _WRENCHES[model](vehicle, at)
 
     def rate(nu: Array) -> Array:
-        forces = np.array([wrench(vehicle, at, row) for row in nu])
-        return np.asarray((forces - _coriolis(coupled, nu)) @ inverse.T)
+        return np.asarray((wrenches(nu) - _coriolis(coupled, nu)) @ inverse.T)
 
     def energy(nu: Array) -> Array:
         return np.asarray(0.5 * np.einsum("ni,ij,nj->n", nu, total, nu))
@@ -183,26 +191,57 @@ def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
     return np.maximum(np.abs(np.linalg.eigvals(jacobian)).max(axis=1), 1e-3)
 
 
-def _native(vehicle: Vehicle, at: Array, nu: Array) -> Array:
-    """Wrench of hull and parts by the MuJoCo twin's code, shape (6,)."""
-    density, motion = vehicle.reference_density, tuple(nu.tolist())
-    kernel = type(vehicle.law).native_wrench
-    assert kernel is not None
-    found = np.array(kernel(vehicle.law.values(), density, *motion))
-    for part, position in zip(vehicle.parts, at, strict=True):
-        if (own := type(part).native_wrench) is not None:
-            values, place = np.array(part.values()), np.array(part.position)
-            found += own(values, place, float(position), *motion, density, DEEP)
+def _by_native(vehicle: Vehicle, at: Array) -> Wrenches:
+    """Wrenches of hull and parts by the MuJoCo twin's code."""
+    parts = [
+        (PARTS.code(part.kind), *part.position, position, *part.values())
+        for part, position in zip(vehicle.parts, at.tolist(), strict=True)
+        if type(part).native_wrench is not None
+    ]
+    rows = np.zeros((len(parts), max(map(len, parts), default=PLACED)))
+    for row, numbers in zip(rows, parts, strict=True):
+        row[: len(numbers)] = numbers
+    law, values = LAWS.code(vehicle.law.kind), np.array(vehicle.law.values())
+    refresh()
+    density = float(vehicle.reference_density)
+    return lambda nu: np.asarray(_native(law, values, rows, density, nu))
+
+
+@jit
+def _native(law, values, parts, density, motions):  # type: ignore[no-untyped-def]
+    """Wrench of the hull and of rows (code, place 3, position, values) at each motion, (n, 6)."""
+    found = np.empty((len(motions), 6))
+    for n in range(len(motions)):
+        u, v, w, p, q, r = motions[n]
+        hull = law_wrench(law, values, density, u, v, w, p, q, r)
+        for axis in range(6):
+            found[n, axis] = hull[axis]
+        for k in range(len(parts)):
+            place, own = parts[k, 1:4], parts[k, PLACED:]
+            wrench = part_wrench(
+                int(parts[k, 0]), own, place, parts[k, 4], u, v, w, p, q, r, density, DEEP
+            )
+            for axis in range(6):
+                found[n, axis] += wrench[axis]
     return found
 
 
-def _fossen(vehicle: Vehicle, at: Array, nu: Array) -> Array:
+def _by_fossen(vehicle: Vehicle, at: Array) -> Wrenches:
     """The same by the Fossen model's code."""
-    density = vehicle.reference_density
-    found = vehicle.law.wrench(nu, density)
-    for part, position in zip(vehicle.parts, at, strict=True):
-        found = found + part.wrench(float(position), nu, density, DEEP)
+    parameters = FossenModel(vehicle).parameters
+    density = float(vehicle.reference_density)
+    return lambda nu: np.asarray(_fossen(parameters, at, density, nu))
+
+
+@jit
+def _fossen(parameters, at, density, motions):  # type: ignore[no-untyped-def]
+    found, level = np.empty((len(motions), 6)), np.zeros(3)
+    for n in range(len(motions)):
+        wrench = damping_wrench(parameters, motions[n], density)
+        wrench += parts_wrench(parameters, at, motions[n], density, DEEP, level)
+        for axis in range(6):
+            found[n, axis] = wrench[axis]
     return found
 
 
-_WRENCHES = {"mujoco": _native, "fossen": _fossen}
+_WRENCHES = {"mujoco": _by_native, "fossen": _by_fossen}

@@ -135,19 +135,19 @@ def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, 
     parameters = _parameters(vehicle)
     place = vehicle.steered_index("heading")
 
-    def rate(state: Array, positions: Array) -> Array:
-        problem = SteadyProblem(parameters, positions, place, driven=False)
-        return np.asarray(problem.rate(state))
+    def problem(positions: Array) -> SteadyProblem:
+        return SteadyProblem(parameters, positions, place, driven=False)
 
+    here = problem(positions)
     by_state = [
-        (rate(state + step, positions) - rate(state - step, positions)) / (2.0 * STEP)
+        (here.rate(state + step) - here.rate(state - step)) / (2.0 * STEP)
         for step in STEP * np.eye(8)
     ]
     by_part = []
     for k, part in enumerate(vehicle.parts):
         step = np.zeros(len(positions))
         step[k] = STEP * min(part.high - part.low, 1.0)
-        ahead, behind = rate(state, positions + step), rate(state, positions - step)
+        ahead, behind = (problem(positions + s * step).rate(state) for s in (1.0, -1.0))
         by_part.append((ahead - behind) / (2.0 * step[k]))
     return np.stack(by_state, axis=1), np.stack(by_part, axis=1)
 

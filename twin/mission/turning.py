@@ -49,7 +49,7 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     return _turn_per_position(vehicle, index, numbers, tuple(steady.command.tolist()))
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=4096)
 def _turn_per_position(
     vehicle: Vehicle, index: int, numbers: tuple[float, ...], command: tuple[float, ...]
 ) -> float:
