@@ -1,6 +1,6 @@
 """Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
 
-    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--runs 4] [--json]
+    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--runs 4] [--bags]
     python -m benchmarks.identified_runs --sway sail.zarr
 
 For every seed a vehicle is made that no fit knows: every derivative of its hull law within 15 %,
@@ -12,7 +12,8 @@ measured. Then the identified vehicle, the shipped one and the true one fly thre
 fit has not seen, closed loop in MuJoCo under the guidance of the shipped vehicle's file. Printed
 is what each is off from the true one: mean size of the error of surge over its mean, yaw rate and
 depth rate root mean square over theirs, sample by sample. `spread` is the root mean square error of
-the determined parameters in their stated deviations.
+the determined parameters in their stated deviations. With `--bags` the identification has nothing
+but folders of rosbag2, which the library of ROS's own format wrote and `factory import` read.
 
 `--sway` is for a store of real runs that has a Doppler log and gyroscopes, and no controls: what a
 steady turn's sway is per yaw rate, fitted to all deployments but one and applied to that one.
@@ -30,6 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from factory.exporting.mcap_file import export_mcap
+from factory.importing import import_logs
 from twin import load_vehicle, parse_current, parse_floor, simulate
 from twin.identify import identify_driven, load_runs
 from twin.identify.calibration import Calibration
@@ -131,6 +134,37 @@ def logged(truth: Vehicle, shipped: Vehicle, mission: Mission, seed: int) -> Tra
     return run
 
 
+def through_bags(store: Path, vehicle: Vehicle, folder: Path) -> Path:
+    """A store of what folders of rosbag2 tell of a store's runs."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.rosbag2 import Writer
+
+    with MissionStore(store) as runs:
+        recordings = export_mcap(runs, range(len(runs.samples)), folder)
+    bags = [path.with_suffix("") for path in recordings]
+    for recording, bag in zip(recordings, bags, strict=True):
+        with AnyReader([recording]) as reader, Writer(bag, version=9) as writer:
+            to = {
+                one.id: writer.add_connection(one.topic, one.msgtype, typestore=reader.typestore)
+                for one in reader.connections
+                if not one.topic.startswith("/truth/")
+            }
+            for one, time, message in reader.messages():
+                if one.id in to:
+                    writer.write(to[one.id], time, message)
+    lines = ['vehicle = "survey"', f'model = "{vehicle.name}"', 'rows = "gaps"', "[signals]"]
+    for part in vehicle.parts:
+        unit = "rad/s" if part.spins else "rad"
+        for which in ("measured", "commanded"):
+            lines.append(
+                f'{which}_{part.name} = {{ column = "/{which}/{part.name} data", unit = "{unit}" }}'
+            )
+    mapping = folder / "bags.toml"
+    mapping.write_text("\n".join(lines))
+    dataset, _ = import_logs("rosbag2", bags, mapping=mapping)
+    return write_store(dataset, folder / "imported.zarr", overwrite=True)
+
+
 def closed_loop(
     vehicle: Vehicle, truth: Vehicle, shipped: Vehicle, missions: list[Mission]
 ) -> dict[str, float]:
@@ -166,7 +200,7 @@ def closed_loop(
     }
 
 
-def study(name: str, seed: int, runs: int, folder: Path) -> dict[str, Any]:
+def study(name: str, seed: int, runs: int, folder: Path, *, bags: bool) -> dict[str, Any]:
     """One vehicle: identified, and flown beside the true and the shipped one."""
     shipped = load_vehicle(name)
     truth = other(shipped, np.random.default_rng(seed))
@@ -177,6 +211,8 @@ def study(name: str, seed: int, runs: int, folder: Path) -> dict[str, Any]:
         for k in range(runs)
     ]
     store = write_store(dataset_of(made), folder / f"{kind}-{seed}.zarr")
+    if bags:
+        store = through_bags(store, shipped, folder)
     found = identify_driven(load_runs(store, shipped), shipped)
     true = Calibration(vehicle=truth, water_density=shipped.reference_density)
     known = {p.name: p.get(true) for p in driven_parameters(shipped)}
@@ -237,22 +273,23 @@ def main() -> None:
     parser.add_argument("--vehicle", default="remus", help="shipped name: remus or tethys")
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--bags", action="store_true", help="through folders of rosbag2")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--sway", help="store of real runs: the sway of their turns alone")
     options = parser.parse_args()
     if options.sway:
         left_out_sway(options.sway)
         return
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in map(int, options.seeds.split(",")):
-            found = study(options.vehicle, seed, options.runs, Path(folder))
-            if options.json:
-                print(json.dumps(found), flush=True)
-                continue
-            for which in ("identified", "shipped"):
-                words = ", ".join(f"{k} {v:.2f} %" for k, v in found[which].items())
-                print(f"{found['vehicle']} {seed} {which:10s} {words}", flush=True)
-            print(f"    {found['determined']} determined, spread {found['spread']:.1f}")
+    for seed in map(int, options.seeds.split(",")):
+        with tempfile.TemporaryDirectory() as folder:
+            found = study(options.vehicle, seed, options.runs, Path(folder), bags=options.bags)
+        if options.json:
+            print(json.dumps(found), flush=True)
+            continue
+        for which in ("identified", "shipped"):
+            words = ", ".join(f"{k} {v:.2f} %" for k, v in found[which].items())
+            print(f"{found['vehicle']} {seed} {which:10s} {words}", flush=True)
+        print(f"    {found['determined']} determined, spread {found['spread']:.1f}")
 
 
 if __name__ == "__main__":

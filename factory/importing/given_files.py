@@ -127,7 +127,7 @@ def _inside(importer: Importer, folder: Path, tally: Tally, recursive: bool) -> 
             f"folder {folder} holds no {importer.name} logs ({endings})"
             f"{'' if recursive else _below(importer, folder)}{_looks_like(every)}"
         )
-    others = [path.name for path in every if path not in inside]
+    others = [p.name for p in every if p not in inside and p.name not in importer.beside]
     tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
     return inside
 

@@ -8,13 +8,13 @@ draws of the water is least (Powell 1964, Comput. J. 7).
 from __future__ import annotations
 
 import heapq
-import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled import inline, jit
 from twin.forecast.route_water import STEP, RouteWater
 
 Array = NDArray[np.float64]
@@ -29,8 +29,9 @@ EDGES = np.array(
         if math.gcd(n, e) == 1
     ]
 )
-PARTS = (0.125, 0.375, 0.625, 0.875)
-"""Of an edge, where its current is looked up, at the node that is nearest"""
+LOOKS = (4, 8)
+"""Places of an edge where its current is looked up, at the node that is nearest: few find ways that
+bear a forecast's errors, many find the best of a water that is known"""
 SLOWEST = 0.02
 """[m/s] over ground that counts as no progress: it waits there for better water"""
 CORNERS = 7
@@ -41,16 +42,21 @@ BARRED = 1e9
 """[s] of a way that must not be taken"""
 
 
-def made_good(current: Array, direction: Array, speed: float) -> Array:
-    """[m/s] along a direction (unit vectors, (..., 2)) with the bow held against what sets across.
+@inline
+def made_good(north, east, ahead, aside, speed):  # type: ignore[no-untyped-def]
+    """[m/s] along a way with the bow held against what sets across it.
 
     Not above `SLOWEST` where the current across is faster than the vehicle.
+
+    Args:
+      north, east: [m/s] of the current. ahead, aside: the way's unit vector, north and east.
+      speed: [m/s] through the water.
     """
-    along = (current * direction).sum(axis=-1)
-    across = current[..., 0] * direction[..., 1] - current[..., 1] * direction[..., 0]
+    across = north * aside - east * ahead
     room = speed**2 - across**2
-    made = along + np.sqrt(np.maximum(room, 0.0))
-    return np.where(room > 0.0, np.maximum(made, SLOWEST), SLOWEST)
+    if room <= 0.0:
+        return SLOWEST
+    return max(north * ahead + east * aside + math.sqrt(room), SLOWEST)
 
 
 def way_times(
@@ -62,20 +68,49 @@ def way_times(
       way: [m] north, east of its corners, (corner, 2). speed: [m/s] through the water.
       avoided: polygons, each (corner, 2). begin: [s] after the start.
     """
-    time = np.full(len(water.current), begin)
     if not water.holds(way).all() or crosses(way, avoided):
-        return np.full(len(time), BARRED)
-    for here, there in itertools.pairwise(way):
-        length = float(np.hypot(*(there - here)))
-        if length < 1.0:
-            continue
-        steps = math.ceil(length / water.spacing)
-        direction = (there - here) / length
-        for k in range(steps):
-            north, east = here + (k + 0.5) / steps * (there - here)
-            current = water.at(float(north), float(east), time)
-            time = time + length / steps / made_good(current, direction, speed)
-    return time - begin
+        return np.full(len(water.current), BARRED)
+    corner = np.array([water.north[0], water.east[0]])
+    way = np.ascontiguousarray(way, dtype=np.float64)
+    return np.asarray(_flown(water.current, corner, water.spacing, way, float(speed), float(begin)))
+
+
+@jit(nogil=True)
+def _flown(current, corner, spacing, way, speed, begin):  # type: ignore[no-untyped-def]
+    """[s] of a way in each member; the current is linear in time and between nodes."""
+    taken = np.empty(current.shape[0])
+    last, rows, columns = current.shape[1], current.shape[2], current.shape[3]
+    for member in range(len(taken)):
+        time = begin
+        for leg in range(len(way) - 1):
+            far, wide = way[leg + 1, 0] - way[leg, 0], way[leg + 1, 1] - way[leg, 1]
+            length = math.hypot(far, wide)
+            if length < 1.0:
+                continue
+            steps = math.ceil(length / spacing)
+            for k in range(steps):
+                part = (k + 0.5) / steps
+                row, below = _cell((way[leg, 0] + part * far - corner[0]) / spacing, rows)
+                column, left = _cell((way[leg, 1] + part * wide - corner[1]) / spacing, columns)
+                when, later = _cell(time / STEP, last)
+                north, east = 0.0, 0.0
+                for t, of_time in ((when, 1.0 - later), (when + 1, later)):
+                    for n, of_row in ((row, 1.0 - below), (row + 1, below)):
+                        for e, weight in ((column, 1.0 - left), (column + 1, left)):
+                            share = of_time * of_row * weight
+                            north += share * current[member, t, n, e, 0]
+                            east += share * current[member, t, n, e, 1]
+                made = made_good(north, east, far / length, wide / length, speed)
+                time += length / steps / made
+        taken[member] = time - begin
+    return taken
+
+
+@inline
+def _cell(place, count):  # type: ignore[no-untyped-def]
+    """Index of the cell of `count` nodes that a place is in, and the part of it that is before."""
+    place = min(max(place, 0.0), count - 1.000001)
+    return int(place), place - int(place)
 
 
 def fastest(
@@ -86,53 +121,73 @@ def fastest(
     speed: float,
     avoided: Sequence[Array] = (),
     begin: float = 0.0,
+    looks: int = LOOKS[0],
 ) -> Array | None:
     """The fastest way in one member, [m] north, east of its nodes, (node, 2); None: there is none.
 
     Args:
       start, goal: [m] north, east. speed: [m/s]. begin: [s] after the start of the water.
+      looks: places of an edge where its current is looked up.
     """
     rows, columns = len(water.north), len(water.east)
-    field = water.current[member]
-    offsets = EDGES * water.spacing
-    lengths = np.hypot(*offsets.T)
-    directions = offsets / lengths[:, None]
+    here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]
+    there = here + EDGES
+    open_ = ((there >= 0) & (there < (rows, columns))).all(axis=-1)
+    if avoided:
+        origin = np.array([water.north[0], water.east[0]])
+        ends = (origin + water.spacing * there).reshape(-1, 2)
+        begins = np.broadcast_to(origin + water.spacing * here, there.shape).reshape(-1, 2)
+        open_ &= ~meets(begins, ends, avoided).reshape(open_.shape)
     first, last = (_node(water, point) for point in (start, goal))
-    best = np.full((rows, columns), np.inf)
-    best[first] = begin
-    before: dict[tuple[int, int], tuple[int, int]] = {}
-    heap = [(begin, first)]
-    while heap:
-        now, here = heapq.heappop(heap)
-        if here == last:
-            break
-        if now > best[here]:
-            continue
-        there = np.array(here) + EDGES
-        inside = ((there >= 0) & (there < (rows, columns))).all(axis=1)
-        there = there[inside]
-        then = np.full(len(there), now)
-        ahead = directions[inside]
-        for part in PARTS:
-            k = np.minimum(np.rint(then / STEP).astype(int), len(field) - 1)
-            place = np.rint(here + part * EDGES[inside]).astype(int)
-            made = made_good(field[k, place[:, 0], place[:, 1]], ahead, speed)
-            then = then + lengths[inside] / len(PARTS) / made
-        better = then < best[there[:, 0], there[:, 1]]
-        for node, time in zip(there[better].tolist(), then[better].tolist(), strict=True):
-            edge = np.array([_point(water, here), _point(water, node)])
-            if avoided and crosses(edge, avoided):
-                continue
-            best[tuple(node)] = time
-            before[tuple(node)] = here
-            heapq.heappush(heap, (time, tuple(node)))
-    if not np.isfinite(best[last]):
-        return None
+    before = _spread(water.current[member], water.spacing, open_, first, last, float(speed),
+                     float(begin), looks)  # fmt: skip
     nodes = [last]
     while nodes[-1] != first:
-        nodes.append(before[nodes[-1]])
+        came = int(before[nodes[-1]])
+        if came < 0:
+            return None
+        nodes.append(divmod(came, columns))
     found = np.array([_point(water, node) for node in reversed(nodes)])
     return np.concatenate([start[None], found[1:-1], goal[None]])
+
+
+@jit(nogil=True)
+def _spread(field, spacing, open_, first, last, speed, begin, looks):  # type: ignore[no-untyped-def]
+    """Dijkstra's search: of each node the one that it is reached from, row * columns + column.
+
+    Args:
+      field: [m/s] north, east, (time, north, east, 2). open_: edges that may be taken, (north,
+        east, edge). first, last: row and column. looks: as in `fastest`.
+    """
+    rows, columns = field.shape[1], field.shape[2]
+    best = np.full((rows, columns), np.inf)
+    before = np.full((rows, columns), -1)
+    best[first] = begin
+    heap = [(begin, first[0] * columns + first[1])]
+    while heap:
+        now, node = heapq.heappop(heap)
+        row, column = node // columns, node % columns
+        if row == last[0] and column == last[1]:
+            break
+        if now > best[row, column]:
+            continue
+        for k in range(len(EDGES)):
+            if not open_[row, column, k]:
+                continue
+            far, wide = EDGES[k, 0], EDGES[k, 1]
+            length = math.hypot(far, wide)
+            ahead, aside, then = far / length, wide / length, now
+            for look in range(looks):
+                part = (look + 0.5) / looks
+                at = min(int(np.rint(then / STEP)), len(field) - 1)
+                n, e = int(np.rint(row + part * far)), int(np.rint(column + part * wide))
+                made = made_good(field[at, n, e, 0], field[at, n, e, 1], ahead, aside, speed)
+                then += length * spacing / looks / made
+            if then < best[row + far, column + wide]:
+                best[row + far, column + wide] = then
+                before[row + far, column + wide] = node
+                heapq.heappush(heap, (then, (row + far) * columns + column + wide))
+    return before
 
 
 def polished(
@@ -181,23 +236,30 @@ def thinned(
 
 def crosses(way: Array, avoided: Sequence[Array]) -> bool:
     """Whether a way, (corner, 2), meets a polygon, each (corner, 2), or lies in one."""
-    a, b = way[:-1, None], way[1:, None]
+    return bool(meets(way[:-1], way[1:], avoided).any())
+
+
+def meets(begins: Array, ends: Array, avoided: Sequence[Array]) -> NDArray[np.bool_]:
+    """Which of straight lines, (line, 2) each end, meet a polygon or begin in one."""
+    found = np.zeros(len(begins), dtype=bool)
+    a, b = begins[:, None], ends[:, None]
     for ring in avoided:
         c, d = ring[None], np.roll(ring, -1, axis=0)[None]
         apart = _side(a, b, c) * _side(a, b, d) < 0.0
         across = _side(c, d, a) * _side(c, d, b) < 0.0
-        if (apart & across).any() or _inside(way[0], ring):
-            return True
-    return False
+        found |= (apart & across).any(axis=1) | _inside(begins, ring)
+    return found
 
 
-def _inside(point: Array, ring: Array) -> bool:
-    """Whether a ray to the north from a point meets the ring an odd number of times."""
+def _inside(points: Array, ring: Array) -> NDArray[np.bool_]:
+    """Whether a ray to the north from each point, (point, 2), meets the ring an odd number of
+    times."""
+    north, east = points[:, :1], points[:, 1:]
     after = np.roll(ring, -1, axis=0)
-    spans = (ring[:, 1] > point[1]) != (after[:, 1] > point[1])
-    step = np.where(spans, after[:, 1] - ring[:, 1], 1.0)
-    north = ring[:, 0] + (point[1] - ring[:, 1]) / step * (after[:, 0] - ring[:, 0])
-    return bool((spans & (north > point[0])).sum() % 2)
+    spans = (ring[:, 1] > east) != (after[:, 1] > east)
+    step = np.where(after[:, 1] == ring[:, 1], 1.0, after[:, 1] - ring[:, 1])
+    meets_at = ring[:, 0] + (east - ring[:, 1]) / step * (after[:, 0] - ring[:, 0])
+    return np.asarray((spans & (meets_at > north)).sum(axis=1) % 2 == 1)
 
 
 def _side(a: Array, b: Array, c: Array) -> Array:

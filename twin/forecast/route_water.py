@@ -55,31 +55,10 @@ class RouteWater:
         """[s] from the start on that it covers."""
         return STEP * (self.current.shape[1] - 1)
 
-    def at(self, north: float, east: float, time: Array) -> Array:
-        """[m/s] north, east at a place, of each member at its own time [s], (member, 2)."""
-        n, part_n = self._cell(north, self.north)
-        e, part_e = self._cell(east, self.east)
-        k = np.clip(time / STEP, 0.0, self.current.shape[1] - 1.000001)
-        at, later = k.astype(int), (k - k.astype(int))[:, None]
-        members = np.arange(len(self.current))
-
-        def around(when: NDArray[np.int_]) -> Array:
-            cell = self.current[members, when, n : n + 2, e : e + 2]
-            west = cell[:, 0, 0] * (1.0 - part_n) + cell[:, 1, 0] * part_n
-            return west * (1.0 - part_e) + part_e * (
-                cell[:, 0, 1] * (1.0 - part_n) + cell[:, 1, 1] * part_n
-            )
-
-        return (1.0 - later) * around(at) + later * around(at + 1)
-
     def holds(self, points: Array) -> NDArray[np.bool_]:
         """Whether points, (..., 2), lie inside."""
         low, high = (np.array([self.north[k], self.east[k]]) for k in (0, -1))
         return np.asarray(((points >= low) & (points <= high)).all(axis=-1))
-
-    def _cell(self, value: float, axis: Array) -> tuple[int, float]:
-        place = min(max((value - axis[0]) / self.spacing, 0.0), len(axis) - 1.000001)
-        return int(place), place - int(place)
 
 
 def route_water(

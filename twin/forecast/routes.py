@@ -20,7 +20,7 @@ from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, fly_nominal, members_of
 from twin.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
-from twin.forecast.route_search import BARRED, fastest, polished, way_times
+from twin.forecast.route_search import BARRED, LOOKS, fastest, polished, way_times
 from twin.forecast.route_water import RouteWater, route_water
 from twin.forecast.surfacing_forecast import feature
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
@@ -296,14 +296,18 @@ def best_ways(
 def _through(
     water: RouteWater, member: int, stops: Array, speed: float, rings: Sequence[Array]
 ) -> Array | None:
-    """The polished way from stop to stop that is fastest in one draw."""
+    """The polished way from stop to stop that is fastest in one draw, by the better search."""
     whole, begin = stops[:1], 0.0
     for here, there in itertools.pairwise(stops):
-        leg = fastest(water, member, here, there, speed, rings, begin)
-        if leg is None:
-            return None
-        if way_times(water, leg, speed, rings, begin).mean() < BARRED:
-            leg = polished(water, leg, speed, rings, begin)
+        legs = []
+        for looks in LOOKS:
+            leg = fastest(water, member, here, there, speed, rings, begin, looks)
+            if leg is None:
+                return None
+            if way_times(water, leg, speed, rings, begin).mean() < BARRED:
+                leg = polished(water, leg, speed, rings, begin)
+            legs.append(leg)
+        leg = min(legs, key=lambda one: float(way_times(water, one, speed, rings, begin).mean()))
         begin += float(np.median(way_times(water, leg, speed, (), begin)))
         whole = np.concatenate([whole, leg[1:]])
     return whole

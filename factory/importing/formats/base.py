@@ -76,6 +76,8 @@ class Importer:
     """The reader, or its place `module:function`, which is imported when it reads."""
     name_words: frozenset[str] = frozenset()
     """Words between the dots of a file's name that make it a log whatever its ending."""
+    beside: frozenset[str] = frozenset()
+    """Names of files in a folder that belong to the logs there and are read with them."""
     first_bytes: tuple[bytes, ...] = ()
     """How the vehicle's own binary files begin."""
     extra: str | None = None

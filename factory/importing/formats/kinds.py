@@ -173,6 +173,7 @@ ROSBAG2 = Importer(
     channels="as `mcap`",
     suffixes=frozenset({".db3", ".mcap"}),
     marks=frozenset(),
+    beside=frozenset({"metadata.yaml"}),
     first_bytes=(b"SQLite format 3\0", b"\x89MCAP0\r\n"),
     period=0.2,
     read="factory.importing.formats.rosbag2_reader:read_rosbag2",

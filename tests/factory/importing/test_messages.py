@@ -84,6 +84,7 @@ def test_a_recording_of_the_library_of_ros(storage: str, tmp_path: Path) -> None
     mapping.write_text(THRUSTER)
     dataset, report = import_logs("rosbag2", [bag], mapping=mapping)
     assert report.deployments == ("run_7",)
+    assert report.count("left out") == 0
     assert report.rows == 1
     assert report.period == 0.2
     for name in ("pitch", "roll", "yaw_rate"):

@@ -54,13 +54,12 @@ def jet(strength: float) -> RouteWater:
 
 
 def test_a_vehicle_makes_good_what_is_left_when_it_holds_its_bow_against_the_current() -> None:
-    ahead = np.array([1.0, 0.0])
-    for current, made in (
+    for (north, east), made in (
         ((0.1, 0.0), 0.35), ((-0.1, 0.0), 0.15), ((0.0, 0.15), 0.2), ((0.05, -0.15), 0.25),
         ((-0.5, 0.0), SLOWEST), ((0.5, 0.3), SLOWEST),
     ):  # fmt: skip
-        found = made_good(np.array([current]), ahead, SPEED)
-        assert found[0] == pytest.approx(made), current
+        found = made_good(north, east, 1.0, 0.0, SPEED)
+        assert found == pytest.approx(made), (north, east)
 
 
 def test_in_still_water_nothing_is_faster_than_the_straight_way() -> None:
