@@ -154,7 +154,7 @@ def through_bags(store: Path, vehicle: Vehicle, folder: Path) -> Path:
                     writer.write(to[one.id], time, message)
     lines = ['vehicle = "survey"', f'model = "{vehicle.name}"', 'rows = "gaps"', "[signals]"]
     for part in vehicle.parts:
-        unit = "rad/s" if part.spins else "rad"
+        unit = {"cm3": "m3"}.get(part.unit, part.unit)  # messages have SI units
         for which in ("measured", "commanded"):
             lines.append(
                 f'{which}_{part.name} = {{ column = "/{which}/{part.name} data", unit = "{unit}" }}'
