@@ -198,3 +198,22 @@ ARDUSUB = Importer(
     lacks=DRIVEN,
 )
 """ArduPilot's logs of vehicles under water."""
+
+LSF = Importer(
+    name="lsf",
+    vehicle="LAUV and other vehicles with DUNE",
+    files="logs .lsf and .lsf.gz of IMC, the messages of LSTS",
+    channels="attitude, rates, accelerations, depth, the filter's track, DVL over ground "
+    "and through the water, propeller, rudder and elevator of the four fins, CTD, fixes, battery; "
+    "of other messages what a --mapping file names",
+    suffixes=frozenset({".lsf"}),
+    name_words=frozenset({"lsf"}),
+    marks=frozenset(),
+    first_bytes=(b"\x54\xfe", b"\xfe\x54"),
+    period=0.2,
+    read="factory.importing.formats.lsf_reader:read_lsf",
+    extra="imc",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Logs of the vehicles of LSTS, Porto."""
