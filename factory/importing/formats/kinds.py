@@ -217,3 +217,23 @@ LSF = Importer(
     lacks=DRIVEN,
 )
 """Logs of the vehicles of LSTS, Porto."""
+
+DORADO = Importer(
+    name="dorado",
+    vehicle="Dorado AUV",
+    files="the vehicle's own .log of each instrument, netCDF of these, and products (`*_1S.nc`) by "
+    "MBARI's auv-python; a folder is a mission",
+    channels="attitude, rates, depth, track, fixes, propeller, CTD; of products attitude, depth, "
+    "track, CTD; rudder, elevator, DVL and others by a --mapping file",
+    suffixes=frozenset({".log", ".nc"}),
+    marks=frozenset(
+        {"mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites", "dvlBotVelx",
+         "navigation_roll", "navigation_pitch", "navigation_yaw"}
+    ),
+    first_bytes=(b"# binary ",),
+    period=0.2,
+    read="factory.importing.formats.dorado_reader:read_dorado",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)  # fmt: skip
+"""MBARI's Dorado vehicles."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from imc_logs import DECLINATION, OTHER, described, message, packets, track_of
+from imc_logs import DECLINATION, OTHER, described, entities, message, packets, track_of
 from message_logs import circles
 
 from factory.__main__ import PROGRAM
@@ -23,6 +23,7 @@ from twin.vehicle.vehicle import load_vehicle
 
 imcpy = pytest.importorskip("imcpy")
 TIME, STATE = circles(120.0)
+STATE["depth"] = STATE["depth"] * np.clip((TIME - TIME[0] - 4.0) / 30.0, 0.0, 1.0)  # it dives
 
 
 def values(dataset: xr.Dataset, name: str, row: int = 0) -> np.ndarray:
@@ -45,7 +46,8 @@ def log(folder: Path, **changes: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, ImportReport]:
-    fix = {"latitude": np.full(len(TIME), 41.2), "longitude": np.full(len(TIME), -8.6)}
+    wave = 1e-6 * np.arange(len(TIME))
+    fix = {"latitude": 41.2 + wave, "longitude": -8.6 + wave}
     fix["latitude"][3:] = np.nan  # then it is under water
     return import_logs("lsf", [log(tmp_path_factory.mktemp("whole"), **fix)])
 
@@ -73,6 +75,8 @@ def test_units_and_axes_are_those_of_a_store(whole: tuple[xr.Dataset, ImportRepo
         np.testing.assert_allclose(rudder, np.degrees(0.12 * twice), atol=1e-4)
         np.testing.assert_allclose(elevator, np.degrees(-0.06 * twice), atol=1e-4)
     assert 1020.0 < values(dataset, "measured_density").mean() < 1030.0
+    assert dataset["start_latitude"].values[0] == pytest.approx(41.2, abs=1e-4)
+    assert dataset["start_longitude"].values[0] == pytest.approx(-8.6, abs=1e-4)
     assert dataset.attrs[VEHICLE_MJCF] == load_vehicle("remus").xml
     assert float(dataset["thruster_fraction"][0]) == 1.0
     assert "remus" in {e.subject for e in report.entries if "stands for" in e.detail}
@@ -171,8 +175,10 @@ def test_damage_costs_no_more_than_the_packets_that_it_hits(tmp_path: Path) -> N
     wrong_sum = depth[:-1] + bytes([depth[-1] ^ 1])
     unknown = described("<", 65_000, "3d", 1.0, 2.0, 3.0, moment=float(TIME[0]), entity=3)
     short = described("<", 254, "4d", 0.0, 1.0, 1.0, 1.0, moment=float(TIME[0]), entity=2)
-    data = bytearray(b"".join([every[0], wrong_sum, unknown, short, *every[1:]]))
-    place = start + len(wrong_sum) + len(unknown) + len(short)
+    long = unknown[:4] + struct.pack("<H", 3000) + unknown[6:]  # its size would swallow many
+    inserted = [wrong_sum, unknown, short, long]
+    data = bytearray(b"".join([every[0], *inserted, *every[1:]]))
+    place = start + sum(map(len, inserted))
     assert data[place : place + 2] == b"\x54\xfe"
     data[place : place + 30] = bytes(30)  # one packet lost with its header
     path = tmp_path / "run.lsf"
@@ -184,17 +190,20 @@ def test_damage_costs_no_more_than_the_packets_that_it_hits(tmp_path: Path) -> N
     assert "too short" in said(report, "removed", "EulerAngles")
     lost = said(report, "removed", "run.lsf")
     assert lost.endswith("byte between packets: damaged")
-    assert 30 <= int(lost.split()[0]) <= 200
+    assert 30 <= int(lost.split()[0]) - len(long) <= 200
+    assert said(report, "read", "Depth/Depth_Sensor value") == f"{len(TIME)} as measured_depth"
+    state = said(report, "read", "EstimatedState/Navigation theta")
+    assert state == f"{len(TIME) - 1} as measured_pitch"
     assert "message_65000/Depth_Sensor" in report.names["IMC log"]["not read"]
 
 
 def test_what_another_system_sends_is_not_the_vehicles(tmp_path: Path) -> None:
     path = log(tmp_path)
     others = b"".join(message("Depth", float(t), 3, OTHER, value=50.0) for t in TIME[:100])
-    path.write_bytes(path.read_bytes() + others)
+    path.write_bytes(path.read_bytes() + entities(float(TIME[0]), OTHER) + others)
     dataset, report = import_logs("lsf", [path])
     assert values(dataset, "measured_depth").max() < 4.0
-    assert said(report, "left out", "other systems") == "100 messages that they sent"
+    assert said(report, "left out", "other systems") == "110 messages that they sent"
 
 
 def test_a_compass_alone_needs_the_variation(tmp_path: Path) -> None:
