@@ -43,6 +43,8 @@ MODEL = "tethys"
 GAP = 60.0
 """[s] Longer between two samples, the vehicle was switched off"""
 BEGIN = b"# begin"
+LARGEST = 1e12
+"""No field holds more: times are in s, distances in m, pulses are counted"""
 LONGEST_HEADER = 2**18
 """[byte]; the longest known has a hundredth"""
 TYPES = {"timeTag": "<f8", "double": "<f8", "angle": "<f8", "float": "<f4", "integer": "<i4",
@@ -195,10 +197,12 @@ def _records(path: Path, tally: Tally) -> tuple[Array, dict[str, Array]]:
                 f"{path.name}: its header has a field of type {what!r}: {line.strip()!r}; known "
                 f"are {', '.join(TYPES)}"
             )
-        twice = sum(words[2] == name for name, _ in fields)
-        fields.append((f"{words[2]}_{twice + 1}" if twice else words[2], TYPES[words[1]]))
+        twice = any(words[2] == name for name, _ in fields)
+        fields.append((f"{words[2]}_2" if twice else words[2], TYPES[words[1]]))
     if "time" not in dict(fields):
         raise InputError(f"{path.name} has no field time; it has {', '.join(dict(fields))}")
+    if len(dict(fields)) < len(fields):
+        raise InputError(f"{path.name}: its header names a field three times and more")
     kind = np.dtype(fields)
     whole, rest = divmod(len(data) - begin, kind.itemsize)
     if rest:
@@ -206,8 +210,18 @@ def _records(path: Path, tally: Tally) -> tuple[Array, dict[str, Array]]:
     if not whole:
         raise InputError(f"{path.name} holds no record: its header alone")
     records = np.frombuffer(data, kind, whole, begin)
-    columns = {name: records[name].astype(np.float64) for name, _ in fields}
+    columns = {name: _possible(records[name], path, tally) for name, _ in fields}
     return columns.pop("time"), columns
+
+
+def _possible(stored: NDArray[Any], path: Path, tally: Tally) -> Array:
+    """A field's numbers without those that damaged bytes make."""
+    with np.errstate(invalid="ignore"):
+        values = stored.astype(np.float64)
+        good = np.abs(values) < LARGEST
+    count = int((~good & ~np.isnan(values)).sum())
+    tally.add("removed", path.name, count, "values beyond any measurement")
+    return np.where(good, values, np.nan)
 
 
 def _netcdf(path: Path, tally: Tally) -> Instruments:

@@ -126,6 +126,16 @@ def test_a_log_that_was_cut_off_is_read_to_its_end(tmp_path: Path) -> None:
     )
 
 
+def test_numbers_of_damaged_bytes_are_removed_and_counted(tmp_path: Path) -> None:
+    folder = mission(tmp_path / "damaged")
+    path = folder / "navigation.log"
+    data = bytearray(path.read_bytes())
+    data[-8:] = b"\xff\xff\xff\xff\xff\xff\xef\x7f"  # the last longitude: the largest double
+    path.write_bytes(bytes(data))
+    _, report = import_logs("dorado", [folder])
+    assert said(report, "removed", "navigation.log") == "1 values beyond any measurement"
+
+
 def test_what_is_wrong_with_a_log_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -136,6 +146,10 @@ def test_what_is_wrong_with_a_log_is_told(
         import_logs("dorado", [path])
     path.write_bytes(b"# binary navigation\n# double mPhi %e ,roll ,Degrees\n# begin\n" + bytes(64))
     with pytest.raises(InputError, match=r"navigation\.log has no field time; it has mPhi"):
+        import_logs("dorado", [path])
+    again = b"# short status %d ,s ,UNKNOWN\n"
+    path.write_bytes(header + 3 * again + b"# begin\n" + bytes(64))
+    with pytest.raises(InputError, match="names a field three times"):
         import_logs("dorado", [path])
     path.write_bytes(header + b"# begin\n")
     with pytest.raises(InputError, match=r"navigation\.log holds no record"):
