@@ -26,6 +26,8 @@ IMPORTERS: Registry[Any] = Registry(
         "mcap": "factory.importing.formats.kinds:MCAP",
         "rosbag2": "factory.importing.formats.kinds:ROSBAG2",
         "ardusub": "factory.importing.formats.kinds:ARDUSUB",
+        "dorado": "factory.importing.formats.kinds:DORADO",
+        "lsf": "factory.importing.formats.kinds:LSF",
         "csv": "factory.importing.formats.kinds:CSV",
     },
     check="factory.importing.formats.base:check_importer",

@@ -119,7 +119,7 @@ _UNREADABLE = (OSError, EOFError, zlib.error)
 def _opened(path: Path) -> TextIO:
     def opened() -> io.BufferedReader:
         packed = path.suffix.lower() == ".gz"
-        return io.BufferedReader(_Unpacked(path)) if packed else path.open("rb")
+        return unpacked(path) if packed else path.open("rb")
 
     with opened() as binary:
         wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
@@ -127,8 +127,14 @@ def _opened(path: Path) -> TextIO:
     return io.TextIOWrapper(opened(), newline="", encoding=encoding, errors="replace")
 
 
+def unpacked(path: Path) -> io.BufferedReader:
+    """What a gzip file unpacks to; reading raises InputError where it is far more than the file's
+    size, and EOFError, OSError or zlib.error where the file is cut off or damaged."""
+    return io.BufferedReader(_Unpacked(path))
+
+
 class _Unpacked(io.RawIOBase):
-    """What a gzip file unpacks to; raises InputError where it is far more than the file's size."""
+    """The stream that `unpacked` reads."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._size, self._given = path, path.stat().st_size, 0
@@ -138,7 +144,7 @@ class _Unpacked(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        data = self._file.read(len(buffer))
+        data = self._file.read1(len(buffer))  # of a file that was cut off, what is there
         buffer[: len(data)] = data
         self._given += len(data)
         check_declared(self._given, self._size, str(self._path), free=UNPACKED_BYTES)

@@ -166,6 +166,8 @@ def _check_contents(importer: Importer, path: Path) -> None:
     begins = kinds_by_bytes(path)
     if begins and importer.name not in begins:
         raise WrongFormat(path, (), kind=begins[0])
+    if begins:
+        return
     if holds_arrays(path):
         names, endings = variable_names(path), ARRAYS
     elif path.suffix.lower() in TABLES:

@@ -49,7 +49,10 @@ RUN = {
     "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},
     "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
-    "docs/howto/import_messages.md": {"tests/factory/importing/test_messages.py": 1},
+    "docs/howto/import_messages.md": {
+        "tests/factory/importing/test_dorado.py": 1,
+        "tests/factory/importing/test_messages.py": 1,
+    },
     "docs/howto/import_tables.md": {
         "tests/factory/importing/test_csv.py": 1,
         "tests/factory/importing/test_importers.py": 1,

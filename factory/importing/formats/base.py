@@ -5,8 +5,11 @@ Registry of the importers, and which kind of log a file looks like.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import gzip
 import re
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -157,9 +160,12 @@ def likely_kind(names: Iterable[str]) -> str | None:
 
 
 def kinds_by_bytes(path: Path) -> list[str]:
-    """The kinds whose own binary files begin as this one does."""
+    """The kinds whose own binary files begin as this one does, packed by gzip or not."""
     with path.open("rb") as file:
         start = file.read(64)
+    if start.startswith(b"\x1f\x8b"):
+        with contextlib.suppress(EOFError, OSError, zlib.error), gzip.open(path, "rb") as packed:
+            start = packed.read(64)
     return [
         importer.name
         for importer in IMPORTERS.values()

@@ -199,3 +199,42 @@ ARDUSUB = Importer(
     lacks=DRIVEN,
 )
 """ArduPilot's logs of vehicles under water."""
+
+LSF = Importer(
+    name="lsf",
+    vehicle="LAUV and other vehicles with DUNE",
+    files="logs .lsf and .lsf.gz of IMC, the messages of LSTS",
+    channels="attitude, rates, accelerations, depth, the filter's track, DVL over ground "
+    "and through the water, propeller, rudder and elevator of the four fins, CTD, fixes, battery; "
+    "of other messages what a --mapping file names",
+    suffixes=frozenset({".lsf"}),
+    name_words=frozenset({"lsf"}),
+    marks=frozenset(),
+    first_bytes=(b"\x54\xfe", b"\xfe\x54"),
+    period=0.2,
+    read="factory.importing.formats.lsf_reader:read_lsf",
+    extra="imc",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Logs of the vehicles of LSTS, Porto."""
+
+DORADO = Importer(
+    name="dorado",
+    vehicle="Dorado AUV",
+    files="the vehicle's own .log of each instrument, netCDF of these, and products (`*_1S.nc`) by "
+    "MBARI's auv-python; a folder is a mission",
+    channels="attitude, rates, depth, track, fixes, propeller, CTD; of products attitude, depth, "
+    "track, CTD; rudder, elevator, DVL and others by a --mapping file",
+    suffixes=frozenset({".log", ".nc"}),
+    marks=frozenset(
+        {"mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites", "dvlBotVelx",
+         "navigation_roll", "navigation_pitch", "navigation_yaw"}
+    ),
+    first_bytes=(b"# binary ",),
+    period=0.2,
+    read="factory.importing.formats.dorado_reader:read_dorado",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)  # fmt: skip
+"""MBARI's Dorado vehicles."""

@@ -14,6 +14,13 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from dorado_logs import (
+    names_in_log,
+    write_dorado,
+    write_dorado_netcdf,
+    write_dorado_product,
+)
+from imc_logs import topics_of_lsf, write_lsf
 from logs import (
     Flight,
     example,
@@ -61,19 +68,23 @@ WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
     "mcap": (write_mcap,),
     "rosbag2": (write_rosbag2,),
     "ardusub": (write_ardusub,),
+    "lsf": (write_lsf,),
+    "dorado": (write_dorado, write_dorado_netcdf, write_dorado_product),
     "csv": (lambda folder, flight: write_table(folder, flight, TABLES),),
 }
 """Logs of an imaginary flight in each layout of each kind."""
-MESSAGES = ("mcap", "rosbag2", "ardusub")
+MESSAGES = ("mcap", "rosbag2", "ardusub", "lsf")
 """Kinds whose files hold messages by topic."""
+OWN_PERIODS = {("dorado", 2): 1.0}
+"""[s] of files that were resampled"""
 LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
 
 
 def write(kind: str, layout: int, folder: Path) -> list[Path]:
-    for one, library in ((("slocum", 1), "dbdreader"), (("ardusub", 0), "pymavlink")):
-        if (kind, layout) == one:
-            pytest.importorskip(library)
-    if kind in MESSAGES:
+    libraries = {("slocum", 1): "dbdreader", ("ardusub", 0): "pymavlink", ("lsf", 0): "imcpy"}
+    if (kind, layout) in libraries:
+        pytest.importorskip(libraries[kind, layout])
+    elif kind in MESSAGES:
         pytest.importorskip("rosbags")
     folder.mkdir(exist_ok=True)
     return WRITERS[kind][layout](folder, FLIGHT)
@@ -108,7 +119,7 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
     dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
     assert report.kind == kind
     assert report.rows == FLIGHT.dives
-    assert report.period == importer.period
+    assert report.period == OWN_PERIODS.get((kind, layout), importer.period)
     assert set(report.channels) <= set(VARIABLES)
     for dive in range(FLIGHT.dives):
         n = int(dataset["n_samples"][dive])
@@ -131,6 +142,10 @@ def names_in(path: Path) -> set[str]:
     """Every name of a file, found without the importers."""
     if path.suffix in (".mcap", ".db3", ".BIN"):
         return topics_of(path)
+    if path.suffix == ".log":
+        return names_in_log(path)
+    if path.suffix == ".lsf":
+        return topics_of_lsf(path)
     if path.suffix == ".dbd":
         lines = path.with_name("0badcafe.cac").read_text().splitlines()
         return {line.split()[5] for line in lines}
