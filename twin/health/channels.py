@@ -26,6 +26,8 @@ class Channel:
     """Standard deviation of its change from dive to dive: seasons, water, wear that is no fault"""
     flown: bool = True
     """False: it depends on the sea and on noise, and flights of the twin do not tell it"""
+    instead: str = ""
+    """Channel that is judged in its stead in dives that tell it: what it shows, without the sea"""
 
 
 CHANNELS: tuple[Channel, ...] = (
@@ -64,7 +66,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="echoes", unit="1", noise=0.15, walk=0.02, flown=False,
             says="echoes of the floor over those that earlier dives had at its heights"),
     Channel(name="temperature_lag", unit="s", noise=3.0, walk=0.4,
-            says="time by which the thermistor is late, by dives and climbs"),
+            says="time by which the thermistor is late, by dives and climbs", instead="cell_lag"),
     Channel(name="cell_lag", unit="s", noise=1.0, walk=0.1,
             says="time by which the conductivity is later than the temperature"),
     Channel(name="lock", unit="1", noise=0.1, walk=0.02,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.health.channels import NAMES, PLACE
+from twin.health.channels import CHANNELS, NAMES, PLACE
 from twin.health.dive_channels import channels_of, flight_model
 from twin.health.dive_signals import DiveSignals, Settings
 from twin.health.echoes import Echoes
@@ -110,7 +110,9 @@ def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> 
     conductivity is beside it, what is left between the two tells and the thermistor alone does not.
     """
     found = np.array([channels_of(dive, calibration) for dive in dives]).reshape(-1, len(NAMES))
-    found[np.isfinite(found[:, PLACE["cell_lag"]]), PLACE["temperature_lag"]] = math.nan
+    for channel in CHANNELS:
+        if channel.instead:
+            found[np.isfinite(found[:, PLACE[channel.instead]]), PLACE[channel.name]] = math.nan
     return found
 
 
