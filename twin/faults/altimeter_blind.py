@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -27,6 +28,10 @@ class AltimeterBlind(Fault):
 
     part: float = 1.0
     """of its echoes that are lost"""
+
+    def expected(self, way: Array) -> Mapping[str, Array]:
+        """Of the echoes that earlier dives had, its part is missing."""
+        return {"echoes": -np.ones(len(way))}
 
     def readings(
         self, signals: Readings, size: Array, period: float, rng: np.random.Generator

@@ -47,7 +47,7 @@ class TurnStuck(Fault):
         """It makes no way any more and holds its heading less well: by how much depends on the sea,
         which flights of the twin without waves do not have."""
         one = np.ones(len(way))
-        return {"turn_moves": -2.0 * one, "heading_error": 1.0 * one}
+        return {"turn_moves": -5.0 * one, "heading_error": 3.0 * one}
 
     def change(self, condition: Condition, size: float) -> Condition:
         """A rate of next to nothing."""

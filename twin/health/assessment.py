@@ -108,11 +108,14 @@ def judged(
       changes: see `changes_of`. powered: whether a thruster drove each dive.
       wander: see `wander_of`.
     """
-    lacking = tuple(
-        c.name
-        for c, column in zip(CHANNELS, values.T, strict=True)
+    untold = {
+        c.name for c, column in zip(CHANNELS, values.T, strict=True)
         if not np.isfinite(column).any()
-    ) if len(values) else ()  # fmt: skip
+    } if len(values) else set()  # fmt: skip
+    lacking = tuple(
+        c.name for c in CHANNELS
+        if c.name in untold and (not c.instead or c.instead in untold)
+    )  # fmt: skip
     seen = values if len(values) else np.full((1, len(CHANNELS)), math.nan)
     days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
     judgeable = len(values) >= LEAST_DIVES

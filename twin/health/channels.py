@@ -26,6 +26,8 @@ class Channel:
     """Standard deviation of its change from dive to dive: seasons, water, wear that is no fault"""
     flown: bool = True
     """False: it depends on the sea and on noise, and flights of the twin do not tell it"""
+    instead: str = ""
+    """Channel that is judged in its stead in dives that tell it: what it shows, without the sea"""
 
 
 CHANNELS: tuple[Channel, ...] = (
@@ -48,7 +50,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="turn_moves", unit="1", noise=0.4, walk=0.05, flown=False,
             says="logarithm of the way that what turns it makes in an hour"),
     Channel(name="heading_error", unit="1", noise=0.3, walk=0.06, flown=False,
-            says="logarithm of the heading's rms error"),
+            says="logarithm of the heading's median error"),
     Channel(name="pump_rate", unit="1", noise=0.02, walk=0.005,
             says="logarithm of the volume that is pumped in a second"),
     Channel(name="pump_work", unit="1", noise=0.02, walk=0.005,
@@ -61,11 +63,11 @@ CHANNELS: tuple[Channel, ...] = (
             says="logarithm of the hull's pressure over its temperature"),
     Channel(name="surface_depth", unit="m", noise=0.04, walk=0.01,
             says="depth that it shows at the surface"),
-    Channel(name="echoes", unit="1", noise=0.06, walk=0.02,
-            says="part of the pings near the lower turn that come back"),
+    Channel(name="echoes", unit="1", noise=0.15, walk=0.02, flown=False,
+            says="echoes of the floor over those that earlier dives had at its heights"),
     Channel(name="temperature_lag", unit="s", noise=3.0, walk=0.4,
-            says="time by which the thermistor is late, by dives and climbs"),
-    Channel(name="cell_lag", unit="s", noise=0.3, walk=0.05,
+            says="time by which the thermistor is late, by dives and climbs", instead="cell_lag"),
+    Channel(name="cell_lag", unit="s", noise=1.0, walk=0.1,
             says="time by which the conductivity is later than the temperature"),
     Channel(name="lock", unit="1", noise=0.1, walk=0.02,
             says="part of the samples in which the Doppler log has lock"),
@@ -75,7 +77,8 @@ CHANNELS: tuple[Channel, ...] = (
             says="depth-averaged current to the east, by the compass' heading"),
 )  # fmt: skip
 """Every channel; noise and walk are of the size that sound simulated deployments of a Slocum have
-(preset `faulty`), larger where they are hardly there; a deployment's own dives change them"""
+(preset `faulty`), larger where they are hardly there, and for `cell_lag` of that of real ones: 1 s
+is the median of seven deployments at full rate; a deployment's own dives change them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 FLOWN = np.array([channel.flown for channel in CHANNELS])

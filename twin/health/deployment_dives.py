@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.health.channels import NAMES
+from twin.health.channels import CHANNELS, NAMES, PLACE
 from twin.health.dive_channels import channels_of, flight_model
 from twin.health.dive_signals import DiveSignals, Settings
+from twin.health.echoes import Echoes
 from twin.health.signatures import TypicalDive, usual_dive
+from twin.identify.calibration import Calibration
 from twin.logs.logged_leg import legs_of
 from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.logged import LogStore, log_rows
@@ -53,7 +55,7 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
     blocks = {name: logs.rows(name, rows) for name in names}
     legs = {leg.mission: leg.leg for leg in legs_of(logs, deployment)}
     dives, ways = [], np.full((len(rows), 2), math.nan)
-    of_rows = log_rows(logs)
+    of_rows, echoes = log_rows(logs), Echoes()
     for k, row in enumerate(rows):
         current = (math.nan, math.nan)
         leg = legs.get(row)
@@ -67,8 +69,16 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
         if powered or heading is None or not np.isfinite(heading).any():
             # a current by the heading that was wanted, or beside a thruster's speed, says nothing
             current, ways[k] = (math.nan, math.nan), math.nan
+        part = math.nan
+        if {"measured_depth", "measured_altitude"} <= signals.keys():
+            part = echoes.part(
+                signals["measured_depth"], signals["measured_altitude"],
+                signals.get("measured_pitch"),
+            )  # fmt: skip
         dives.append(
-            DiveSignals(period=logs.period, signals=signals, current=current, powered=powered)
+            DiveSignals(
+                period=logs.period, signals=signals, current=current, echoes=part, powered=powered
+            )
         )
     return rows, dives, ways
 
@@ -83,7 +93,7 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
     return {
         "name": deployment,
         "numbers": tuple(int(numbers[row]) for row in rows),
-        "values": np.array([channels_of(dive, calibration) for dive in dives]),
+        "values": values_of(dives, calibration),
         "time": starts + 0.5 * lasted,
         "ways": ways,
         "dive": typical(dives, vehicle),
@@ -91,6 +101,19 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
         "powered": [dive.powered for dive in dives],
         "wander": wander_of(dives),
     }
+
+
+def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> Array:
+    """Channels of dives, (dives, channels), as they are judged.
+
+    Waves that move the water between a dive and its climb look like a slow thermistor: where
+    conductivity is beside it, what is left between the two tells and the thermistor alone does not.
+    """
+    found = np.array([channels_of(dive, calibration) for dive in dives]).reshape(-1, len(NAMES))
+    for channel in CHANNELS:
+        if channel.instead:
+            found[np.isfinite(found[:, PLACE[channel.instead]]), PLACE[channel.name]] = math.nan
+    return found
 
 
 def wander_of(dives: Sequence[DiveSignals]) -> Array:

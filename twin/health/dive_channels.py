@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.faults.ctd_faults import MILLISIEMENS_PER_CM
 from twin.health.channels import NAMES
 from twin.health.dive_signals import DiveSignals, binned, filled, strokes_of
 from twin.identify.calibration import Calibration, load_calibration
@@ -25,8 +26,9 @@ STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
 """[degree], [cm3] of change from bin to bin that ends a steady flight"""
 SHALLOW = 5.0
 """[m] above which a hull is near the surface"""
-AFLOAT, FLOATING = 0.5, 0.05
-"""[m] below the highest depth of a dive, and [m/s] of rise and fall there, of what floats: waves"""
+AFLOAT, FLOATING, RESTS = 0.5, 0.05, 20.0
+"""[m] below the highest depth of a dive, and [m/s] of rise and fall there, of what floats: waves;
+[s] that it must float: what turns below the surface is as slow for a moment"""
 LEAST_BINS = 4
 """of a phase: with fewer it says nothing"""
 WHOLE, LEAST_WHOLE = 0.7, 2.0
@@ -35,8 +37,6 @@ other, from which on a stroke tells its rate: a fast pump's falls off from sampl
 high its one highest is depends on when it was sampled"""
 FINEST = 20.0
 """[s] between samples beyond which a pump's moves are not seen"""
-ECHO_REACH = 0.8
-"""Part of the depth of a dive below which an altimeter is expected to hear what it heard before"""
 LAYER = 2.0
 """[m] of the bins in which dives and climbs of a CTD are compared"""
 SEA_LEVEL, ZERO_C = 101_325.0, 273.15
@@ -62,6 +62,7 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
     found |= _hull(dive, depth)
     found |= _lags(dive, depth)
     found["current_north"], found["current_east"] = dive.current
+    found["echoes"] = dive.echoes
     return np.array([found[name] for name in NAMES], float)
 
 
@@ -154,9 +155,8 @@ def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, flo
         known = np.isfinite(off) & under
         if known.sum() > 20:
             error = np.abs(np.angle(np.exp(1j * off[known])))
-            found["heading_error"] = math.log(
-                max(float(np.rad2deg(np.sqrt(np.mean(error**2)))), 0.05)
-            )
+            # the median: the turn onto a new leg is no error
+            found["heading_error"] = math.log(max(float(np.rad2deg(np.median(error))), 0.05))
     return found
 
 
@@ -224,7 +224,7 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
 
 
 def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """Air in the hull, depth at the surface, echoes of the floor."""
+    """Air in the hull, depth at the surface, the Doppler log's lock."""
     found: dict[str, float] = {}
     vacuum, warmth = dive.get("vacuum"), dive.get("temperature")
     # at the surface a bladder takes air out of the hull
@@ -239,16 +239,10 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     if highest < 10.0:
         floats = np.abs(np.gradient(filled(depth), dive.period)) < FLOATING
         afloat = floats & (depth < highest + AFLOAT)
-        if afloat.sum() >= 2:
+        # a dive whose log ends below has its begin alone there, which already sinks
+        up = depth[np.isfinite(depth)][-1] < highest + 3.0 * AFLOAT
+        if up and afloat.sum() >= max(2.0, RESTS / dive.period):
             found["surface_depth"] = float(np.median(depth[afloat]))
-    if "measured_altitude" in dive.signals:
-        heard = dive.signals["measured_altitude"]
-        deepest = float(np.nanmax(depth))
-        deep = depth > ECHO_REACH * deepest
-        rate = np.gradient(depth)
-        deep &= rate > 0.0
-        if deepest > 15.0 and deep.sum() >= 10:
-            found["echoes"] = float(np.isfinite(heard[deep]).mean())
     mode = dive.get("dvl_mode")
     if mode is not None:
         found["lock"] = float((mode[np.isfinite(mode)] > 0.0).mean())
@@ -260,7 +254,7 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
     found: dict[str, float] = {}
     rate = np.gradient(filled(depth), dive.period)
     for name in ("temperature", "conductivity"):
-        values = dive.get(name)
+        values = dive.get(name) if name == "temperature" else _conductivity(dive, depth)
         if values is None:
             continue
         known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
@@ -286,10 +280,22 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
             off = (falling - rising)[both]
             found[f"{name}_lag"] = float(off @ late[both] / (late[both] ** 2).sum())
     # water that waves move between a dive and its climb moves both
-    if "conductivity_lag" in found and "temperature_lag" in found:
-        found["cell_lag"] = found.pop("conductivity_lag") - found["temperature_lag"]
+    if len(found) == 2:
+        found["cell_lag"] = found["conductivity_lag"] - found["temperature_lag"]
     found.pop("conductivity_lag", None)
     return found
+
+
+def _conductivity(dive: DiveSignals, depth: Array) -> Array | None:
+    """[S/m] as logged, or of the salinity that the log was given of it by PSS-78."""
+    salinity, temperature = dive.get("salinity"), dive.get("temperature")
+    if (told := dive.get("conductivity")) is not None or salinity is None or temperature is None:
+        return told
+    import gsw
+
+    pressure = dive.get("pressure")
+    made = gsw.C_from_SP(salinity, temperature, depth if pressure is None else pressure)
+    return np.asarray(made / MILLISIEMENS_PER_CM)
 
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:

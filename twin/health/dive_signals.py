@@ -33,6 +33,8 @@ class DiveSignals:
     """by the names of the schema"""
     current: tuple[float, float] = (math.nan, math.nan)
     """north, east [m/s] between its fixes by the depth rate and the compass"""
+    echoes: float = math.nan
+    """of the floor, over those that earlier dives had at its heights"""
     powered: bool = False
     """A thruster drove it: neither its glide nor its power is that of others"""
 

@@ -159,7 +159,7 @@ def judge(
     )  # (hypotheses, dives, channels)
     scale = np.array([h.scale for h in hypotheses])
     signed = np.array([h.fault.signed for h in hypotheses])
-    by_dives = np.array([h.fault.expected(np.zeros((0, 2))) is not None for h in hypotheses])
+    by_dives = np.array([bool(np.ptp(h, axis=0).any()) for h in signatures])
     # the first is that of what was there before the log
     onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))

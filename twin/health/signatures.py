@@ -53,8 +53,8 @@ FLATTER = 1.0
 """[degree] by which a second sound dive is flatter: what already that changes, as where a weak turn
 settles, is no part of a signature"""
 ASTRAY = 10.0
-"""[degree] rms of its heading from which on a sound vehicle's turns, and what a fault makes of
-them, are not told: what turns it is at its end"""
+"""[degree], median of its heading's error, from which on a sound vehicle's turns, and what a fault
+makes of them, are not told: what turns it is at its end"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
 """Channels of what holds the heading"""
 STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 40.0, 40.0, 5

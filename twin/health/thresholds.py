@@ -16,11 +16,11 @@ import numpy as np
 from twin.errors import InputError
 
 RATES: tuple[tuple[float, float, int, float], ...] = (
-    (3.0, -6.35, 51, 159.0),
-    (10.0, -4.08, 21, 216.0),
-    (30.0, -2.38, 7, 235.0),
-    (100.0, -0.72, 2, 246.0),
-    (300.0, 0.43, 0, 247.0),
+    (3.0, -6.69, 51, 154.0),
+    (10.0, -4.22, 21, 215.0),
+    (30.0, -2.88, 7, 232.0),
+    (100.0, -0.71, 2, 246.0),
+    (300.0, 0.46, 0, 247.0),
 )
 """[d] of sound vehicles with one false alarm, the log of the odds that is an alarm, how many there
 were, and in how many days [d] until the first of each deployment"""

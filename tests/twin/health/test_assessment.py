@@ -127,6 +127,19 @@ def test_what_the_log_cannot_show_is_not_weighed(attached):
     assert "compass_iron" not in kinds[1]
 
 
+def test_a_log_lacks_what_it_tells_neither_so_nor_otherwise(attached):
+    vehicle, shape, _ = attached
+    lacking = []
+    for names in (("temperature_lag",), ("temperature_lag", "cell_lag"), ("cell_lag",)):
+        seen = values()
+        seen[:, [NAMES.index(name) for name in names]] = math.nan
+        lacking.append(judged(
+            name="one", numbers=range(1, DIVES + 1), values=seen, time=10_800.0 * np.arange(DIVES),
+            ways=np.full((DIVES, 2), 0.2), dive=shape, vehicle=vehicle, threshold=3.0,
+        ).lacking)  # fmt: skip
+    assert lacking == [(), ("temperature_lag", "cell_lag"), ("cell_lag",)]
+
+
 def test_nothing_rings_on_a_sound_vehicle(attached):
     one = judgement(attached, DIVES)
     assert (one.alarm, one.kind, one.rang, one.noticed_dive) == (False, "none", (), None)

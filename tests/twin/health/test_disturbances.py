@@ -10,6 +10,7 @@ from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals, strokes_of
 from twin.health.judgement import follow, judge
 from twin.health.signatures import signatures_of, usual_dive
+from twin.identify import load_calibration
 
 DIVES = 24
 NOISE = np.array([channel.noise for channel in CHANNELS])
@@ -48,6 +49,38 @@ def test_levels_may_step_where_a_vehicle_turns_in_shear():
     # unknown headings may be any
     unknown = steps_in_shear(response, np.full((DIVES, 2), np.nan), DAYS, 100.0)[5, TURNS[0]]
     assert steps[5] < unknown < steps[12] + 1e-9
+
+
+def test_what_turns_it_rests_elsewhere_on_another_leg_and_is_not_stuck(glider):
+    """Where the heading stands in its dead band a drive may hardly move for a leg."""
+    ways = ways_on(np.where(np.arange(DIVES) < 12, 20.0, 140.0))
+    moves = [PLACE["turn_moves"], PLACE["heading_error"]]
+    steps = steps_in_shear(np.zeros(len(NAMES)), ways, DAYS, 100.0)[:, moves]
+    assert (steps[12] > 1.0).all()
+    assert not np.delete(steps, 12, axis=0).any()
+    sound = NOISE * np.random.default_rng(11).standard_normal((DIVES, len(NAMES)))
+    sound[12:, moves] += [-1.8, 0.6]
+    assert odds(glider, sound, ways)[0].evidence.max() < -2.0
+    stuck = next(h for h in glider.in_dives(ways) if h.kind == "turn_stuck").signature
+    sound[16:] += stuck[16:]
+    found, probability = odds(glider, sound, ways)
+    assert found.evidence[18] > 3.0
+    assert probability["turn_stuck"] > 0.9
+
+
+def test_the_turn_onto_a_new_leg_is_no_error_of_the_heading():
+    calibration = load_calibration("slocum-200")
+    depth = np.concatenate([np.linspace(0.0, 100.0, 200), np.linspace(100.0, 0.0, 200)])
+    errors = []
+    for turned in (0.0, 120.0):
+        heading = 40.0 + 2.0 * np.sin(np.arange(400) / 9.0) + turned * np.exp(-np.arange(400) / 15)
+        signals = {
+            "measured_depth": depth, "measured_heading": heading,
+            "commanded_heading": np.full(400, 40.0),
+        }  # fmt: skip
+        found = channels_of(DiveSignals(period=4.0, signals=signals), calibration)
+        errors.append(found[PLACE["heading_error"]])
+    assert errors[1] == pytest.approx(errors[0], abs=0.3)  # its noise
 
 
 def odds(glider, values, ways):

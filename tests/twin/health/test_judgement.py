@@ -2,6 +2,7 @@
 
 import math
 
+import gsw
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from twin.errors import InputError
 from twin.faults import FAULTS
 from twin.health.assessment import _loud
 from twin.health.channels import CHANNELS, NAMES
+from twin.health.deployment_dives import values_of
 from twin.health.deployment_health import DeploymentHealth
 from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals
@@ -131,12 +133,49 @@ def test_the_depth_at_the_surface_is_told_to_centimetres(zero):
     assert channel("surface_depth", zero=zero) == pytest.approx(zero, abs=0.08)
 
 
+def test_a_log_that_ends_below_tells_no_depth_at_the_surface():
+    """What begins to sink is as slow as what floats, and lies deeper."""
+    whole = dive(zero=0.3)
+    begin = np.linspace(0.5, 0.9, 12)
+    sinking = {"measured_depth": np.concatenate([begin, whole.signals["measured_depth"][4:150]])}
+    risen = {"measured_depth": np.concatenate([begin, whole.signals["measured_depth"][4:]])}
+    below, up = (
+        channels_of(DiveSignals(period=whole.period, signals=one), None)[
+            NAMES.index("surface_depth")
+        ]
+        for one in (sinking, risen)
+    )
+    assert math.isnan(below)
+    assert up == pytest.approx(0.3, abs=0.2)
+    # nor does one moment in which what turns below the surface is slow
+    moment = {"measured_depth": risen["measured_depth"][12:-10]}
+    found = channels_of(DiveSignals(period=whole.period, signals=moment), None)
+    assert math.isnan(found[NAMES.index("surface_depth")])
+
+
 def test_a_late_cell_is_told_though_waves_move_the_water():
     calm, rough = (channel("cell_lag", conductivity_lag=20.0, waves=waves) for waves in (0.0, 3.0))
     assert calm == pytest.approx(20.0, rel=0.1)
     assert rough == pytest.approx(calm, abs=1.0)
     assert abs(channel("temperature_lag", waves=3.0)) > 3.0
     assert abs(channel("cell_lag", waves=3.0)) < 0.1
+    # a slow thermistor too, where a log has conductivity or the salinity that was made of it
+    slow = dive(temperature_lag=15.0, waves=3.0)
+    lag = channels_of(slow, None)[NAMES.index("cell_lag")]
+    assert lag == pytest.approx(-15.0, abs=1.0)
+    signals = dict(slow.signals)
+    signals["measured_salinity"] = gsw.SP_from_C(
+        10.0 * signals.pop("measured_conductivity"), signals["measured_temperature"],
+        signals["measured_depth"],
+    )  # fmt: skip
+    salty = DiveSignals(period=slow.period, signals=dict(signals))
+    del signals["measured_salinity"]
+    warm = DiveSignals(period=slow.period, signals=signals)
+    table = values_of([slow, salty, warm], None)
+    both = table[:, [NAMES.index("cell_lag"), NAMES.index("temperature_lag")]]
+    assert both[:2, 0] == pytest.approx(lag, abs=1e-3)
+    # and the thermistor by itself only where nothing is beside it
+    assert np.isfinite(both).tolist() == [[True, False], [True, False], [False, True]]
 
 
 def test_iron_that_was_there_before_the_log_is_no_fault(hypotheses):
