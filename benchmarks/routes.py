@@ -1,12 +1,13 @@
 """Routes: ways through drawn eddies, beside a brute-force search and the straight way.
 
-    python -m benchmarks.routes --draws 40
+    python -m benchmarks.routes [--draws 40] [--seed 100]
 
 Each draw is a sea of eddies of a known rms. The way is planned in the forecast; times are those in
 the sea itself. The brute-force search throws thousands of ways of up to four corners across the
 region and moves the corners of the six best (Nelder and Mead): it knows the sea, as the planner
 does in the part without errors. In the part with errors the planner knows the sea but for an error
-of its own, which `plan_routes` allows for by its draws.
+of its own, which `plan_routes` allows for by its draws; the same draws choose among its ways, where
+`plan_routes` has flights in draws of their own.
 """
 
 from __future__ import annotations
@@ -77,7 +78,8 @@ def one_draw(ratio: float, seed: int, *, brute: bool) -> dict[str, float]:
     found = {"straight": float(way_times(truth, stops, SPEED)[0])}
     if brute:
         ways = best_ways(known, stops, SPEED, ())
-        found["planned"] = min(float(way_times(truth, way, SPEED)[0]) for way in ways)
+        # the straight way is one that the planner may take
+        found["planned"] = min(float(way_times(truth, way, SPEED)[0]) for way in (stops, *ways))
         found["brute force"] = brute_force(truth, stops, rng)
         return found
     times = STEP * np.arange(truth.current.shape[1])
@@ -92,24 +94,24 @@ def one_draw(ratio: float, seed: int, *, brute: bool) -> dict[str, float]:
     straight = way_times(water, stops, SPEED)
     safe = [stops]
     for way in ways:
-        times = way_times(water, way, SPEED)
-        if times.mean() < BARRED and np.mean(times > 1.02 * straight) <= 0.05:
+        taking = way_times(water, way, SPEED)
+        if taking.mean() < BARRED and np.mean(taking > 1.02 * straight) <= 0.05:
             safe.append(way)
     taken = min(safe, key=lambda way: float(way_times(water, way, SPEED).mean()))
     found["planned"] = float(way_times(truth, taken, SPEED)[0])
     return found
 
 
-def run(draws: int) -> dict[str, dict[str, float]]:
-    """By ratio of rms and speed."""
+def run(draws: int, first: int) -> dict[str, dict[str, float]]:
+    """By ratio of rms and speed; seas of the seeds from `first` on."""
     told = {}
     for ratio in RATIOS:
-        exact = [one_draw(ratio, seed, brute=True) for seed in range(draws)]
+        exact = [one_draw(ratio, seed, brute=True) for seed in range(first, first + draws)]
         straight, planned, best = (
             np.array([one[name] for one in exact])
             for name in ("straight", "planned", "brute force")
         )
-        wrong = [one_draw(ratio, 1000 + seed, brute=False) for seed in range(draws)]
+        wrong = [one_draw(ratio, 1000 + seed, brute=False) for seed in range(first, first + draws)]
         gained = np.array([1.0 - one["planned"] / one["straight"] for one in wrong])
         told[f"rms {ratio:g} of the speed"] = {
             "faster than straight [%]": 100.0 * float(np.mean(1.0 - planned / straight)),
@@ -126,4 +128,6 @@ def run(draws: int) -> dict[str, dict[str, float]]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=40)
-    print(json.dumps(run(parser.parse_args().draws), indent=1))
+    parser.add_argument("--seed", type=int, default=100, help="of the first sea")
+    options = parser.parse_args()
+    print(json.dumps(run(options.draws, options.seed), indent=1))

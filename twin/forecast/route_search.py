@@ -29,9 +29,9 @@ EDGES = np.array(
         if math.gcd(n, e) == 1
     ]
 )
-LOOKS = (4, 8)
+LOOKS = (4, 8, 16)
 """Places of an edge where its current is looked up, at the node that is nearest: few find ways that
-bear a forecast's errors, many find the best of a water that is known"""
+bear a forecast's errors, many find the best of a water that is known; all of them are tried"""
 SLOWEST = 0.02
 """[m/s] over ground that counts as no progress: it waits there for better water"""
 CORNERS = 7
