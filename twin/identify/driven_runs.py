@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
@@ -79,8 +80,13 @@ class DrivenRun:
     """[m/s] through the water, body FRD, (3, time), of a simulated run; never used to fit"""
 
     def filtered(self, values: Array) -> Array:
-        """Values (time,) through the depth rate's filter, without the derivative."""
-        return savgol_filter(values, self.window, 2)
+        """Rates (time,) as the depth rate's filter shows them: the slopes of what they add up to.
+
+        The slope of a parabola through a window is smoother than the parabola's own middle: a model
+        that went through the latter was 2 cm/s off where a vehicle pitches over.
+        """
+        way = cumulative_trapezoid(values, dx=self.period, initial=0.0)
+        return savgol_filter(way, self.window, 2, deriv=1, delta=self.period)
 
 
 def load_runs(
