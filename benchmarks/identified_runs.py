@@ -1,6 +1,7 @@
 """Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
 
-    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--runs 4] [--bags]
+    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--bags]
+                                         [--runs 4] [--json]
     python -m benchmarks.identified_runs --sway sail.zarr
 
 For every seed a vehicle is made that no fit knows: every derivative of its hull law within 15 %,

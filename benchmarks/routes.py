@@ -3,11 +3,11 @@
     python -m benchmarks.routes [--draws 40] [--seed 100]
 
 Each draw is a sea of eddies of a known rms. The way is planned in the forecast; times are those in
-the sea itself. The brute-force search throws thousands of ways of up to four corners across the
+the sea itself. The brute-force search throws a thousand ways of up to four corners across the
 region and moves the corners of the six best (Nelder and Mead): it knows the sea, as the planner
 does in the part without errors. In the part with errors the planner knows the sea but for an error
-of its own, which `plan_routes` allows for by its draws; the same draws choose among its ways, where
-`plan_routes` has flights in draws of their own.
+of its own, which `plan_routes` allows for by its draws; as there, the same draws choose among its
+ways.
 """
 
 from __future__ import annotations

@@ -38,6 +38,8 @@ CORNERS = 7
 """Of a way, at most: with its end as many as a Slocum's list of waypoints holds"""
 WORTH = 0.002
 """Of the time, that a corner must save"""
+AT_ONCE = 1_000_000
+"""Numbers of lines and corners that are held beside each other at a time"""
 BARRED = 1e9
 """[s] of a way that must not be taken"""
 
@@ -119,7 +121,7 @@ def fastest(
     start: Array,
     goal: Array,
     speed: float,
-    avoided: Sequence[Array] = (),
+    edges: NDArray[np.bool_] | None = None,
     begin: float = 0.0,
     looks: int = LOOKS[0],
 ) -> Array | None:
@@ -127,17 +129,11 @@ def fastest(
 
     Args:
       start, goal: [m] north, east. speed: [m/s]. begin: [s] after the start of the water.
+      edges: that may be taken, of `open_edges`; None: all of them.
       looks: places of an edge where its current is looked up.
     """
-    rows, columns = len(water.north), len(water.east)
-    here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]
-    there = here + EDGES
-    open_ = ((there >= 0) & (there < (rows, columns))).all(axis=-1)
-    if avoided:
-        origin = np.array([water.north[0], water.east[0]])
-        ends = (origin + water.spacing * there).reshape(-1, 2)
-        begins = np.broadcast_to(origin + water.spacing * here, there.shape).reshape(-1, 2)
-        open_ &= ~meets(begins, ends, avoided).reshape(open_.shape)
+    columns = len(water.east)
+    open_ = open_edges(water) if edges is None else edges
     first, last = (_node(water, point) for point in (start, goal))
     before = _spread(water.current[member], water.spacing, open_, first, last, float(speed),
                      float(begin), looks)  # fmt: skip
@@ -149,6 +145,21 @@ def fastest(
         nodes.append(divmod(came, columns))
     found = np.array([_point(water, node) for node in reversed(nodes)])
     return np.concatenate([start[None], found[1:-1], goal[None]])
+
+
+def open_edges(water: RouteWater, avoided: Sequence[Array] = ()) -> NDArray[np.bool_]:
+    """Which edges of each node may be taken, (north, east, edge): they end in the water's region
+    and meet no polygon."""
+    rows, columns = len(water.north), len(water.east)
+    here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]
+    there = here + EDGES
+    found = ((there >= 0) & (there < (rows, columns))).all(axis=-1)
+    if avoided:
+        origin = np.array([water.north[0], water.east[0]])
+        ends = (origin + water.spacing * there).reshape(-1, 2)
+        begins = np.broadcast_to(origin + water.spacing * here, there.shape).reshape(-1, 2)
+        found &= ~meets(begins, ends, avoided).reshape(found.shape)
+    return found
 
 
 @jit(nogil=True)
@@ -242,12 +253,13 @@ def crosses(way: Array, avoided: Sequence[Array]) -> bool:
 def meets(begins: Array, ends: Array, avoided: Sequence[Array]) -> NDArray[np.bool_]:
     """Which of straight lines, (line, 2) each end, meet a polygon or begin in one."""
     found = np.zeros(len(begins), dtype=bool)
-    a, b = begins[:, None], ends[:, None]
     for ring in avoided:
         c, d = ring[None], np.roll(ring, -1, axis=0)[None]
-        apart = _side(a, b, c) * _side(a, b, d) < 0.0
-        across = _side(c, d, a) * _side(c, d, b) < 0.0
-        found |= (apart & across).any(axis=1) | _inside(begins, ring)
+        for some in np.array_split(np.arange(len(begins)), 1 + begins.size * len(ring) // AT_ONCE):
+            a, b = begins[some, None], ends[some, None]
+            apart = _side(a, b, c) * _side(a, b, d) < 0.0
+            across = _side(c, d, a) * _side(c, d, b) < 0.0
+            found[some] |= (apart & across).any(axis=1) | _inside(begins[some], ring)
     return found
 
 

@@ -20,7 +20,7 @@ from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, fly_nominal, members_of
 from twin.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
-from twin.forecast.route_search import BARRED, LOOKS, fastest, polished, way_times
+from twin.forecast.route_search import BARRED, LOOKS, fastest, open_edges, polished, way_times
 from twin.forecast.route_water import RouteWater, route_water
 from twin.forecast.surfacing_forecast import feature
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
@@ -286,22 +286,28 @@ def best_ways(
     """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
     draw, and polished in all; each (corner, 2), none twice."""
     ways: list[Array] = []
+    edges = open_edges(water, avoided)
     for member in range(min(1 + ALONE, len(water.current))):
-        found = _through(water, member, stops, speed, avoided)
+        found = _through(water, member, stops, speed, avoided, edges)
         if found is not None and all(_differs(found, way, water.spacing) for way in ways):
             ways.append(found)
     return ways
 
 
 def _through(
-    water: RouteWater, member: int, stops: Array, speed: float, rings: Sequence[Array]
+    water: RouteWater,
+    member: int,
+    stops: Array,
+    speed: float,
+    rings: Sequence[Array],
+    edges: NDArray[np.bool_],
 ) -> Array | None:
     """The polished way from stop to stop that is fastest in one draw, by the better search."""
     whole, begin = stops[:1], 0.0
     for here, there in itertools.pairwise(stops):
         legs = []
         for looks in LOOKS:
-            leg = fastest(water, member, here, there, speed, rings, begin, looks)
+            leg = fastest(water, member, here, there, speed, edges, begin, looks)
             if leg is None:
                 return None
             if way_times(water, leg, speed, rings, begin).mean() < BARRED:

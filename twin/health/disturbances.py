@@ -36,7 +36,8 @@ def steps_in_shear(response: Array, ways: Array, days: Array, depth: float) -> A
     """Deviation of the change of each channel from the dive before, (dives, channels).
 
     Half of the shear's variance stands, half turns with the semidiurnal tide; across the heading
-    it changes as the vehicle turns. Those `ON_A_LEG` change by the turn alone.
+    it changes as the vehicle turns. Those `ON_A_LEG` change by the turn alone; where a
+    heading is not known, as at a right angle.
 
     Args:
       response: of each channel to a shear across the heading of 1/s, (channels,).

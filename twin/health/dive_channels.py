@@ -294,7 +294,8 @@ def _conductivity(dive: DiveSignals, depth: Array) -> Array | None:
     import gsw
 
     pressure = dive.get("pressure")
-    made = gsw.C_from_SP(salinity, temperature, depth if pressure is None else pressure)
+    deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
+    made = gsw.C_from_SP(salinity, temperature, deep)
     return np.asarray(made / MILLISIEMENS_PER_CM)
 
 

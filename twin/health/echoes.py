@@ -45,14 +45,21 @@ class Echoes:
         if pitch is not None:
             down &= ~(pitch > 0.0)
         deep, back = depth[down], np.isfinite(altitude[down])
+        found = math.nan
+        if back.sum() >= LEAST:
+            found = float(np.median((deep + altitude[down])[back]))
+        if found > self.floor + BIN:
+            self.floor = found  # deeper than it was: echoes that are due are those of today's
+        elif deep.size and deep.max() > self.floor + BIN:
+            self.floor = math.nan  # it dived to below where the floor was heard
         part = math.nan
         if math.isfinite(self.floor):
             at = self._bins(self.floor - deep)
             expected = float((self.heard / np.maximum(self.pings, 1.0))[at].sum())
             known = self.pings[at] > 0.0
             part = float((back & known).sum()) / expected if expected >= LEAST else math.nan
-        if back.sum() >= LEAST and not part < SOUND:
-            self.floor = float(np.median((deep + altitude[down])[back]))
+        if math.isfinite(found) and not part < SOUND:
+            self.floor = found
             at = self._bins(self.floor - deep)
             self.pings += np.bincount(at, minlength=BINS)
             self.heard += np.bincount(at, back, BINS)

@@ -106,15 +106,24 @@ def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
       WrongFormat: another kind of file.
       InputError: damaged, without what is known, or not as the mapping says.
     """
-    missions: dict[tuple[str, bool], dict[str, MessageTable]] = {}
-    files: dict[tuple[str, bool], list[Path]] = {}
+    missions: dict[tuple[Path, bool], dict[str, MessageTable]] = {}
+    files: dict[tuple[Path, bool], list[Path]] = {}
     for path, found in each_file(paths, lambda one: _instruments(one, tally), tally):
-        name = path.name.rpartition(".")[0] if found.product else path.resolve().parent.name
-        missions.setdefault((name, found.product), {}).update(found.tables)
-        files.setdefault((name, found.product), []).append(path)
+        place = path.resolve() if found.product else path.resolve().parent
+        known = missions.setdefault((place, found.product), {})
+        twice = sorted(known.keys() & found.tables.keys())
+        if twice:
+            tally.add(
+                "left out", path.name, 1, f"another file of the folder has {', '.join(twice)}"
+            )
+        known.update({name: one for name, one in found.tables.items() if name not in twice})
+        files.setdefault((place, found.product), []).append(path)
     return [
-        _log(name, product, files[name, product], tables, options, tally)
-        for (name, product), tables in missions.items()
+        _log(
+            place.name.rpartition(".")[0] if product else place.name,
+            *(product, files[place, product], tables, options, tally),
+        )
+        for (place, product), tables in missions.items()
     ]
 
 
@@ -161,10 +170,15 @@ def _turn_west(tables: dict[str, MessageTable], tally: Tally) -> None:
     has the other sign."""
     gps, own = (tables.get(name) for name in ("gps", "navigation"))
     names = [n for n in ("longitude", "longitudeNav") if own is not None and n in own.columns]
-    if gps is None or own is None or not names or "longitude" not in gps.columns:
+    if gps is None or own is None or "longitude" not in gps.columns:
         return
     west = gps.columns["longitude"]
     if not np.isfinite(west).any():
+        return
+    if not names:
+        tally.add(
+            "note", "gps longitude", 1, "taken as eastward: no track in degrees says its sign"
+        )
         return
     there, here = np.nanmedian(west), np.nanmedian(own.columns[names[0]])
     if abs(there + here) < NEAR < abs(there - here):

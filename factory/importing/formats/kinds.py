@@ -225,7 +225,7 @@ DORADO = Importer(
     files="the vehicle's own .log of each instrument, netCDF of these, and products (`*_1S.nc`) by "
     "MBARI's auv-python; a folder is a mission",
     channels="attitude, rates, depth, track, fixes, propeller, CTD; of products attitude, depth, "
-    "track, CTD; rudder, elevator, DVL and others by a --mapping file",
+    "track, propeller, CTD; rudder, elevator, DVL and others by a --mapping file",
     suffixes=frozenset({".log", ".nc"}),
     marks=frozenset(
         {"mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites", "dvlBotVelx",

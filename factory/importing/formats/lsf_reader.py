@@ -41,6 +41,8 @@ GAP = 10.0
 """[s] Longer between two samples, the vehicle was switched off"""
 GRAVITY, FAR = 9.81, 0.2
 """[m s-2]; part of it by which an accelerometer of a vehicle in flight may be off"""
+PING = 0.5
+"""[s] Within which velocities are of one ping, where a log has a single one"""
 VALID_POSITION, MEASURED = 0x0004, (0, 1)
 """GpsFix: bit of its validity; types that are measurements: alone, differential"""
 VELOCITY = {"x": 0x01, "y": 0x02, "z": 0x04}
@@ -243,7 +245,8 @@ def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
         parts.append((table.time, np.vstack([speeds, modes])))
     (time, ground), (other, water) = parts
     locked, through = np.isfinite(ground[0]), np.isfinite(water[0])
-    apart = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    spans = np.diff(np.unique(time))
+    apart = 0.5 * float(np.median(spans)) if len(spans) else PING
     kept = locked | ~_near(time, other[through], apart)
     added = through & ~_near(other, time[locked], apart)
     if not len(time) and not len(other):

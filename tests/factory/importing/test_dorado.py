@@ -68,6 +68,18 @@ def test_a_folder_of_logs_is_a_mission_in_a_stores_units_and_axes(tmp_path: Path
     assert {"rudderAngle", "elevatorAngle"} <= set(report.names["Dorado tailCone"]["not read"])
 
 
+def test_folders_of_one_name_are_two_missions(tmp_path: Path) -> None:
+    folders = [tmp_path / day / "missionlogs" for day in ("monday", "tuesday")]
+    for day, folder in enumerate(folders):
+        folder.mkdir(parents=True)
+        for name, fields in instruments(TIME + 86400.0 * day, STATE).items():
+            write_log(folder / f"{name}.log", fields)
+    write_log(folders[1] / "navigation.1.log", instruments(TIME + 86401.0, STATE)["navigation"])
+    _, report = import_logs("dorado", folders)
+    assert report.rows == 2
+    assert "another file of the folder has navigation" in said(report, "left out", "navigation.log")
+
+
 def test_longitudes_that_count_westward_are_turned(tmp_path: Path) -> None:
     """Some receivers' logs do so; the vehicle's own track tells."""
     east, _ = import_logs("dorado", [mission(tmp_path / "east")])

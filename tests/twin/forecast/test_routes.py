@@ -19,6 +19,7 @@ from twin.forecast.route_search import (
     crosses,
     fastest,
     made_good,
+    open_edges,
     polished,
     thinned,
     way_times,
@@ -122,7 +123,7 @@ def test_a_way_keeps_clear_of_polygons() -> None:
     around = np.hypot(20e3, 8e3) * 2.0
     assert way_times(still, way, SPEED)[0] < 1.05 * around / SPEED
     ring = np.array([[30e3, -5e3], [45e3, -5e3], [45e3, 5e3], [30e3, 5e3]])  # around the goal
-    assert fastest(still, 0, STOPS[0], STOPS[1], SPEED, [ring]) is None
+    assert fastest(still, 0, STOPS[0], STOPS[1], SPEED, open_edges(still, [ring])) is None
 
 
 def test_a_way_keeps_the_corners_that_save_time() -> None:

@@ -58,6 +58,14 @@ def test_a_slope_is_followed_from_dive_to_dive():
     assert found[1:] == pytest.approx(np.ones(7), abs=0.15)
 
 
+def test_a_deeper_floor_is_not_taken_for_a_blind_altimeter():
+    found = parts(dive(115.0), dive(200.0, floor=230.0), dive(200.0, floor=230.0), dive(115.0))
+    assert found[1:3] == pytest.approx([1.0, 1.0], abs=0.15)
+    silent = parts(dive(115.0), dive(200.0, floor=800.0), dive(200.0, floor=230.0))
+    assert math.isnan(silent[1])  # below where the floor was heard: nobody knows what is due
+    assert not silent[2] < 0.85
+
+
 def test_a_blind_one_teaches_nothing():
     sound, blind = [dive(110.0)] * 3, [dive(110.0, lost=0.8, seed=k) for k in range(30)]
     found = parts(*sound, *blind, dive(110.0))
