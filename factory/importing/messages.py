@@ -18,7 +18,7 @@ from factory.importing.columns import Table, tidy
 from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.formats.base import ReadOptions
 from factory.importing.formats.csv.mapping import Clock, Mapping, Signal
-from factory.importing.formats.csv.mapping_file import load_mapping, signal_names
+from factory.importing.formats.csv.mapping_file import declare_model, load_mapping, signal_names
 from factory.importing.formats.csv.pieces import values_of
 from factory.importing.formats.csv.table_reader import channels_of, mapped_log
 from factory.importing.tally import Tally
@@ -44,7 +44,8 @@ class MessageTable:
 
 
 def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: float) -> Mapping:
-    """What the user says of the messages; without a file, nothing but the vehicle.
+    """What the user says of the messages; without a file, nothing but the vehicle. The parts of the
+    vehicle file that it names are declared.
 
     Args:
       vehicle: what the log calls its vehicle.
@@ -53,11 +54,16 @@ def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: flo
     """
     if options.mapping is not None:
         found = load_mapping(options.mapping, timed=True)
-        return found if found.model or not model else dataclasses.replace(found, model=model)
-    return Mapping(
-        name="standard messages", vehicle=vehicle, time=Clock(column=""), signals={}, rows="gaps",
-        model=model, gap_s=gap_s,
-    )  # fmt: skip
+        if model and not found.model:
+            found = dataclasses.replace(found, model=model)
+    else:
+        found = Mapping(
+            name="standard messages", vehicle=vehicle, time=Clock(column=""), signals={},
+            rows="gaps", model=model, gap_s=gap_s,
+        )  # fmt: skip
+    if found.model:
+        declare_model(found.model)
+    return found
 
 
 def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -> Mapping:

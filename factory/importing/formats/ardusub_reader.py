@@ -19,7 +19,6 @@ import numpy as np
 from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions
 from factory.importing.formats.csv.mapping import Signal
-from factory.importing.formats.csv.mapping_file import declare_model
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -74,8 +73,6 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     from pymavlink.DFReader import DFReader_binary
 
     mapping = mapping_of(options, "ArduSub", None, GAP)
-    if mapping.model is not None:
-        declare_model(mapping.model)
     try:
         with contextlib.redirect_stderr(io.StringIO()):  # it prints each byte of a damaged end
             log = DFReader_binary(str(path))

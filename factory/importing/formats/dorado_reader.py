@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import TRUNCATED, DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.csv.mapping import Signal
-from factory.importing.formats.csv.mapping_file import declare_model
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -119,16 +118,13 @@ def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
         known.update({name: one for name, one in found.tables.items() if name not in twice})
         files.setdefault((place, found.product), []).append(path)
     return [
-        _log(
-            place.name.rpartition(".")[0] if product else place.name,
-            *(product, files[place, product], tables, options, tally),
-        )
+        _log(place, product, files[place, product], tables, options, tally)
         for (place, product), tables in missions.items()
     ]
 
 
 def _log(
-    name: str,
+    place: Path,
     product: bool,
     files: Sequence[Path],
     tables: dict[str, MessageTable],
@@ -136,7 +132,6 @@ def _log(
     tally: Tally,
 ) -> DeploymentLog:
     mapping = mapping_of(options, "Dorado", MODEL, GAP)
-    declare_model(mapping.model or MODEL)
     if options.mapping is None:
         tally.add("note", MODEL, 1, "stands for the vehicle; a --mapping may name another model")
     _turn_west(tables, tally)
@@ -147,6 +142,7 @@ def _log(
         read = ["time", *(f"{said}{field}" for field in wanted.get(topic, ()))]
         every = ["time", *(f"{said}{field}" for field in table.columns)]
         note_unread("Dorado product" if product else f"Dorado {topic}", every, read, tally)
+    name = place.name.rpartition(".")[0] if product else place.name
     log = log_of_messages(files[0], name, sorted(tables), tables, mapping, options, tally)
     period = log.period or (PRODUCT_PERIOD if product else None)
     return dataclasses.replace(log, files=tuple(one.name for one in files), period=period)

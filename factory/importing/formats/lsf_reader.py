@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions
 from factory.importing.formats.csv.mapping import Signal
-from factory.importing.formats.csv.mapping_file import declare_model
 from factory.importing.formats.lsf_packets import Packets, Source, read_packets
 from factory.importing.messages import (
     MessageTable,
@@ -129,7 +128,6 @@ def read_lsf(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
 
 def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     mapping = mapping_of(options, "LAUV", MODEL, GAP)
-    declare_model(mapping.model or MODEL)
     if options.mapping is None:
         tally.add("note", MODEL, 1, "stands for the vehicle; a --mapping may name another model")
     wanted = {name: list(fields) for name, fields in FIELDS.items()}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
-from factory.importing.formats.csv.mapping_file import declare_model, signal_names
+from factory.importing.formats.csv.mapping_file import signal_names
 from factory.importing.messages import (
     EARLIEST,
     MessageTable,
@@ -74,8 +74,6 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     said = _metadata(path)
     model = said.get("vehicle") if said.get("vehicle") in shipped_files() else None
     mapping = mapping_of(options, said.get("vehicle", "ROS 2 vehicle"), model, GAP)
-    if mapping.model is not None:
-        declare_model(mapping.model)
     try:
         topics, tables, mapping = _tables(path, mapping, tally)
     except InputError:
