@@ -1,27 +1,39 @@
 """Routes: ways through drawn eddies, beside a brute-force search and the straight way.
 
-    python -m benchmarks.routes [--draws 40] [--seed 100]
+    python -m benchmarks.routes [--draws 40] [--seed 300]
+    python -m benchmarks.routes --current FILE
 
-Each draw is a sea of eddies of a known rms. The way is planned in the forecast; times are those in
+Each draw is a sea of eddies of a known rms or, with a file of currents, a place, a time and a
+direction in it. The way is planned in the forecast; times are those in
 the sea itself. The brute-force search throws a thousand ways of up to four corners across the
 region and moves the corners of the six best (Nelder and Mead): it knows the sea, as the planner
-does in the part without errors. In the part with errors the planner knows the sea but for an error
-of its own, which `plan_routes` allows for by its draws; as there, the same draws choose among its
-ways.
+does in the part without errors. In the part with errors the planner has a forecast with an error,
+which it allows for by its draws, and other draws choose among its ways, as in `plan_routes`.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.optimize import minimize
 
-from twin.forecast.route_search import BARRED, way_times
-from twin.forecast.route_water import STEP, RouteWater, _eddies
-from twin.forecast.routes import DRAWS, best_ways
+from twin.errors import InputError
+from twin.forecast import Request, known_without_logs, mission_to
+from twin.forecast.request import LEAST_MEMBERS
+from twin.forecast.route_search import way_times
+from twin.forecast.route_water import STEP, RouteWater, eddies, erring, route_water
+from twin.forecast.routes import AT_HAND, DRAWS, best_ways, chosen, timed_ways
+from twin.records import unix_seconds
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current import parse_field
+from twin.water.current.axes import Origin
 
 SPEED = 0.25
 """[m/s] of the vehicle"""
@@ -31,6 +43,10 @@ HALF = 60e3
 """[m] of the region beside it"""
 RATIOS = (0.5, 0.8, 1.1)
 """rms of the current over the vehicle's speed"""
+DEPTH = 200.0
+"""[m] of the dives, over which a file's current is averaged"""
+MUCH = 0.01
+"""Part of the straight way's time that is worth a comparison in a single sea"""
 THROWN, MOVED = 1000, 6
 ERROR = 0.05
 """[m/s] of the forecast, each way"""
@@ -41,19 +57,54 @@ def sea(rng: np.random.Generator, rms: float) -> RouteWater:
     axis = np.arange(-20e3, LENGTH + 20.1e3, 3e3)
     across = np.arange(-HALF, HALF + 1.0, 3e3)
     times = STEP * np.arange(1 + round(3.0 * LENGTH / SPEED / STEP))
-    current = _eddies(rng, times, axis, across)
+    current = eddies(rng, times, axis, across)
     current *= rms / np.sqrt((current**2).sum(axis=-1).mean())
     return RouteWater(north=axis, east=across, current=current[None])
 
 
+def stops_towards(bearing: float) -> np.ndarray:
+    """Start and goal [m] north, east, (2, 2). bearing: [rad] clockwise from north."""
+    return np.array([[0.0, 0.0], [LENGTH * math.cos(bearing), LENGTH * math.sin(bearing)]])
+
+
+def sea_of(path: str, rng: np.random.Generator) -> tuple[RouteWater, np.ndarray]:
+    """A piece of a file's water, with start and goal [m] north, east, (2, 2), in it."""
+    field = parse_field(path)
+    with xr.open_dataset(path) as file:
+        first, last = file.time.values[[0, -1]]
+        box = [file[axis].values[[0, -1]] for axis in ("latitude", "longitude")]
+    hours = AT_HAND * LENGTH / SPEED / 3600.0
+    spare = (last - first) - np.timedelta64(math.ceil(hours + 3.0), "h")
+    while True:
+        latitude, longitude = (float(rng.uniform(*ends)) for ends in box)
+        begin = first + rng.uniform() * spare
+        goal = stops_towards(rng.uniform(0.0, 2.0 * math.pi))
+        request = Request(
+            vehicle=load_vehicle("slocum-200"),
+            mission=mission_to(f"{latitude},{longitude}", depth=DEPTH, pitch_deg=26.0,
+                               surface_after_s=21600.0, radius=1000.0),
+            place=Origin(latitude_deg=latitude, longitude_deg=longitude,
+                         time=str(begin.astype("datetime64[s]"))),
+            field=field, members=LEAST_MEMBERS, hours=hours,
+        )  # fmt: skip
+        try:
+            known = known_without_logs(latitude, unix_seconds(request.place.time))
+            return route_water(request, known, goal, hours, rng).part(slice(1)), goal
+        except InputError:  # the goal lies outside of the file
+            continue
+
+
 def brute_force(water: RouteWater, stops: np.ndarray, rng: np.random.Generator) -> float:
     """[s] of the best way that it finds."""
+    ahead = (stops[1] - stops[0]) / LENGTH
+    aside = np.array([-ahead[1], ahead[0]])
     ways = []
     for _ in range(THROWN):
         corners = int(rng.integers(1, 5))
-        north = np.sort(rng.uniform(water.north[0], water.north[-1], corners))
-        east = np.cumsum(rng.normal(0.0, 20e3, corners))
-        way = np.concatenate([stops[:1], np.stack([north, east], axis=1), stops[1:]])
+        along = np.sort(rng.uniform(-20e3, LENGTH + 20e3, corners))
+        across = np.cumsum(rng.normal(0.0, 20e3, corners))
+        inner = np.outer(along, ahead) + np.outer(across, aside)
+        way = np.concatenate([stops[:1], inner, stops[1:]])
         ways.append((float(way_times(water, way, SPEED)[0]), way))
     ways.sort(key=lambda one: one[0])
     best = float(way_times(water, stops, SPEED)[0])
@@ -69,58 +120,85 @@ def brute_force(water: RouteWater, stops: np.ndarray, rng: np.random.Generator) 
     return best
 
 
-def one_draw(ratio: float, seed: int, *, brute: bool) -> dict[str, float]:
-    """Times [s] in one sea."""
+def sea_and_stops(sort: float | str, rng: np.random.Generator) -> tuple[RouteWater, np.ndarray]:
+    """A sea by a ratio of rms and speed or a file, with start and goal [m], (2, 2)."""
+    if isinstance(sort, str):
+        return sea_of(sort, rng)
+    return sea(rng, sort * SPEED), stops_towards(0.0)
+
+
+def known_sea(sort: float | str, seed: int) -> dict[str, float]:
+    """Times [s] of ways that are looked for in the sea itself."""
     rng = np.random.default_rng(seed)
-    truth = sea(rng, ratio * SPEED)
-    stops = np.array([[0.0, 0.0], [LENGTH, 0.0]])
-    known = dataclasses.replace(truth, current=truth.current)
-    found = {"straight": float(way_times(truth, stops, SPEED)[0])}
-    if brute:
-        ways = best_ways(known, stops, SPEED, ())
+    truth, stops = sea_and_stops(sort, rng)
+    ways = best_ways(truth, stops, SPEED, (), np.random.default_rng(seed))
+    return {
+        "straight": float(way_times(truth, stops, SPEED)[0]),
         # the straight way is one that the planner may take
-        found["planned"] = min(float(way_times(truth, way, SPEED)[0]) for way in (stops, *ways))
-        found["brute force"] = brute_force(truth, stops, rng)
-        return found
+        "planned": min(float(way_times(truth, way, SPEED)[0]) for way in (stops, *ways)),
+        "brute force": brute_force(truth, stops, rng),
+    }
+
+
+def foretold_sea(sort: float | str, seed: int, *, added: bool) -> float:
+    """Part of the straight way's time that the way saves which a forecast with errors leads to.
+
+    Args:
+      added: the forecast is the sea with an error on top, and so livelier than the sea; otherwise
+        it is as lively and misplaces some of it, which is what the planner takes it for.
+    """
+    rng = np.random.default_rng(seed)
+    truth, stops = sea_and_stops(sort, rng)
     times = STEP * np.arange(truth.current.shape[1])
-    error = ERROR * _eddies(rng, times, truth.north, truth.east)
-    forecast = truth.current[0] - error
-    errors = [ERROR * _eddies(rng, times, truth.north, truth.east) for _ in range(DRAWS - 1)]
-    water = RouteWater(
-        north=truth.north, east=truth.east,
-        current=np.stack([forecast, *(forecast + one for one in errors)]),
-    )  # fmt: skip
-    ways = best_ways(water, stops, SPEED, ())
-    straight = way_times(water, stops, SPEED)
-    safe = [stops]
-    for way in ways:
-        taking = way_times(water, way, SPEED)
-        if taking.mean() < BARRED and np.mean(taking > 1.02 * straight) <= 0.05:
-            safe.append(way)
-    taken = min(safe, key=lambda way: float(way_times(water, way, SPEED).mean()))
-    found["planned"] = float(way_times(truth, taken, SPEED)[0])
-    return found
+    axes = times, truth.north, truth.east
+    forecast = (
+        truth.current[0] + ERROR * eddies(rng, *axes)
+        if added
+        else erring(truth.current[0], ERROR, 2, rng, *axes)[1]
+    )
+    drawn = erring(forecast, ERROR, 1 + 2 * DRAWS, rng, *axes)
+    both = RouteWater(north=truth.north, east=truth.east, current=drawn)
+    water, judge = both.part(slice(1 + DRAWS)), both.part(slice(1 + DRAWS, None))
+    timed = timed_ways(judge, stops, best_ways(water, stops, SPEED, (), rng), SPEED, ())
+    taken = timed[chosen(way_times(judge, stops, SPEED), [times for times, _ in timed])][1]
+    straight, planned = (float(way_times(truth, way, SPEED)[0]) for way in (stops, taken))
+    return 1.0 - planned / straight
 
 
-def run(draws: int, first: int) -> dict[str, dict[str, float]]:
-    """By ratio of rms and speed; seas of the seeds from `first` on."""
-    told = {}
-    for ratio in RATIOS:
-        exact = [one_draw(ratio, seed, brute=True) for seed in range(first, first + draws)]
+def run(sorts: Sequence[float | str], draws: int, first: int) -> dict[str, dict[str, Any]]:
+    """By ratio of rms and speed, or file; seas of the seeds from `first` on."""
+    told: dict[str, dict[str, Any]] = {}
+    for sort in sorts:
+        exact = [known_sea(sort, seed) for seed in range(first, first + draws)]
         straight, planned, best = (
             np.array([one[name] for one in exact])
             for name in ("straight", "planned", "brute force")
         )
-        wrong = [one_draw(ratio, 1000 + seed, brute=False) for seed in range(first, first + draws)]
-        gained = np.array([1.0 - one["planned"] / one["straight"] for one in wrong])
-        told[f"rms {ratio:g} of the speed"] = {
+        gained = {
+            name: np.array([foretold_sea(sort, 1000 + seed, added=added)
+                            for seed in range(first, first + draws)])
+            for name, added in (("some of it misplaced", False), ("errors on top of it", True))
+        }  # fmt: skip
+        part = (straight - planned) / (straight - best)
+        much = straight - best > MUCH * straight
+        told[f"rms {sort:g} of the speed" if isinstance(sort, float) else Path(sort).name] = {
             "faster than straight [%]": 100.0 * float(np.mean(1.0 - planned / straight)),
             "brute force faster [%]": 100.0 * float(np.mean(1.0 - best / straight)),
             "part of the brute force's gain": float((straight - planned).sum()
                                                     / (straight - best).sum()),
-            "least part in a draw": float(np.min((straight - planned) / (straight - best))),
-            "with the forecast's error, faster [%]": 100.0 * float(gained.mean()),
-            "slower by more than 2 % in [%]": 100.0 * float(np.mean(gained < -0.02)),
+            f"seas where it gains {100 * MUCH:g} % and more": int(much.sum()),
+            "least part in one of them": float(np.min(part[much])),
+            "of them below nine tenths": int((part[much] < 0.9).sum()),
+            "longest loss to it elsewhere [min]": float(np.max((planned - best)[~much], initial=0.0)
+                                                        / 60.0),
+            **{
+                f"with {name} in the forecast": {
+                    "faster than straight [%]": 100.0 * float(one.mean()),
+                    "slower by more than 2 % in [%]": 100.0 * float(np.mean(one < -0.02)),
+                    "slowest [%]": -100.0 * float(one.min()),
+                }
+                for name, one in gained.items()
+            },
         }  # fmt: skip
     return told
 
@@ -128,6 +206,8 @@ def run(draws: int, first: int) -> dict[str, dict[str, float]]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=100, help="of the first sea")
+    parser.add_argument("--seed", type=int, default=300, help="of the first sea")
+    parser.add_argument("--current", help="a file of currents, whose water is the sea")
     options = parser.parse_args()
-    print(json.dumps(run(options.draws, options.seed), indent=1))
+    sorts = RATIOS if options.current is None else (options.current,)
+    print(json.dumps(run(sorts, options.draws, options.seed), indent=1))

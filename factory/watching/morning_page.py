@@ -202,7 +202,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         one = found.surfacings[0]
         ellipse = one.ellipse(NINETY)
         lines.append(
-            f"Next surfacing {found.moment(one.time_s)[:16].replace('T', ' ')} UTC "
+            f"Next surfacing {found.minute(one.time_s)} UTC "
             f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}"
         )
         lines.append(
@@ -248,7 +248,7 @@ def _numbers(told: Morning) -> Mapping[str, str]:
         found["last fix, UTC"] = f"{moment_of(fix.time):%m-%d %H:%M}"
     if told.surfacings is not None and told.surfacings.surfacings:
         one = told.surfacings.surfacings[0]
-        found["next surfacing, UTC"] = told.surfacings.moment(one.time_s)[5:16].replace("T", " ")
+        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)[5:]
         found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"

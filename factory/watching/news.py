@@ -14,7 +14,7 @@ from twin.cli.text_table import counted
 from twin.forecast import LoggedLeg
 from twin.geodesy import great_circle, offset
 from twin.health import CHANNELS
-from twin.show.dates import moment_of
+from twin.records.coordinates import utc_minute
 
 MOVED = 2.0
 """Deviations by which a level must move to be told"""
@@ -117,8 +117,8 @@ def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
     begin = datetime.datetime.fromisoformat(told["time"]).replace(tzinfo=datetime.UTC)
     minutes = (leg.leg.end - begin.timestamp()) / MINUTE
     return (
-        f"Surfacing foretold for {told['time'][:16].replace('T', ' ')} UTC: it came up "
-        f"{moment_of(leg.leg.end):%Y-%m-%d %H:%M}, {abs(minutes):.0f} min "
+        f"Surfacing foretold for {utc_minute(begin.timestamp())} UTC: it came up "
+        f"{utc_minute(leg.leg.end)}, {abs(minutes):.0f} min "
         f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
         f"{'inside' if inside else 'outside'} the 90 % ellipse"
     )

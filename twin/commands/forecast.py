@@ -246,7 +246,7 @@ class _Shows:
             )
         for one in found.surfacings:
             self._console.note(
-                f"surfacing {one.number}: about {found.moment(one.time_s)[:16]} UTC at "
+                f"surfacing {one.number}: about {found.minute(one.time_s)} UTC at "
                 f"{one.latitude:.4f}, {one.longitude:.4f}"
             )
 

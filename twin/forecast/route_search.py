@@ -1,8 +1,8 @@
 """Route search: the fastest way through moving water for a vehicle of a given speed in it.
 
 Dijkstra's algorithm over the nodes of the water, where each edge takes as long as the current along
-it, when it is passed, makes it; then the few corners of the way are moved until the mean over all
-draws of the water is least (Powell 1964, Comput. J. 7).
+it, when it is passed, makes it, and ways of few corners that are thrown at random; then the corners
+are moved until the mean over all draws of the water is least (Powell 1964, Comput. J. 7).
 """
 
 from __future__ import annotations
@@ -38,6 +38,14 @@ CORNERS = 7
 """Of a way, at most: with its end as many as a Slocum's list of waypoints holds"""
 WORTH = 0.002
 """Of the time, that a corner must save"""
+THROWN, CAUGHT = 600, 3
+"""Ways that are thrown, and how many of them are kept"""
+MOST_THROWN = 4
+"""Corners of a thrown way, at most"""
+ALONG = (-0.2, 1.2)
+"""Where they lie, in lengths of the straight way"""
+ASIDE = (0.25, 0.05)
+"""Standard deviation across it of the step between corners, in lengths: wide and narrow throws"""
 AT_ONCE = 1_000_000
 """Numbers of lines and corners that are held beside each other at a time"""
 BARRED = 1e9
@@ -160,6 +168,41 @@ def open_edges(water: RouteWater, avoided: Sequence[Array] = ()) -> NDArray[np.b
         begins = np.broadcast_to(origin + water.spacing * here, there.shape).reshape(-1, 2)
         found &= ~meets(begins, ends, avoided).reshape(found.shape)
     return found
+
+
+def thrown(
+    water: RouteWater,
+    start: Array,
+    goal: Array,
+    speed: float,
+    avoided: Sequence[Array],
+    begin: float,
+    rng: np.random.Generator,
+) -> list[Array]:
+    """The best of ways that are thrown at random, by the mean over all members; each (corner, 2).
+
+    A search from node to node finds a way of many corners, of which the best few need not be near
+    the best way of few corners.
+
+    Args:
+      start, goal: [m] north, east. speed: [m/s]. begin: [s] after the start of the water.
+    """
+    length = float(np.hypot(*(goal - start)))
+    if length == 0.0:
+        return []
+    ahead = (goal - start) / length
+    aside = np.array([-ahead[1], ahead[0]])
+    low, high = (np.array([water.north[k], water.east[k]]) for k in (0, -1))
+    found = []
+    for k in range(THROWN):
+        corners = 1 + k % MOST_THROWN
+        along = length * np.sort(rng.uniform(*ALONG, corners))
+        across = length * np.cumsum(rng.normal(0.0, ASIDE[k % len(ASIDE)], corners))
+        inner = np.clip(start + np.outer(along, ahead) + np.outer(across, aside), low, high)
+        way = np.concatenate([start[None], inner, goal[None]])
+        found.append((float(way_times(water, way, speed, avoided, begin).mean()), way))
+    found.sort(key=lambda one: one[0])
+    return [way for times, way in found[:CAUGHT] if times < BARRED]
 
 
 @jit(nogil=True)

@@ -36,7 +36,7 @@ SHORTEST, LONGEST = 3e4, 2e5
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RouteWater:
-    """Currents on a grid, and its errors by member; the first member has none."""
+    """Currents on a grid, by member; the first one is what is expected."""
 
     north: Array
     """[m], (north,)"""
@@ -54,6 +54,10 @@ class RouteWater:
     def lasts(self) -> float:
         """[s] from the start on that it covers."""
         return STEP * (self.current.shape[1] - 1)
+
+    def part(self, members: slice) -> RouteWater:
+        """Some of its members."""
+        return dataclasses.replace(self, current=self.current[members])
 
     def holds(self, points: Array) -> NDArray[np.bool_]:
         """Whether points, (..., 2), lie inside."""
@@ -105,12 +109,8 @@ def route_water(
         every = course[:, :: round(STEP / INTERVAL)][:, : len(times), None, None]
         return RouteWater(north=north, east=east, current=np.broadcast_to(every, shape).copy())
     mean = _mean(request.field, request, times, north, east)
-    errors = [
-        request.field_error * _eddies(rng, times, north, east) for _ in range(request.members - 1)
-    ]
-    return RouteWater(
-        north=north, east=east, current=np.stack([mean, *(mean + one for one in errors)])
-    )
+    drawn = erring(mean, request.field_error, request.members, rng, times, north, east)
+    return RouteWater(north=north, east=east, current=drawn)
 
 
 def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, Array]:
@@ -147,14 +147,55 @@ def _mean(field: Current, request: Request, times: Array, north: Array, east: Ar
     return np.asarray(found.reshape(*grid[0].shape, 2).mean(axis=3))
 
 
-def _eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
+def erring(
+    forecast: Array,
+    error: float,
+    members: int,
+    rng: np.random.Generator,
+    times: Array,
+    north: Array,
+    east: Array,
+) -> Array:
+    """The water that a forecast lets expect, and draws of it, (member, time, north, east, 2).
+
+    A forecast that misplaces eddies is as lively as the water, and the larger its error, the less
+    of what it shows is there: of what differs from the mean over region and time the part 1 - N / 2
+    S is expected, where N is the variance of its error and S its own; the rest is drawn. Draws come
+    in pairs of opposite errors, so that an odd number of members has the expected water as mean.
+
+    Args:
+      forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] standard deviation each way.
+    """
+    mean = forecast.mean(axis=(0, 1, 2))
+    liveliness, wrong = float(((forecast - mean) ** 2).mean()), error**2
+    there = max(1.0 - wrong / (2.0 * liveliness), 0.0) if liveliness > 0.0 else 0.0
+    if error == 0.0:
+        there = 1.0
+    # water that has nothing of the forecast adds its own liveliness to the forecast's
+    rest = liveliness * (1.0 - there**2) if there > 0.0 else wrong - liveliness
+    expected = mean + there * (forecast - mean)
+    found = [expected]
+    while len(found) < members:
+        one = math.sqrt(rest) * eddies(rng, times, north, east)
+        found += [expected + one, expected - one]
+    return np.stack(found[:members])
+
+
+def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
     """A random flow without divergence, 1 m/s each way, (time, north, east, 2)."""
     turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
     length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
     wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
     rate = rng.standard_normal(EDDIES) / FIELD_TIME
-    t, n, e = np.meshgrid(times, north, east, indexing="ij")
     phase = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
-    swing = np.cos(n[..., None] * wave[0] + e[..., None] * wave[1] - t[..., None] * rate + phase)
     size = rng.standard_normal(EDDIES) * math.sqrt(2.0 / EDDIES) * math.sqrt(2.0)
-    return np.stack([-(swing @ (size * np.sin(turn))), swing @ (size * np.cos(turn))], axis=-1)
+    # a wave is a product of one of time, north and east each: real part of exp(i (a + b + c))
+    over, up = np.exp(1j * (phase - np.outer(times, rate))), np.exp(1j * np.outer(north, wave[0]))
+    of_two = (over[:, None] * up).reshape(-1, EDDIES)
+    right = np.exp(1j * np.outer(wave[1], east))
+    shape = len(times), len(north), len(east)
+    flow = [
+        ((of_two * sized) @ right).real.reshape(shape)
+        for sized in (-size * np.sin(turn), size * np.cos(turn))
+    ]
+    return np.stack(flow, axis=-1)

@@ -1,8 +1,9 @@
 """Routes: the best ways to a place for a vehicle that may be slower than the water.
 
 Candidates are the fastest ways in the mean water and in single draws of it, moved to the least mean
-over all draws. The best three and the straight way are flown by the twin. A way is promised only
-where it is seldom slower than the straight one.
+over all draws. Other draws, which found none of them, say how long each takes and choose: a way is
+promised only where it is seldom slower than the straight one. The best three and the straight way
+are flown by the twin.
 """
 
 from __future__ import annotations
@@ -20,7 +21,15 @@ from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, fly_nominal, members_of
 from twin.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
-from twin.forecast.route_search import BARRED, LOOKS, fastest, open_edges, polished, way_times
+from twin.forecast.route_search import (
+    BARRED,
+    LOOKS,
+    fastest,
+    open_edges,
+    polished,
+    thrown,
+    way_times,
+)
 from twin.forecast.route_water import RouteWater, route_water
 from twin.forecast.surfacing_forecast import feature
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
@@ -35,7 +44,7 @@ BEYOND = 60_000.0
 POLAR_HOURS = 12.0
 """[h] that each of them is flown for"""
 DRAWS = 48
-"""Of the water, for the search"""
+"""Of the water beside what is expected, for the search, and as many others to judge by"""
 ALONE = 3
 """Single draws whose fastest ways are candidates, too"""
 BEST = 3
@@ -62,7 +71,7 @@ class Route:
     places: tuple[tuple[float, float], ...]
     """Latitude, longitude [degree] of corners and last place, the start left out"""
     hours: Array
-    """[h] in each draw of the water, (draw,)"""
+    """[h] in each draw of the water that judges, (draw,)"""
     gain: Array
     """Part of the straight way's time that it saves, (draw,)"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
@@ -72,11 +81,6 @@ class Route:
     def goto(self) -> str:
         """As `twin forecast --goto` takes it."""
         return ";".join(f"{latitude:.4f},{longitude:.4f}" for latitude, longitude in self.places)
-
-    @property
-    def slower(self) -> float:
-        """Part of the draws in which it takes 2 % longer than the straight way."""
-        return float(np.mean(self.gain < 1.0 - SLOWER))
 
     def row(self) -> dict[str, object]:
         """Of a table."""
@@ -108,7 +112,7 @@ class Route:
             "hours_90": np.quantile(self.hours, NINETY).tolist(),
             "gain": float(self.gain.mean()),
             "gain_90": np.quantile(self.gain, NINETY).tolist(),
-            "slower_in": self.slower,
+            "slower_in": float(np.mean(self.gain < 1.0 - SLOWER)),
             "flown": len(self.flown),
             "arrived": len(arrived),
             "hours_flown": float(arrived.mean()) if arrived.size else None,
@@ -230,41 +234,38 @@ def plan_routes(
     hours = AT_HAND * length / speed / 3600.0
     say("water")
     rng = np.random.default_rng(request.seed)
-    wide = dataclasses.replace(request, members=DRAWS)
-    water = route_water(wide, known, points, hours, rng)
+    wide = dataclasses.replace(request, members=1 + 2 * DRAWS)
+    both = route_water(wide, known, points, hours, rng)
+    water, judge = both.part(slice(1 + DRAWS)), both.part(slice(1 + DRAWS, None))
     order = _order(water, points, speed)
     stops = points[[0, *(1 + k for k in order), len(points) - 1]]
-    straight = way_times(water, stops, speed)
     say("search")
-    found = best_ways(water, stops, speed, rings)
+    found = best_ways(water, stops, speed, rings, rng)
     if not found:
         raise InputError("no way leads there: the polygons or the current bar all of them")
-    ways = [stops, *found]
-    timed = [(way_times(water, way, speed, rings), way) for way in ways]
-    timed = [one for one in timed if one[0].mean() < BARRED]
+    timed = timed_ways(judge, stops, found, speed, rings)
     if not timed:
         raise InputError("no way of few corners keeps clear of the polygons: make them coarser")
-    timed.sort(key=lambda one: float(one[0].mean()))
+    straight = way_times(judge, stops, speed)
     routes: list[Route] = []
-    for times, way in timed[: BEST + 1]:
+    names = (["straight"] if timed[0][1] is stops else []) + [f"way {1 + k}" for k in range(BEST)]
+    for (times, way), name in zip(timed, names, strict=False):
         latitude, longitude = from_tangent_plane(way[1:, 0], way[1:, 1], *origin)
         east = wrap_longitude(longitude)
         routes.append(
             Route(
-                name="straight" if way is stops else f"way {len(routes) + 1}",
+                name=name,
                 places=tuple(zip(latitude.tolist(), east.tolist(), strict=True)),
                 hours=times / 3600.0,
                 gain=1.0 - times / straight,
             )
         )
-    routes.sort(key=lambda one: one.name != "straight")
     steeper = dataclasses.replace(request, mission=_pitched(request.mission, pitch))
     if fly_them:
         say("flights")
         longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
         routes = [_flown(one, steeper, known, longest) for one in routes]
-    safe = [one for one in routes if one.slower <= SELDOM] or routes
-    best = min(safe, key=lambda one: float(one.hours.mean()))
+    best = routes[chosen(straight, [times for times, _ in timed])]
     return RoutePlan(
         routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, start=origin, order=order
     )
@@ -280,15 +281,42 @@ def _order(water: RouteWater, points: Array, speed: float) -> tuple[int, ...]:
     return tuple(k - 1 for k in min(itertools.permutations(inner), key=cost))
 
 
+def timed_ways(
+    judge: RouteWater, stops: Array, ways: Sequence[Array], speed: float, avoided: Sequence[Array]
+) -> list[tuple[Array, Array]]:
+    """Times [s], (draw,), and corners, (corner, 2), of the straight way through stops and then of
+    the best others, by mean time; those that must not be taken are left out."""
+    timed = [(way_times(judge, way, speed, avoided), way) for way in (stops, *ways)]
+    first, *others = [(times, way, float(times.mean())) for times, way in timed]
+    others.sort(key=lambda one: one[2])
+    return [(times, way) for times, way, mean in (first, *others[:BEST]) if mean < BARRED]
+
+
+def chosen(straight: Array, times: Sequence[Array]) -> int:
+    """Which way to take: the fastest in the mean of those that are seldom slower than the straight
+    one, or of all where each is often slower.
+
+    Args:
+      straight: [s] of the straight way, whether or not it may be taken, (draw,).
+      times: [s] of the ways, each (draw,).
+    """
+    safe = [k for k, one in enumerate(times) if np.mean(one > SLOWER * straight) <= SELDOM]
+    return min(safe or range(len(times)), key=lambda k: float(times[k].mean()))
+
+
 def best_ways(
-    water: RouteWater, stops: Array, speed: float, avoided: Sequence[Array]
+    water: RouteWater,
+    stops: Array,
+    speed: float,
+    avoided: Sequence[Array],
+    rng: np.random.Generator,
 ) -> list[Array]:
     """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
     draw, and polished in all; each (corner, 2), none twice."""
     ways: list[Array] = []
     edges = open_edges(water, avoided)
     for member in range(min(1 + ALONE, len(water.current))):
-        found = _through(water, member, stops, speed, avoided, edges)
+        found = _through(water, member, stops, speed, avoided, edges, rng)
         if found is not None and all(_differs(found, way, water.spacing) for way in ways):
             ways.append(found)
     return ways
@@ -301,8 +329,10 @@ def _through(
     speed: float,
     rings: Sequence[Array],
     edges: NDArray[np.bool_],
+    rng: np.random.Generator,
 ) -> Array | None:
-    """The polished way from stop to stop that is fastest in one draw, by the better search."""
+    """The polished way from stop to stop that is fastest, of those that one draw begins with."""
+    alone = water.part(slice(member, member + 1))
     whole, begin = stops[:1], 0.0
     for here, there in itertools.pairwise(stops):
         legs = []
@@ -310,10 +340,17 @@ def _through(
             leg = fastest(water, member, here, there, speed, edges, begin, looks)
             if leg is None:
                 return None
-            if way_times(water, leg, speed, rings, begin).mean() < BARRED:
-                leg = polished(water, leg, speed, rings, begin)
             legs.append(leg)
-        leg = min(legs, key=lambda one: float(way_times(water, one, speed, rings, begin).mean()))
+        caught = thrown(alone, here, there, speed, rings, begin, rng)
+        legs += [polished(alone, leg, speed, rings, begin) for leg in caught]
+
+        def mean(way: Array, begin: float = begin) -> float:
+            return float(way_times(water, way, speed, rings, begin).mean())
+
+        legs = [
+            polished(water, leg, speed, rings, begin) if mean(leg) < BARRED else leg for leg in legs
+        ]
+        leg = min(legs, key=mean)
         begin += float(np.median(way_times(water, leg, speed, (), begin)))
         whole = np.concatenate([whole, leg[1:]])
     return whole

@@ -17,7 +17,7 @@ from twin.forecast.known import Known
 from twin.forecast.members import MemberFlight, fly, members_of
 from twin.forecast.request import HOUR, Request
 from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, over, surfacings_of
-from twin.records.coordinates import utc_clock
+from twin.records.coordinates import utc_clock, utc_minute
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,8 @@ class Forecast:
         """What to know of the surfacings that are told and of those that are not."""
         said = [self.left_out] if self.left_out else []
         if self.over_s is not None:
-            moment = self.moment(self.over_s)[:16].replace("T", " ")
             said.append(
-                f"the plan is over about {moment} UTC, "
+                f"the plan is over about {self.minute(self.over_s)} UTC, "
                 f"{self.request.hours - self.over_s / HOUR:.1f} h before the forecast ends: from "
                 "then on it is taken to float and drift, and boxes and energy are of that. Give "
                 "more places in goto, a longer mission, or fewer hours"
@@ -99,13 +98,22 @@ class Forecast:
         """UTC."""
         return datetime.datetime.fromisoformat(str(self.request.place.time))
 
+    @property
+    def _begin(self) -> float:
+        """[s] unix of the start."""
+        return self.begins.replace(tzinfo=datetime.UTC).timestamp()
+
     def moment(self, seconds: float) -> str:
         """UTC at `seconds` after the start, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
 
+    def minute(self, seconds: float) -> str:
+        """UTC at `seconds` after the start as people read it, such as 2023-09-20 06:31."""
+        return utc_minute(self._begin + round(seconds))
+
     def bounds(self, one: Surfacing) -> str:
         """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
-        middle = self.begins.replace(tzinfo=datetime.UTC).timestamp()
+        middle = self._begin
         times = (utc_clock(middle + at, middle + one.time_s) for at in (one.early_s, one.late_s))
         return " to ".join(times)
 

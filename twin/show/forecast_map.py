@@ -102,7 +102,7 @@ def draw_map(found: Forecast) -> str:
         west += 1 if x < x0 else -1
         parts.append(
             f'<g fill="{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/></g>'
-            + _label("name", x, y - 8.0, f"{one.number}: {found.moment(one.time_s)[11:16]}", x < x0)
+            + _label("name", x, y - 8.0, f"{one.number}: {found.minute(one.time_s)[11:]}", x < x0)
         )
     for k, (x, y) in enumerate(frame.at(found.targets()), start=1):
         parts.append(

@@ -158,7 +158,7 @@ def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
     """A surfacing as cells of a table, by their headings."""
     return {
         "surfacing": f"{one.number}",
-        "UTC": found.moment(one.time_s)[:16].replace("T", " "),
+        "UTC": found.minute(one.time_s),
         "5 to 95 %": found.bounds(one),
         "latitude": f"{one.latitude:.4f}",
         "longitude": f"{one.longitude:.4f}",

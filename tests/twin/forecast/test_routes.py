@@ -24,7 +24,7 @@ from twin.forecast.route_search import (
     thinned,
     way_times,
 )
-from twin.forecast.route_water import STEP, RouteWater, _eddies, route_water
+from twin.forecast.route_water import STEP, RouteWater, eddies, route_water
 from twin.forecast.routes import best_ways
 from twin.records import unix_seconds
 from twin.vehicle.vehicle import load_vehicle
@@ -75,7 +75,7 @@ def test_in_still_water_nothing_is_faster_than_the_straight_way() -> None:
 
 def test_a_way_goes_where_the_current_helps() -> None:
     sea = jet(0.15)
-    (way,) = best_ways(sea, STOPS, SPEED, ())
+    (way,) = best_ways(sea, STOPS, SPEED, (), np.random.default_rng(0))
     straight, taken = (way_times(sea, one, SPEED)[0] for one in (STOPS, way))
     assert taken < 0.75 * straight
     assert way[:, 1].max() > 6e3
@@ -86,9 +86,12 @@ def test_a_way_through_eddies_is_as_good_as_many_that_are_tried() -> None:
     rng = np.random.default_rng(4)
     still = water()
     times = STEP * np.arange(60.0)
-    current = 0.18 * _eddies(rng, times, still.north, still.east)
+    current = 0.18 * eddies(rng, times, still.north, still.east)
     sea = water(current)
-    taken = min(float(way_times(sea, way, SPEED)[0]) for way in best_ways(sea, STOPS, SPEED, ()))
+    taken = min(
+        float(way_times(sea, way, SPEED)[0])
+        for way in best_ways(sea, STOPS, SPEED, (), np.random.default_rng(0))
+    )
     tried = [
         float(way_times(sea, np.array([STOPS[0], (n, e), (m, f), STOPS[1]]), SPEED)[0])
         for n, m, e, f in zip(
@@ -104,7 +107,7 @@ def test_a_way_through_eddies_is_as_good_as_many_that_are_tried() -> None:
 def test_draws_of_the_error_have_the_size_that_is_asked_and_no_divergence() -> None:
     rng = np.random.default_rng(0)
     axis = np.arange(0.0, 400e3, 2e3)
-    found = np.stack([_eddies(rng, np.array([0.0]), axis, axis)[0] for _ in range(12)])
+    found = np.stack([eddies(rng, np.array([0.0]), axis, axis)[0] for _ in range(12)])
     assert found.std(axis=(0, 1, 2)) == pytest.approx([1.0, 1.0], abs=0.15)
     north = np.diff(found[..., 0], axis=1)[:, :, :-1]
     east = np.diff(found[..., 1], axis=2)[:, :-1]
@@ -118,7 +121,7 @@ def test_a_way_keeps_clear_of_polygons() -> None:
     assert crosses(np.array([[20e3, 0.0], [20e3, 1e3]]), [wall])  # within it
     assert not crosses(np.array([[0.0, 0.0], [20e3, 9e3], [40e3, 0.0]]), [wall])
     assert way_times(still, STOPS, SPEED, [wall])[0] == BARRED
-    (way,) = best_ways(still, STOPS, SPEED, [wall])
+    (way,) = best_ways(still, STOPS, SPEED, [wall], np.random.default_rng(0))
     assert not crosses(way, [wall])
     around = np.hypot(20e3, 8e3) * 2.0
     assert way_times(still, way, SPEED)[0] < 1.05 * around / SPEED
@@ -186,6 +189,7 @@ def test_the_water_outside_of_a_file_is_refused(tmp_path: Path) -> None:
     assert found.north[-1] < 34e3  # the file ends there
     np.testing.assert_allclose(found.current[0], 0.05, atol=1e-3)
     assert found.current[1:].std() == pytest.approx(0.1, rel=0.35)
+    np.testing.assert_allclose(found.current[1:11].mean(axis=0), found.current[0], atol=1e-9)
     with pytest.raises(InputError, match="not known at place 1"):
         route_water(request, known(), np.array([[0.0, 0.0], [60e3, 0.0]]), 30.0, rng)
 
@@ -197,7 +201,8 @@ def test_vias_are_put_in_order_and_the_ways_flown(
     words = [
         "route", "--vehicle", "slocum-200", "--from", f"40,-50,{TIME}", "--to", "40.09,-50",
         "--via", "40.06,-50;40.03,-50.01", "--current", "uniform:0.05,0", "--pitch", "26",
-        "--members", "10", "--surface-every", "2", "--depth", "150", "--out", str(out), "--json",
+        "--current-error", "0.02", "--members", "10", "--surface-every", "2", "--depth", "150",
+        "--out", str(out), "--json",
     ]  # fmt: skip
     assert PROGRAM.main(words) == 0
     told = json.loads(capsys.readouterr().out)
