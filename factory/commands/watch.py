@@ -15,11 +15,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from factory.watching import Passed, WatchedDeployment
+    from factory.watching.morning import Morning
 
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
 OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
 EVERY, LEAST_EVERY = 60.0, 1.0
 """[s] between two looks, and the least"""
+HOUR, DAY_H = 3600.0, 24.0
+PAST_DAYS = 30.0
+"""[d] after its last fix from which a deployment counts as over"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,6 +198,8 @@ class WatchDeployment(JsonOption):
             missing = passed.log.cut_or_left_out
         else:
             console.say(summary(passed.told, passed.new).rstrip("\n"))
+            if late := _late(passed.told, until):
+                console.say(late)
             missing = list(passed.told.missing[1:])  # the summary has the first
         for said in missing:
             console.note(f"missing: {said}")
@@ -233,6 +239,32 @@ class WatchDeployment(JsonOption):
             except InputError as error:
                 console.warn(str(error))  # settings that are being edited will do again
             time.sleep(EVERY if self.every is None else self.every)
+
+
+def _late(told: Morning, until: datetime.datetime | None) -> str:
+    """How old the last fix is now or at the moment that was asked for; empty of the last hour, and
+    of a deployment of the past."""
+    import datetime
+
+    if (fix := told.last_fix) is None:
+        return ""
+    now = (datetime.datetime.now(datetime.UTC) if until is None else until).timestamp()
+    hours = (now - fix.time) / HOUR
+    if not 1.0 <= hours < PAST_DAYS * DAY_H:
+        return ""
+    said = f"The last fix is {_age(hours)} old"
+    if (found := told.surfacings) is not None and found.surfacings:
+        latest = fix.time + found.surfacings[0].late_s
+        if now > latest:
+            said += (
+                f"; 95 of 100 draws had come up again {_age((now - latest) / HOUR)} ago: its files "
+                "are late, or the vehicle is"
+            )
+    return said
+
+
+def _age(hours: float) -> str:
+    return f"{hours:.1f} h" if hours < 2.0 * DAY_H else f"{hours / DAY_H:.0f} d"
 
 
 def _asked(console: Console, what: str) -> str:

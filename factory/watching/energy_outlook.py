@@ -17,6 +17,7 @@ from twin.errors import MissionError, SimulationUnstable
 from twin.forecast import Forecast, LoggedLeg, fly_nominal
 from twin.geodesy import to_tangent_plane
 from twin.logs import Endurance, EnergyUse
+from twin.logs.endurance import LEAST_PART
 from twin.mission import Mission
 
 Array = NDArray[np.float64]
@@ -53,10 +54,17 @@ class WhatIf:
             "plan": self.what,
             "power [W]": round(self.power, 2),
             "days left": round(self.days, 1),
-            "90 %": f"{low:.1f} to {high:.1f}",
+            "90 %": days_between(low, high, self.days),
             "km a day through the water": speed,
             "km left": None if speed is None else round(speed * self.days),
         }
+
+
+def days_between(low: float, high: float, days: float) -> str:
+    """An interval of days left in words; it has no upper end where the power is hardly known."""
+    if high * LEAST_PART > 0.99 * days:
+        return f"{low:.1f} and more"
+    return f"{low:.1f} to {high:.1f}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,7 +76,14 @@ class TurnHome:
     days: float
     """[d] from the last fix, in the middle of the draws"""
     safe_days: float
-    """[d] from which 95 of 100 draws still get home; 0: turn now"""
+    """[d] from which 95 of 100 draws still get home"""
+    reached: float
+    """Part of the draws that get home where it turns at the last fix"""
+
+    @property
+    def safe(self) -> bool:
+        """Whether 95 of 100 draws get home at all."""
+        return self.reached >= 1.0 - SAFE
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -206,6 +221,7 @@ def _turn_home(
         away_km=float(away[0] / KILO),
         days=float(np.median(last)),
         safe_days=float(np.quantile(last, SAFE)),
+        reached=float(1.0 - short[:, 0].mean()),
     )
 
 

@@ -44,7 +44,10 @@ SEVERAL = ("depth samples", "dives", "rows", "GPS fixes", "files")
 """Subjects of counts over a window that say nothing of a parcel"""
 IN_SETTINGS = (
     ("--variation-deg", "variation_deg in deployment.toml"),
-    ("give its folder with --cache", 'name its folder in deployment.toml: cache = "FOLDER"'),
+    (
+        "give its folder with --cache",
+        "put it beside the files or into the folder that cache in deployment.toml names",
+    ),
     ("give --cache ", "name it as cache in deployment.toml: "),
 )
 """What an import's message says of its options, and what it is here"""

@@ -7,7 +7,8 @@ attitude has currents that the vehicle itself reported, an empty folder has noth
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +21,7 @@ from factory.watching.log_of_files import LogOfFiles
 from factory.watching.proposed_files import ProposedFiles, flown_files, proposed_files
 from factory.watching.sources.arrived_files import folder_of
 from factory.watching.sources.base import SurfaceDialogue
+from twin.cli.text_table import counted
 from twin.errors import TwinError
 from twin.forecast import (
     Forecast,
@@ -45,14 +47,17 @@ from twin.identify import (
 from twin.logs import Endurance, EnergyUse, counted_energy, dive_times, endurance_of
 from twin.mission import Waypoint
 from twin.physics.start import utc_text
-from twin.records.attributes import DIVE
+from twin.records.attributes import DIVE, DIVE_DURATION
+from twin.records.coordinates import utc_minute
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Origin, parse_field
 
 Told = TypeVar("Told")
-KILO = 1e3
+KILO, HOUR = 1e3, 3600.0
+NEWER = 60.0
+"""[s] by which a fix is newer than another one"""
 FORECAST = "forecast"
 """What a page is for: why there is none is the first of what is missing"""
 MOST_FOLLOWED = 30
@@ -107,6 +112,8 @@ class Morning:
     """Numbers of these"""
     legs: tuple[LoggedLeg, ...] = ()
     """From fix to fix, in order of time"""
+    came_up: LastFix | None = None
+    """The newest fix after a dive of the log, whether or not the dive's way is known"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
     lasts: Endurance | None = None
@@ -137,15 +144,12 @@ class Morning:
 
     @property
     def last_fix(self) -> LastFix | None:
-        """The dialogue's, where it is newer than the end of the last dive between two fixes."""
-        before = self.legs[-1].leg.end if self.legs else -np.inf
+        """The dialogue's, where it is newer than the last one of the log."""
+        before = -np.inf if self.came_up is None else self.came_up.time
         said = self.dialogue
         if said is not None and said.fix and said.fix_time and said.fix_time > before:
             return LastFix(latitude=said.fix[0], longitude=said.fix[1], time=said.fix_time)
-        if not self.legs:
-            return None
-        latitude, longitude = end_of(self.legs[-1])
-        return LastFix(latitude=latitude, longitude=longitude, time=self.legs[-1].leg.end)
+        return self.came_up
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -242,6 +246,7 @@ def morning(
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
         silent = dive_times(logs, name).silent
+        came_up = _came_up(logs, rows)
         source = logs.source
     if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
         lacking.append(
@@ -253,10 +258,18 @@ def morning(
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     if silent:
         lacking.append(silent)
+    if legs and came_up is not None and came_up.time - legs[-1].leg.end > NEWER:
+        late = dives[rows.index(legs[-1].mission) + 1 :]
+        lacking.append(
+            f"current: of {counted(len(late), 'dive')} since {utc_minute(legs[-1].leg.end)} UTC "
+            f"({', '.join(map(str, late))}) the way through the water is not known, such as of one "
+            f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
+            "h older than the last fix"
+        )
     vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
     shared: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
-        "dialogue": dialogue,
+        "dialogue": dialogue, "came_up": came_up,
     }  # fmt: skip
     if vehicle is None:
         return Morning(**shared, lacking=tuple(lacking))
@@ -355,6 +368,16 @@ def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
 def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
     """The vehicle of a deployment: its settings', or that of the kind of its log."""
     return deployment.own_vehicle() or start_vehicle(store)
+
+
+def _came_up(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
+    """The newest fix after one of these dives."""
+    for row in reversed(rows):
+        latitude, longitude = logs.fixes(row)[1]
+        end = float(logs.starts[row] + logs.number(DIVE_DURATION)[row])
+        if math.isfinite(latitude) and math.isfinite(longitude) and math.isfinite(end):
+            return LastFix(latitude=float(latitude), longitude=float(longitude), time=end)
+    return None
 
 
 def _forecast(

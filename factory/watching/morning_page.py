@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from factory.watching.energy_outlook import days_between
 from factory.watching.morning import Morning
 from factory.watching.morning_figures import (
     close_figure,
@@ -21,8 +22,8 @@ from factory.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli.text_table import counted
 from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
+from twin.records.coordinates import utc_minute
 from twin.show import forecast_row
-from twin.show.dates import moment_of
 from twin.show.figures.page_layout import Page
 from twin.show.health_page import channel_caption, channel_figure, evidence_figure
 
@@ -71,7 +72,7 @@ def write_morning(
     page.numbers(_numbers(told))
     if (said := told.dialogue) is not None:
         page.section("Said at its last surfacing")
-        page.say(f"{said.vehicle}, {moment_of(said.time):%Y-%m-%d %H:%M} UTC by its clock.")
+        page.say(f"{said.vehicle}, {utc_minute(said.time)} UTC by its clock.")
         page.facts(said.facts())
     if new:
         page.section("New since the page before")
@@ -191,8 +192,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
         )
     if (fix := told.last_fix) is not None:
         lines.append(
-            f"Last fix {moment_of(fix.time):%Y-%m-%d %H:%M} UTC at {fix.latitude:.4f}, "
-            f"{fix.longitude:.4f}"
+            f"Last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
         )
     if (said := told.dialogue) is not None and said.why:
         lines[-1] += f"; came up because of: {said.why}" + (
@@ -226,36 +226,39 @@ def _power(told: Morning) -> str:
         return said
     low, high = told.lasts.interval()
     said += (
-        f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: {low:.1f} to "
-        f"{high:.1f})"
+        f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: "
+        f"{days_between(low, high, told.lasts.days)})"
     )
     if (home := _home(told)) is not None:
-        said += f"; turn home by {moment_of(home):%Y-%m-%d %H:%M} UTC"
+        said += f"; {'' if home.endswith('home') else 'turn home by '}{home}"
     return said
 
 
-def _home(told: Morning) -> float | None:
-    """[s] unix of the last safe moment to turn home."""
+def _home(told: Morning) -> str | None:
+    """The last safe moment to turn home, UTC, or who still gets home."""
     fix, outlook = told.last_fix, told.outlook
     if fix is None or outlook is None or outlook.home is None:
         return None
-    return fix.time + outlook.home.safe_days * DAY
+    if not outlook.home.safe:
+        return f"turning now, {100.0 * outlook.home.reached:.0f} of 100 draws get home"
+    return utc_minute(fix.time + outlook.home.safe_days * DAY)
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
     found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
     if (fix := told.last_fix) is not None:
-        found["last fix, UTC"] = f"{moment_of(fix.time):%m-%d %H:%M}"
+        found["last fix, UTC"] = utc_minute(fix.time)
+        found["it was at"] = f"{fix.latitude:.4f}, {fix.longitude:.4f}"
     if told.surfacings is not None and told.surfacings.surfacings:
         one = told.surfacings.surfacings[0]
-        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)[5:]
+        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)
         found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"
     if told.lasts is not None:
         found["days left"] = f"{told.lasts.days:.1f}"
     if (home := _home(told)) is not None:
-        found["turn home by, UTC"] = f"{moment_of(home):%m-%d %H:%M}"
+        found["turn home by, UTC"] = home
     return found
 
 
@@ -372,10 +375,15 @@ def _energy(page: Page, told: Morning) -> None:
             "of the plan adds to it.",
         )
     if told.outlook is not None and (home := told.outlook.home) is not None:
+        said = (
+            f"Going on as planned, 95 of 100 draws still get there if it turns within "
+            f"{home.safe_days:.1f} days of the last fix, half of them within {home.days:.1f}"
+            if home.safe
+            else f"If it turns at the last fix, {100.0 * home.reached:.0f} of 100 draws get there"
+        )
         page.say(
-            f"Home is {home.away_km:.1f} km away. Going on as planned, 95 of 100 draws still get "
-            f"there if it turns within {home.safe_days:.1f} days of the last fix, half of them "
-            f"within {home.days:.1f}: by a straight way against the mean current so far."
+            f"Home is {home.away_km:.1f} km away. {said}: by a straight way against the mean "
+            "current so far."
         )
     total = sum(one.energy for one in told.used.terms)
     page.table(

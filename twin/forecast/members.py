@@ -31,7 +31,7 @@ from twin.forecast.draws import (
 from twin.forecast.known import Known
 from twin.forecast.request import Request, believing, longest_dive
 from twin.forecast.surfacing_schedule import SHORTEST, Delays
-from twin.forecast.way_pool import WayPool
+from twin.forecast.way_pool import GUIDED, WayPool
 from twin.fossen.lane_block import LANES
 from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
 from twin.mission import Mission, Waypoint
@@ -55,6 +55,8 @@ Array = NDArray[np.float64]
 
 SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
+OBEYS = 0.2
+"""Weight of the way to its waypoints below which these hardly count"""
 STEPS, SETTLED = 2.0, 0.75
 """Times the vehicle file's physics step: in six hours the end moves by less than 5 m, in lanes by
 about 1 m (`python -m benchmarks.forecast_speed`). Where such a step times the vehicle's fastest
@@ -174,7 +176,17 @@ def _ways(
     ahead = ways.toward(targets, steered, longest_dive(mission))
     off = draw_ways(ahead, ways.pool.freedom, request.members, rng)
     deviation = math.sqrt(0.5 * float(np.trace(ahead.covariance)))
-    return off, f"as dives so far went beside how they were sent: {deviation:.2f} m/s each way"
+    said = f"as dives so far went beside how they were sent: {deviation:.2f} m/s each way"
+    obeys = float(ahead.weights[ahead.names.index(GUIDED)]) if GUIDED in ahead.names else 0.0
+    if obeys < OBEYS:
+        most = ahead.names[int(np.argmax(ahead.weights))]
+        said += (
+            f". Dives so far did not go to the waypoints that they had, but {most} "
+            f"({100.0 * float(ahead.weights.max()):.0f} %): the places of this plan hardly move "
+            "the forecast. Where it is steered otherwise from now on, forecast without --logs, "
+            "with --vehicle and --current"
+        )
+    return off, said
 
 
 def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:

@@ -51,6 +51,8 @@ BEST = 3
 """Ways that are flown"""
 SLOWER, SELDOM = 1.02, 0.05
 """Times the straight way that counts as slower, and the part of draws in which a way may be so"""
+OFTEN = 0.5
+"""Part of the draws that do not arrive from which no way is to be taken"""
 APART = 2.0
 """Nodes by which two ways must differ to be two"""
 MOST_VIAS = 6
@@ -76,6 +78,13 @@ class Route:
     """Part of the straight way's time that it saves, (draw,)"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     """[h] of the members that the twin flew; NaN: did not arrive, (member,)"""
+    known_hours: float = math.inf
+    """[h] for which the water is known"""
+
+    @property
+    def arrives(self) -> float:
+        """Part of the draws that are there while the water is known."""
+        return float(np.mean(self.hours <= self.known_hours))
 
     @property
     def goto(self) -> str:
@@ -95,6 +104,7 @@ class Route:
             "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})",
             "gain": gain,
             "slower in": f"{100 * told['slower_in']:.0f} %",
+            "arrives in": f"{100 * told['arrives_in']:.0f} %",
         }
         if told["flown"]:
             hours = told["hours_flown"]
@@ -112,6 +122,7 @@ class Route:
             "hours_90": np.quantile(self.hours, NINETY).tolist(),
             "gain": float(self.gain.mean()),
             "gain_90": np.quantile(self.gain, NINETY).tolist(),
+            "arrives_in": self.arrives,
             "slower_in": float(np.mean(self.gain < 1.0 - SLOWER)),
             "flown": len(self.flown),
             "arrived": len(arrived),
@@ -146,7 +157,17 @@ class RoutePlan:
 
     def verdict(self) -> str:
         """Which way to take, and what is promised of it."""
-        low = self.best.describe()["gain_90"][0]
+        told = self.best.describe()
+        missed = 1.0 - told["arrived"] / told["flown"] if told["flown"] else 0.0
+        if max(1.0 - self.best.arrives, missed) > OFTEN:
+            draws = 100.0 * self.best.arrives
+            flown = f", {told['arrived']} of {told['flown']} flown" if told["flown"] else ""
+            return (
+                f"take none: by the best way {draws:.0f} of 100 draws{flown} are there within "
+                f"{self.best.known_hours:.0f} h; it makes {self.speed:.2f} m/s through the water, "
+                "and the current is as fast"
+            )
+        low = told["gain_90"][0]
         said = "no gain over the straight way is promised"
         if self.best.name != "straight" and low > 0.0:
             said = (
@@ -258,6 +279,7 @@ def plan_routes(
                 places=tuple(zip(latitude.tolist(), east.tolist(), strict=True)),
                 hours=times / 3600.0,
                 gain=1.0 - times / straight,
+                known_hours=judge.lasts / 3600.0,
             )
         )
     steeper = dataclasses.replace(request, mission=_pitched(request.mission, pitch))

@@ -131,6 +131,7 @@ def judged(
         "lacking": lacking, "remarks": (
             *remarks_of(numbers, values, changes, powered, vehicle), *_loud(numbers, levels),
         ),
+        "driven": _driven(numbers, powered),
     }  # fmt: skip
     if signatures is None:
         return DeploymentHealth(
@@ -182,6 +183,11 @@ def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
     return found
 
 
+def _driven(numbers: Sequence[int], powered: Sequence[bool]) -> tuple[int, ...]:
+    """Numbers of the dives that a thruster drove."""
+    return tuple(int(n) for n, is_driven in zip(numbers, powered, strict=False) if is_driven)
+
+
 def remarks_of(
     numbers: Sequence[int],
     values: Array,
@@ -191,8 +197,7 @@ def remarks_of(
 ) -> tuple[str, ...]:
     """What is no fault and explains a log, in whole sentences."""
     found = []
-    driven = [n for n, is_driven in zip(numbers, powered, strict=False) if is_driven]
-    if driven:
+    if driven := _driven(numbers, powered):
         found.append(
             f"A thruster drove {_dives(driven)}: glide, trim, turns and power are not judged there."
         )

@@ -78,6 +78,8 @@ class DeploymentHealth:
     """Channels that this log does not tell"""
     remarks: tuple[str, ...]
     """What is no fault and a pilot should know: what drove it, how it leans, what was changed"""
+    driven: tuple[int, ...] = ()
+    """Numbers of the dives that a thruster drove"""
 
     def describe(self) -> dict[str, object]:
         """Plain values, as `--json` prints them."""
@@ -121,8 +123,15 @@ class DeploymentHealth:
         return (
             f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
             f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
-            f"{first.size_deviation:.2g}{unit}"
+            f"{first.size_deviation:.2g}{unit}{self._judged_until()}"
         )
+
+    def _judged_until(self) -> str:
+        """Since when a thruster drove every dive, so that little could speak against an alarm."""
+        last = [dive for dive in self.dives if dive not in self.driven]
+        if not self.driven or self.dives[-1] not in self.driven or not last:
+            return ""
+        return f"; a thruster drove it after dive {last[-1]}: hardly judged since"
 
 
 def loud_channels(levels: Levels) -> list[tuple[Channel, float]]:

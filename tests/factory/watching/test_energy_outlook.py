@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
+from factory.watching.energy_outlook import EnergyOutlook, days_between, energy_outlook
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_without_logs, mission_to
 from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
@@ -108,6 +108,7 @@ def test_the_last_day_to_turn_home_is_where_the_energy_meets_the_way(found: Fore
     assert here.home.away_km == pytest.approx(0.0, abs=1e-6)
     assert here.home.days == pytest.approx(0.5 * days, rel=0.1)  # as long out as back
     assert here.home.safe_days <= here.home.days
+    assert (here.home.reached, here.home.safe) == (1.0, True)
     with_it = outlook(found, (40.0, -50.0), north=-0.1).home  # a current towards home
     against = outlook(found, (40.0, -50.0), north=0.1).home
     assert with_it is not None
@@ -126,3 +127,9 @@ def test_a_current_faster_than_the_vehicle_brings_nobody_home(found: Forecast) -
     assert against is not None
     assert against.safe_days == 0.0
     assert np.isfinite(against.days)
+    assert (against.reached, against.safe) == (0.0, False)
+
+
+def test_an_interval_without_an_upper_end_says_so() -> None:
+    assert days_between(12.2, 40.0, 20.0) == "12.2 to 40.0"
+    assert days_between(12.2, 200.0, 20.0) == "12.2 and more"

@@ -27,6 +27,7 @@ from logs import (
 )
 from PIL import Image
 
+from factory.commands.watch import _late
 from factory.importing import parcels
 from factory.watching import WatchedDeployment, kept_parcels, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
@@ -43,8 +44,10 @@ from twin.errors import InputError, MissionError, WriteError
 from twin.forecast import LoggedLeg, NoticeBox, mission_to, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth, KindVerdict
 from twin.health.judgement import follow
+from twin.logs.logged_leg import legs_of
 from twin.mission import commanded, read_commands, read_science, read_targets
 from twin.navigation.current import Leg
+from twin.records.coordinates import utc_minute
 from twin.records.logged import LogStore
 from twin.records.storage.checksums import store_hash
 from twin.records.storage.disk import temporary_name
@@ -260,7 +263,7 @@ def test_a_junk_file_hides_no_missing_list_of_sensors(
     made = deployment(tmp_path, source, vehicle="slocum-200")
     code, said, err = run(capsys, "watch", made.folder, "--once")
     assert code == 0
-    for words in ("aaa.sbd is not a Slocum", "0badcafe.cac is missing", 'toml: cache = "FOLDER"'):
+    for words in ("aaa.sbd is not a Slocum", "0badcafe.cac is missing", "that cache in deployment.toml names"):
         assert (said + err).count(words) == 1, said + err
         assert words in (made.folder / "page" / "summary.txt").read_text()
     assert "--cache" not in said + err
@@ -872,6 +875,48 @@ def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
     other = morning(made, log, dataclasses.replace(dialogue, vehicle="another"))
     assert other.last_fix == fix
     assert any("of another" in why for why in other.lacking)
+
+
+def test_it_was_last_where_it_came_up_though_nobody_knows_its_way_there(
+    tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    whole = one_pass(made).told
+    assert whole is not None
+    assert whole.last_fix is not None
+    assert whole.last_fix.time == pytest.approx(whole.legs[-1].leg.end)
+    assert not any(why.startswith("current:") for why in whole.lacking)
+    monkeypatch.setattr(
+        "factory.watching.morning.legs_of", lambda logs, name: legs_of(logs, name)[:-1]
+    )
+    told = morning(made, log_of_files(made, made.folder))
+    assert told.last_fix == whole.last_fix
+    assert told.legs[-1].leg.end < whole.last_fix.time - 600.0
+    (said,) = [why for why in told.lacking if why.startswith("current:")]
+    assert f"of 1 dive since {utc_minute(told.legs[-1].leg.end)} UTC ({whole.dives[-1]})" in said
+    assert told.surfacings is not None
+    assert told.surfacings.moment(0.0) == told.last_fix.describe()["time"].rstrip("Z")
+
+
+def test_how_old_the_last_fix_is_is_said_beside_the_page(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made = deployment(tmp_path, source)
+    for path in base:
+        shutil.copy(path, source)
+    told = one_pass(made).told
+    assert told is not None
+    assert told.last_fix is not None
+    assert told.surfacings is not None
+    fix = datetime.datetime.fromtimestamp(told.last_fix.time, datetime.UTC)
+    assert _late(told, fix + datetime.timedelta(minutes=30)) == ""
+    due = told.surfacings.surfacings[0].late_s / 3600.0
+    late = _late(told, fix + datetime.timedelta(hours=due + 5.0))
+    assert late.startswith(f"The last fix is {due + 5.0:.1f} h old; 95 of 100 draws had come up")
+    assert "again 5.0 h ago" in late
+    assert _late(told, fix + datetime.timedelta(days=365)) == ""
 
 
 def test_a_vehicle_that_was_not_identified_is_said_with_an_alarm(

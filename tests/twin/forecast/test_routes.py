@@ -24,7 +24,7 @@ from twin.forecast.route_search import (
     thinned,
     way_times,
 )
-from twin.forecast.route_water import STEP, RouteWater, eddies, route_water
+from twin.forecast.route_water import STEP, RouteWater, eddies, erring, route_water
 from twin.forecast.routes import best_ways
 from twin.records import unix_seconds
 from twin.vehicle.vehicle import load_vehicle
@@ -217,6 +217,35 @@ def test_vias_are_put_in_order_and_the_ways_flown(
     assert [one["properties"]["best"] for one in shapes].count(True) == 1
     assert PROGRAM.main(words) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_a_place_up_current_that_is_not_reached_is_not_recommended() -> None:
+    plan = plan_routes(asked("uniform:-0.6,0"), known(), fly_them=False)
+    assert plan.best.arrives < 0.5
+    assert plan.verdict().startswith("take none: by the best way 0 of 100 draws are there within")
+    down = plan_routes(asked("uniform:0.3,0"), known(), fly_them=False)
+    assert down.best.arrives == 1.0
+    assert "take none" not in down.verdict()
+
+
+def test_a_forecast_that_misplaces_eddies_is_believed_by_its_error() -> None:
+    rng = np.random.default_rng(5)
+    north, east = np.arange(0.0, 200e3, 5e3), np.arange(0.0, 150e3, 5e3)
+    times = STEP * np.arange(20.0)
+    forecast = np.array([0.1, 0.0]) + 0.1 * eddies(rng, times, north, east)
+    mean = forecast.mean(axis=(0, 1, 2))
+    live = float(((forecast - mean) ** 2).mean())
+    for part in (0.0, 0.5, 2.0, 3.0):  # variance of the error over that of the forecast
+        error = float(np.sqrt(part * live))
+        drawn = erring(forecast, error, 41, rng, times, north, east)
+        there = max(1.0 - part / 2.0, 0.0)
+        np.testing.assert_allclose(drawn[0] - mean, there * (forecast - mean), atol=1e-12)
+        np.testing.assert_allclose(drawn.mean(axis=0), drawn[0], atol=1e-12)
+        off = float(((drawn[1:] - forecast) ** 2).mean())
+        assert off == pytest.approx(error**2, rel=0.25, abs=1e-12)  # the error that was asked for
+        spread = float(((drawn[1:] - mean) ** 2).mean())
+        if part <= 2.0:
+            assert spread == pytest.approx(live, rel=0.25)  # as lively as the forecast
 
 
 @pytest.mark.parametrize(

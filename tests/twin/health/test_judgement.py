@@ -1,5 +1,6 @@
 """A fault is called since its first dive by its own signature, and drift is not."""
 
+import dataclasses
 import math
 
 import gsw
@@ -12,7 +13,7 @@ from twin.faults import FAULTS
 from twin.health.assessment import _loud
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.deployment_dives import values_of
-from twin.health.deployment_health import DeploymentHealth
+from twin.health.deployment_health import DeploymentHealth, KindVerdict
 from twin.health.dive_channels import channels_of
 from twin.health.dive_signals import DiveSignals
 from twin.health.judgement import follow, judge
@@ -214,6 +215,23 @@ def test_a_verdict_says_by_how_few_channels_it_is() -> None:
     assert "unit1: no alarm in" in loud.verdict()
     last = shared["dives"][-1]  # type: ignore[index]
     assert f"; look at dive {last}: {CHANNELS[3].name} was " in loud.verdict()
+
+
+def test_an_alarm_says_since_when_a_thruster_drove_it() -> None:
+    kind = KindVerdict(
+        kind="leak", says="water in the hull", probability=0.9, since_dive=2, size=0.1,
+        size_deviation=0.02, unit="kg", settings={}, dives=(2,), channels=(), also=(),
+        otherwise="", find_out="",
+    )  # fmt: skip
+    health = DeploymentHealth(
+        name="unit1", days=1.0, dives=(1, 2, 3, 4), alarm=True, kind="leak", since_dive=2,
+        noticed_dive=2, probability=0.9, kinds=(kind,), evidence=np.zeros(4), threshold=3.0,
+        levels=follow(sound(0)), values=sound(0), time=np.zeros(4), lacking=(), rang=(), remarks=(),
+    )  # fmt: skip
+    assert "thruster" not in health.verdict()
+    driven = dataclasses.replace(health, driven=(1, 3, 4))
+    assert driven.verdict().endswith("a thruster drove it after dive 2: hardly judged since")
+    assert "thruster" not in dataclasses.replace(health, driven=(1, 3)).verdict()
 
 
 def test_a_channel_far_off_its_level_in_the_last_dive_is_told() -> None:
