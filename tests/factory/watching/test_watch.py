@@ -263,7 +263,9 @@ def test_a_junk_file_hides_no_missing_list_of_sensors(
     made = deployment(tmp_path, source, vehicle="slocum-200")
     code, said, err = run(capsys, "watch", made.folder, "--once")
     assert code == 0
-    for words in ("aaa.sbd is not a Slocum", "0badcafe.cac is missing", "that cache in deployment.toml names"):
+    for words in (
+        "aaa.sbd is not a Slocum", "0badcafe.cac is missing", "that cache in deployment.toml names",
+    ):  # fmt: skip
         assert (said + err).count(words) == 1, said + err
         assert words in (made.folder / "page" / "summary.txt").read_text()
     assert "--cache" not in said + err
