@@ -36,8 +36,9 @@ GALLERY = ROOT / "docs" / "gallery"
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"!\[[^\]]+\]\(\.\./gallery/tutorials/([\w.-]+)\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-SHELL = re.compile(r"[|&;<>*$`()~]|^\w+=")
-"""What only a shell understands"""
+SHELL = re.compile(r"[|&;<>*$`()~]|^\s*\w+=")
+"""What only a shell understands, of a line without what is quoted"""
+QUOTED = re.compile(r"\"[^\"$`\\]*\"|'[^']*'")
 WIDEST = 1000
 """[px] of a kept picture"""
 
@@ -80,13 +81,22 @@ class Lesson:
         return said.getvalue()
 
     def shell(self, text: str) -> str:
-        """Run commands; ours in this process, so that each library is loaded once."""
+        """Run commands; ours and the page's programs here, so that each library is loaded once."""
         lines = [line for line in text.replace("\\\n", " ").splitlines() if line.strip()]
         words = [shlex.split(line, comments=True) for line in lines]
-        ours = all(one[0] in ("twin", "factory", "learn") for one in words)
-        if not ours or any(SHELL.search(word) for one in words for word in one):
+        here = all(one[0] in ("twin", "factory", "learn") or _is_program(one) for one in words)
+        if not here or any(SHELL.search(QUOTED.sub("", line)) for line in lines):
             return self.bash(text)
-        return "".join(self.command(*one) for one in words)
+        return "".join(
+            self.program(one[1]) if _is_program(one) else self.command(*one) for one in words
+        )
+
+    def program(self, name: str) -> str:
+        """A program of the page, as `python NAME` runs it; what it printed."""
+        said = io.StringIO()
+        with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
+            runpy.run_path(name, run_name="__main__")
+        return said.getvalue()
 
     def command(self, program: str, *words: str) -> str:
         """One of our commands; what it printed."""
@@ -125,6 +135,11 @@ class Lesson:
         for line in shown.splitlines():
             if line.strip() and line.strip() != "..." and without_numbers(line) not in said:
                 raise RuntimeError(f"the page shows a line that was not printed: {line}")
+
+
+def _is_program(words: list[str]) -> bool:
+    """Whether a command is `python NAME.py` and no more."""
+    return len(words) == 2 and words[0] == "python" and words[1].endswith(".py")
 
 
 def without_numbers(line: str) -> str:

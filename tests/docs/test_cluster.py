@@ -27,6 +27,16 @@ from trees import contents
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/howto/cluster.md").read_text(encoding="utf-8")
 PROGRAMS = Path(__file__).with_name("programs")
+LESSON = """
+import sys
+sys.path.insert(0, "scripts")
+import tutorials
+from pathlib import Path
+
+if __name__ == "__main__":
+    print(tutorials.Lesson(Path(sys.argv[1])).shell(sys.argv[2]))
+"""
+"""Commands of one block in one process, as the tutorials run them: each library is loaded once"""
 
 
 def blocks(section: str, language: str = "sh") -> list[str]:
@@ -82,6 +92,11 @@ class Machine:
     def shell(self, block: str) -> str:
         """Run a block of the page."""
         return self.run("bash", "-ec", block)
+
+    def together(self, block: str) -> str:
+        """Run a block of our commands in one process."""
+        (self.folder / "lesson.py").write_text(LESSON.replace("scripts", f"{ROOT}/scripts"))
+        return self.run(sys.executable, "lesson.py", str(self.folder), block)
 
     def python(self, block: str) -> str:
         """Run a program of the page."""
@@ -178,7 +193,8 @@ def test_s3(machine: Machine) -> None:
     machine.shell(install)
     with s3_server() as environment:
         machine.environment |= environment
-        machine.shell(one)
+        said = machine.together(one)
+        assert "of s3://bucket/missions.zarr" in said
         machine.shell(parts)
     assert len(list((machine.folder / "og1").glob("*.nc"))) == 2
     assert (machine.folder / "runs/small/report/index.html").is_file()
