@@ -151,9 +151,10 @@ def _import(inputs: Path) -> Write:
     from factory.importing.import_run import import_logs
     from twin.records.store import write_store
 
-    _export("og1")(inputs)
-    files = sorted((inputs / "new-og1").glob("*.nc"))
-    dataset = import_logs("og1", files)[0].load()
+    exported = inputs / "og1"
+    export = _export("og1")(inputs)
+    _in_child(lambda: export(exported, "new"))
+    dataset = import_logs("og1", sorted(exported.glob("*.nc")))[0].load()
 
     def write(path: Path, variant: str) -> None:
         write_store(dataset.assign_attrs(comment=variant), path, overwrite=True)
@@ -177,8 +178,6 @@ def _export(kind: str) -> Callable[[Path], Write]:
             with open_exportable(stores[variant]) as run:
                 EXPORTERS[kind].export(run, [0], path, overwrite=True)
 
-        for variant in stores:
-            _in_child(functools.partial(write, inputs / f"{variant}-{kind}", variant))
         return write
 
     return prepare

@@ -13,6 +13,7 @@ import torch
 from matplotlib.figure import Figure
 
 import learn
+from learn.__main__ import PROGRAM
 from learn.networks.onnx_export import StepModel
 from learn.report.contents import ReportFigure
 from twin.errors import InputError
@@ -51,7 +52,9 @@ def place(tmp_path_factory):
     return folder
 
 
-def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(place, flown_store):
+def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(
+    place, flown_store, monkeypatch, capsys
+):
     small = ("--hidden", 5, "--members", 1, "--epochs", 1, "--features", "sin_pitch", "depth_rate")
     words = ("leaky.py", "fit", flown_store, "--name", "mine", "--network", "leaky", *small)
     done = program(place, *words, "--workers", 2, "--json")  # in processes of their own
@@ -69,12 +72,13 @@ def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(place, flown
     assert model.features == ("sin_pitch", "depth_rate")
 
     # without the file the run says what is missing
-    done = program(place, "-m", "learn", "evaluate", "mine", flown_store)
-    assert done.returncode == 2
-    assert "unknown network 'leaky'" in done.stderr
-    assert "import __main__" not in done.stderr
-    assert "name its file in GLIDER_TWIN_PLUGINS" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    monkeypatch.chdir(place)
+    assert PROGRAM.main(["evaluate", "mine", str(flown_store)]) == 2
+    said = capsys.readouterr().err
+    assert "unknown network 'leaky'" in said
+    assert "import __main__" not in said
+    assert "name its file in GLIDER_TWIN_PLUGINS" in said
+    assert len(said.strip().splitlines()) == 1
 
 
 def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_path, monkeypatch):
