@@ -1,6 +1,6 @@
 """Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
 
-    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--bags]
+    python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--bags] [--dimensions]
                                          [--runs 4] [--json]
     python -m benchmarks.identified_runs --sway sail.zarr
 
@@ -14,7 +14,9 @@ fit has not seen, closed loop in MuJoCo under the guidance of the shipped vehicl
 is what each is off from the true one: mean size of the error of surge over its mean, yaw rate and
 depth rate root mean square over theirs, sample by sample. `spread` is the root mean square error of
 the determined parameters in their stated deviations. With `--bags` the identification has nothing
-but folders of rosbag2, which the library of ROS's own format wrote and `factory import` read.
+but folders of rosbag2, which the library of ROS's own format wrote and `factory import` read. With
+`--dimensions` it starts from length, diameter, mass, fins and screw of the vehicle and knows no
+file; what is printed beside it is then the vehicle that these dimensions make.
 
 `--sway` is for a store of real runs that has a Doppler log and gyroscopes, and no controls: what a
 steady turn's sway is per yaw rate, fitted to all deployments but one and applied to that one.
@@ -37,7 +39,7 @@ from factory.importing import import_logs
 from twin import load_vehicle, parse_current, parse_floor, simulate
 from twin.identify import identify_driven, load_runs
 from twin.identify.calibration import Calibration
-from twin.identify.driven_unknowns import driven_parameters
+from twin.identify.driven_unknowns import UNSURE, driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario
@@ -47,6 +49,7 @@ from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.records.trajectory import Trajectory
 from twin.sensors import SensorSuite
+from twin.vehicle.dimensions import Dimensions
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
@@ -170,8 +173,8 @@ def closed_loop(
     vehicle: Vehicle, truth: Vehicle, shipped: Vehicle, missions: list[Mission]
 ) -> dict[str, float]:
     """Errors [%] of a vehicle on missions that both fly under the same guidance."""
-    off: list[list[Array]] = [[], [], []]
-    size: list[list[Array]] = [[], [], []]
+    off: list[list[Array]] = [[], [], [], []]
+    size: list[list[Array]] = [[], [], [], []]
     for mission in missions:
         mine, real = (
             simulate(
@@ -186,24 +189,51 @@ def closed_loop(
         )
         step = float(real.time[1] - real.time[0])
         part = slice(round(START / step), min(len(mine.time), len(real.time)))
+        last = len(mission.segments)
+        ended = [int((run["commanded_segment"] < last).sum()) for run in (mine, real)]
+        way = slice(part.start, min(*ended, part.stop))
         for k, name in enumerate(("true_surge", "true_yaw_rate", "true_depth")):
             a, b = (run[name].astype(float) for run in (mine, real))
             if name == "true_depth":
                 a, b = np.gradient(a, step), np.gradient(b, step)
             off[k].append(a[part] - b[part])
             size[k].append(b[part])
-    speed, turn, depth = (np.concatenate(one) for one in off)
-    surge, rate, sink = (np.concatenate(one) for one in size)
+            if name == "true_yaw_rate":
+                off[3].append(a[way] - b[way])
+                size[3].append(b[way])
+    speed, turn, depth, swing = (np.concatenate(one) for one in off)
+    surge, rate, sink, swung = (np.concatenate(one) for one in size)
     return {
         "speed": 100.0 * float(np.abs(speed).mean() / surge.mean()),
         "turn rate": 100.0 * float(np.sqrt((turn**2).mean() / (rate**2).mean())),
         "depth rate": 100.0 * float(np.sqrt((depth**2).mean() / (sink**2).mean())),
+        "turn rate until the mission ends": 100.0
+        * float(np.sqrt((swing**2).mean() / (swung**2).mean())),
     }
 
 
-def study(name: str, seed: int, runs: int, folder: Path, *, bags: bool) -> dict[str, Any]:
-    """One vehicle: identified, and flown beside the true and the shipped one."""
+def of_dimensions(vehicle: Vehicle) -> Vehicle:
+    """What the outside of a vehicle makes of it."""
+    rudder, screw = vehicle.part(vehicle.steering["heading"]), vehicle.part("propeller")
+    return Dimensions(
+        length=vehicle.hull_length,
+        diameter=vehicle.hull_diameter,
+        mass=vehicle.mass,
+        fin_area=getattr(rudder, "area"),  # noqa: B009
+        fin_place=float(rudder.position[0]),
+        screw=getattr(screw, "diameter"),  # noqa: B009
+        density=vehicle.reference_density,
+    ).vehicle()
+
+
+def study(
+    name: str, seed: int, runs: int, folder: Path, *, bags: bool, dimensions: bool
+) -> dict[str, Any]:
+    """One vehicle: identified, and flown beside the true one and the one that it began with."""
     shipped = load_vehicle(name)
+    start, unsure = (of_dimensions(shipped), UNSURE) if dimensions else (shipped, 1.0)
+    if start.part_names != shipped.part_names:
+        raise SystemExit(f"{name} has parts that its dimensions do not tell of: take remus")
     truth = other(shipped, np.random.default_rng(seed))
     rng = np.random.default_rng([seed, 1])
     kind = name.partition(":")[0]
@@ -214,18 +244,19 @@ def study(name: str, seed: int, runs: int, folder: Path, *, bags: bool) -> dict[
     store = write_store(dataset_of(made), folder / f"{kind}-{seed}.zarr")
     if bags:
         store = through_bags(store, shipped, folder)
-    found = identify_driven(load_runs(store, shipped), shipped)
+    found = identify_driven(load_runs(store, start), start, unsure=unsure)
     true = Calibration(vehicle=truth, water_density=shipped.reference_density)
-    known = {p.name: p.get(true) for p in driven_parameters(shipped)}
-    errors = [(e.value - known[e.name]) / e.deviation for e in found.estimates if e.determined]
+    known = {p.name: p.get(true) for p in driven_parameters(shipped)} if not dimensions else {}
+    told = [e for e in found.estimates if e.determined]
+    errors = [(e.value - known[e.name]) / e.deviation for e in told if e.name in known]
     unseen = [survey(rng, FAST[kind], TURN[kind]) for _ in range(UNSEEN)]
     return {
         "vehicle": name,
         "seed": seed,
         "identified": closed_loop(found.calibration.vehicle, truth, shipped, unseen),
-        "shipped": closed_loop(shipped, truth, shipped, unseen),
-        "determined": len(errors),
-        "spread": float(np.sqrt(np.mean(np.square(errors)))),
+        "started from": closed_loop(start, truth, shipped, unseen),
+        "determined": len(told),
+        "spread": float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
     }
 
 
@@ -275,6 +306,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--bags", action="store_true", help="through folders of rosbag2")
+    parser.add_argument("--dimensions", action="store_true", help="start without a vehicle file")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--sway", help="store of real runs: the sway of their turns alone")
     options = parser.parse_args()
@@ -283,14 +315,18 @@ def main() -> None:
         return
     for seed in map(int, options.seeds.split(",")):
         with tempfile.TemporaryDirectory() as folder:
-            found = study(options.vehicle, seed, options.runs, Path(folder), bags=options.bags)
+            found = study(
+                options.vehicle, seed, options.runs, Path(folder), bags=options.bags,
+                dimensions=options.dimensions,
+            )  # fmt: skip
         if options.json:
             print(json.dumps(found), flush=True)
             continue
-        for which in ("identified", "shipped"):
+        for which in ("identified", "started from"):
             words = ", ".join(f"{k} {v:.2f} %" for k, v in found[which].items())
-            print(f"{found['vehicle']} {seed} {which:10s} {words}", flush=True)
-        print(f"    {found['determined']} determined, spread {found['spread']:.1f}")
+            print(f"{found['vehicle']} {seed} {which:12s} {words}", flush=True)
+        spread = "" if found["spread"] is None else f", spread {found['spread']:.1f}"
+        print(f"    {found['determined']} determined{spread}", flush=True)
 
 
 if __name__ == "__main__":

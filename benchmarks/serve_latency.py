@@ -2,9 +2,12 @@
 
     python -m benchmarks.serve_latency [--vehicle remus] [--rate 100] [--seconds 600] [--json]
 
+    chrt --fifo 1 python -m benchmarks.serve_latency       # where other processes are busy
+
 The client sends a packet every 1/rate s, as ArduPilot does in real time, and notes how long the
-answer takes. The server is a process of its own. Printed are the answers' 50, 99 and 99.9 %
-and the longest, and the same of the client's own lateness, which is the machine's.
+answer takes. The server is a process of its own. Half way between two packets the same packet goes
+to another process, which sends it back and does nothing else: the floor of the machine. Printed are
+the 50, 99 and 99.9 % and the longest of both, and of how late the client itself was.
 """
 
 from __future__ import annotations
@@ -27,23 +30,37 @@ LIMIT_MS = 5.0
 """99.9 % of the answers on a free core"""
 
 
-def ask(port: int, rate: int, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """[ms] of each answer, and by how much each packet left late."""
+ECHO = """
+import socket, sys
+one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+one.bind(("127.0.0.1", int(sys.argv[1])))
+print("waits on", sys.argv[1], file=sys.stderr, flush=True)
+while True:
+    one.sendto(*one.recvfrom(4096))
+"""
+"""The rival: a process that answers without a vehicle"""
+
+
+def ask(ports: tuple[int, int], rate: int, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """[ms] of the answers, and how late each packet left; (frames, 2), a column for each port."""
     client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     client.settimeout(30.0)
     pulses = (1700, *(1500,) * 15)
-    answers, late = np.zeros(frames), np.zeros(frames)
+    answers, late = np.zeros((frames, 2)), np.zeros((frames, 2))
     begun = 0.0
     for k in range(-rate, frames):  # a second to get warm
         if k <= 0:
             begun = time.perf_counter()
-        due = begun + max(k, 0) / rate
-        time.sleep(max(0.0, due - time.perf_counter()))
-        sent = time.perf_counter()
-        client.sendto(struct.pack("<HHI16H", 18458, rate, k + rate, *pulses), ("127.0.0.1", port))
-        client.recv(4096)
-        if k >= 0:
-            answers[k], late[k] = 1e3 * (time.perf_counter() - sent), 1e3 * (sent - due)
+        packet = struct.pack("<HHI16H", 18458, rate, k + rate, *pulses)
+        for which, port in enumerate(ports):
+            due = begun + (max(k, 0) + 0.5 * which) / rate
+            time.sleep(max(0.0, due - time.perf_counter()))
+            sent = time.perf_counter()
+            client.sendto(packet, ("127.0.0.1", port))
+            client.recv(4096)
+            if k >= 0:
+                answers[k, which] = 1e3 * (time.perf_counter() - sent)
+                late[k, which] = 1e3 * (sent - due)
     client.close()
     return answers, late
 
@@ -54,6 +71,18 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+def begin(words: list[str]) -> subprocess.Popen[str]:
+    """A process that has said that it waits."""
+    server = subprocess.Popen(
+        [sys.executable, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+    )
+    assert server.stderr is not None
+    while "waits on" not in (line := server.stderr.readline()):
+        if not line:
+            raise SystemExit("the server did not begin")
+    return server
+
+
 def main() -> int:
     """Print the table; 1 where the answers are too late."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -62,27 +91,34 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    port = free_port()
-    words = [sys.executable, "-m", "twin", "serve", "--vehicle", options.vehicle]
-    words += ["--port", str(port), "--silence", "60"]
-    server = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    ports = free_port(), free_port()
+    serve = ["-m", "twin", "serve", "--vehicle", options.vehicle, "--port", str(ports[0])]
+    servers = []
     try:
-        assert server.stderr is not None
-        while "waits on" not in (line := server.stderr.readline()):
-            if not line:
-                raise SystemExit("the server did not begin")
-        answers, late = ask(port, options.rate, round(options.seconds * options.rate))
+        for words in ([*serve, "--silence", "60"], ["-c", ECHO, str(ports[1])]):
+            servers.append(begin(words))
+        answers, late = ask(ports, options.rate, round(options.seconds * options.rate))
     finally:
-        server.terminate()
-        server.wait()
+        for server in servers:
+            server.terminate()
+            server.wait()
+    columns = {
+        "answer of twin serve [ms]": answers[:, 0],
+        "answer of a bare echo [ms]": answers[:, 1],
+        "client late by [ms]": late.ravel(),
+    }
     rows = [
         {"of": name, **{f"{share:g} %": np.percentile(values, share) for share in SHARES},
          "longest": values.max()}
-        for name, values in (("answer [ms]", answers), ("client late by [ms]", late))
+        for name, values in columns.items()
     ]  # fmt: skip
-    figures = {f"{share:g}": float(np.percentile(answers, share)) for share in SHARES}
+    figures, echo = (
+        {f"{share:g}": float(np.percentile(values, share)) for share in SHARES}
+        for values in answers.T
+    )
     if options.json:
-        print(json.dumps({"vehicle": options.vehicle, "frames": len(answers), "ms": figures}))
+        print(json.dumps({"vehicle": options.vehicle, "frames": len(answers), "ms": figures,
+                          "echo_ms": echo}))  # fmt: skip
     else:
         print(f"{options.vehicle}, {len(answers)} frames at {options.rate} Hz")
         print(format_table(rows, digits=3))

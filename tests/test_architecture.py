@@ -113,6 +113,7 @@ NAMES_ACTUATORS = {
 OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
+    "twin.serve.ros_topics": "rotation is a field of a ROS transform",
     "twin.show.render.motion": "shift of a mesh",
     "twin.show.health_page": "the pump's answer, as twin.health has it",
     "learn.networks.vector_kernels": "shift of a buffer",

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
-from factory.exporting.mcap_cdr import encode
 from factory.exporting.mcap_samples import McapSamples
-from factory.exporting.mcap_topics import Topic, topics
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
 from twin.records.coordinates import NOMINAL
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
+from twin.serve.cdr import encode
+from twin.serve.ros_topics import Topic, topics
 from twin.version import __version__
 
 if TYPE_CHECKING:

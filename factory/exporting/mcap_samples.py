@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap_cdr import orientation
+from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane, offset, position
 from twin.records.coordinates import (
@@ -19,6 +19,7 @@ from twin.records.coordinates import (
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 from twin.records.timeseries import FIXES, sample_coordinates
+from twin.sensors.imu import Imu
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ NANOSECONDS = 1_000_000
 
 
 class McapSamples:
-    """Signals, moments and places of a mission.
+    """Signals, moments and places of a mission, the `twin.serve.ros_topics.Samples` of a store.
 
     Raises:
       StoreError: it is damaged, or does not say when the mission began.
@@ -42,6 +43,13 @@ class McapSamples:
         self.run, self.mission = run, mission
         self.count = int(run.samples[mission])
         self.names = run.signals()
+        self.logged, self.period = run.logged, run.period
+        self.imu_position = run.vehicle.imu_position
+        self.gps_deviation: float | None = None
+        if isinstance(run, GeneratedStore):
+            self.gps_deviation = run.sensor_constants(mission).get("gps_sigma") or None
+        imu = run.suite.get("imu") if isinstance(run, GeneratedStore | StoredFlight) else None
+        self.imu = imu if isinstance(imu, Imu) else None
         where = sample_coordinates(run, mission)
         moments = where[DATETIME].astype("datetime64[ms]")
         if np.isnat(moments).any():
@@ -64,22 +72,6 @@ class McapSamples:
             row = self.run.row(name, self.mission)[: self.count]
             self._read[name] = row.astype(float)
         return self._read[name]
-
-    def all_of(self, *names: str) -> bool:
-        """Whether the store has all of these signals."""
-        return all(name in self.names for name in names)
-
-    def vector(self, group: str, *names: str) -> tuple[Array, ...]:
-        """Signals of a group such as `true`; zeros where the store has none."""
-        return tuple(
-            self.signal(f"{group}_{name}") if f"{group}_{name}" in self.names else
-            np.zeros(self.count)
-            for name in names
-        )  # fmt: skip
-
-    def orientation(self, group: str) -> Array:
-        """Quaternion (x, y, z, w) of the vehicle, (samples, 4)."""
-        return orientation(*self.vector(group, "roll", "pitch", "heading"))
 
     def track(self) -> tuple[Array, Array]:
         """North and east [m] from the origin of `map` of the places that the store holds.

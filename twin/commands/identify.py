@@ -42,6 +42,10 @@ class Identify(JsonOption):
     vehicle: str | None = None
     """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped one
     of the log's kind, or the one that a simulated store has"""
+    dimensions: tuple[str, ...] = ()
+    """of a propelled vehicle that has no file, in place of --vehicle: length=1.33 diameter=0.19
+    mass=30.5 [m, kg], and what else is known of fin_area [m2], fin_place [m ahead of the middle],
+    screw [m], density [kg/m3]"""
     out: Path | None = None
     """write the calibrated vehicle here (.xml)"""
     overwrite: bool = False
@@ -96,6 +100,7 @@ class Identify(JsonOption):
             with_known,
             write_figures,
         )
+        from twin.vehicle import Dimensions
 
         check_plot_path(self.plot)
         if self.out is not None and self.out.suffix.lower() != ".xml":
@@ -119,6 +124,14 @@ class Identify(JsonOption):
         if self.pitch_scale is not None and not 0.5 <= self.pitch_scale <= 2.0:
             raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
+        if self.dimensions:
+            if self.vehicle is not None:
+                raise InputError(
+                    "--dimensions are for a vehicle without a file: leave out --vehicle"
+                )
+            example = "a dimension and its value, such as length=1.33"
+            numbers = parse_numbers("dimensions", self.dimensions, example)
+            return self._driven(console, Dimensions.of(numbers).vehicle())
         started = self.vehicle if self.vehicle is not None else start_vehicle(self.store)
         vehicle = load_vehicle(started) if isinstance(started, str) else started
         if driven(vehicle):
@@ -217,6 +230,7 @@ class Identify(JsonOption):
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
         from twin.identify import (
+            UNSURE,
             confused,
             cruise_of,
             driven_failures,
@@ -253,7 +267,12 @@ class Identify(JsonOption):
         with console.progress(total=1.0, label="identify", unit="") as progress:
             report = _Stages(progress, refines=False, handles=False).of("fit")
             found = identify_driven(
-                runs, vehicle, parameters=self.parameters or None, known=known, progress=report
+                runs,
+                vehicle,
+                parameters=self.parameters or None,
+                known=known,
+                unsure=UNSURE if self.dimensions else 1.0,
+                progress=report,
             )
         self._say(console, found, len(runs), None)
         _remark(console, found)

@@ -1,28 +1,41 @@
-"""`twin serve`: one vehicle as a process that ArduPilot, or what speaks its protocol, drives."""
+"""`twin serve`: one vehicle as a process that ArduPilot, or what speaks its protocol, or ROS 2
+drives."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.durations import Seconds
+from twin.errors import InputError
+
+if TYPE_CHECKING:
+    from twin.serve import SteppedVehicle
+
+OF_ARDUPILOT = ("channels", "exposed_to")
+OF_ROS2 = ("router", "token_file", "domain", "keys", "rate")
+"""Options that one protocol alone has; they are refused with the other"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Serve(JsonOption):
     """Fly one vehicle for a client: servo pulses in by UDP, its state out as JSON, as ArduPilot's
-    SITL expects of its physics. Ctrl-C ends it and writes what was flown.
+    SITL expects of its physics, or messages of ROS 2 in and out over Zenoh. Ctrl-C ends it and
+    writes what was flown.
 
     Examples:
 
         twin serve --vehicle remus --channels propeller,rudder,elevator
         twin serve --vehicle tethys --mavlink udpout:127.0.0.1:14550 --out run.zarr
+        twin serve --vehicle remus --protocol ros2 --router tcp/127.0.0.1:7447
     """
 
+    protocol: Literal["ardupilot", "ros2"] = "ardupilot"
+    """what drives it: ArduPilot's JSON interface, or ROS 2 over Zenoh, in real time"""
     vehicle: str = "remus"
     """shipped vehicle name, or the path of an MJCF file"""
     channels: Annotated[str | None, tyro.conf.arg(metavar="PART[,PART ...]")] = None
@@ -38,8 +51,19 @@ class Serve(JsonOption):
     """vehicle's time after which it ends, such as 3600 (seconds) or 6h"""
     host: str = "127.0.0.1"
     """address to serve on"""
-    port: int = 9002
-    """UDP port; ArduPilot's is 9002"""
+    port: int | None = None
+    """port [default: UDP 9002, ArduPilot's, or TCP 7447, Zenoh's]"""
+    router: str | None = None
+    """ros2: connect to this router, such as tcp/127.0.0.1:7447, in place of listening"""
+    token_file: Path | None = None
+    """ros2: a file with the password of the user twin, which Zenoh's clients then must name; a
+    --host that other machines reach needs one"""
+    domain: int | None = None
+    """ros2: ROS_DOMAIN_ID [default: 0]"""
+    keys: Literal["rmw_zenoh", "ros2dds"] | None = None
+    """ros2: name topics as rmw_zenoh does, or as zenoh-bridge-ros2dds [default: rmw_zenoh]"""
+    rate: float | None = None
+    """ros2: messages per second [default: one a control period of the vehicle]"""
     exposed_to: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS[,ADDRESS ...]")] = None
     """with a --host that other machines reach: who may drive, such as 192.168.1.20 or
     192.168.1.0/24. The protocol has no token: whoever sends from there, or with such a false
@@ -58,12 +82,16 @@ class Serve(JsonOption):
         import twin
         from twin.extras import require
         from twin.records import check_target, dataset_of, write_store
-        from twin.serve import ArduPilotServer, Channels, MavlinkTelemetry, SteppedVehicle
+        from twin.serve import MavlinkTelemetry, SteppedVehicle
 
+        self._check_options()
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
         if self.mavlink is not None:
             require("pymavlink", extra="ardupilot", purpose="--mavlink")
+        if self.protocol == "ros2":
+            for package in ("zenoh", "rosbags"):
+                require(package, extra="zenoh", purpose="--protocol ros2")
         scenario = twin.scenario_of(
             vehicle=self.vehicle,
             current=self.current,
@@ -73,24 +101,10 @@ class Serve(JsonOption):
             commanded=True,
         )
         flown = SteppedVehicle(scenario)
-        named = [] if self.channels is None else self.channels.split(",")
-        channels = Channels.of(scenario.vehicle, named)
-        place = scenario.place
-        telemetry = None
-        if self.mavlink is not None:
-            telemetry = MavlinkTelemetry(self.mavlink, (place.latitude_deg, place.longitude_deg))
-        with ArduPilotServer(
-            flown, channels, host=self.host, port=self.port, silence=self.silence,
-            exposed_to=[] if self.exposed_to is None else self.exposed_to.split(","),
-            telemetry=telemetry, tell=console.note,
-        ) as server:  # fmt: skip
-            where = "{}:{}".format(*server.address)
-            parts = ", ".join(f"{k} {name}" for k, name in enumerate(channels.parts, 1))
-            console.note(f"{scenario.vehicle.name} waits on {where}; channels: {parts}")
-            try:
-                server.run()
-            except KeyboardInterrupt:
-                console.note("interrupted")
+        start = (scenario.place.latitude_deg, scenario.place.longitude_deg)
+        telemetry = MavlinkTelemetry(self.mavlink, start) if self.mavlink is not None else None
+        serve = self._ros2 if self.protocol == "ros2" else self._ardupilot
+        served = serve(console, flown, start, telemetry)
         if telemetry is not None:
             telemetry.close()
         if self.out is not None and flown.time > 0.0:
@@ -100,7 +114,69 @@ class Serve(JsonOption):
                 self.out,
                 overwrite=self.overwrite,
             )
-        figures = {"flown_s": flown.time, **asdict(server.served)}
+        figures = {"flown_s": flown.time, **asdict(served)}
         console.pairs({**figures, **({"store": str(self.out)} if self.out else {})})
         console.answer(vehicle=scenario.vehicle.name, out=self.out, **figures)
         return 0
+
+    def _check_options(self) -> None:
+        for name in OF_ROS2 if self.protocol == "ardupilot" else OF_ARDUPILOT:
+            if getattr(self, name) is not None:
+                other = "ros2" if self.protocol == "ardupilot" else "ardupilot"
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} is of --protocol {other}, not of {self.protocol}")
+
+    def _ardupilot(
+        self, console: Console, flown: SteppedVehicle, _: tuple[float, float], telemetry: Any
+    ) -> Any:
+        from twin.serve import ArduPilotServer, Channels
+
+        named = [] if self.channels is None else self.channels.split(",")
+        channels = Channels.of(flown.vehicle, named)
+        with ArduPilotServer(
+            flown, channels, host=self.host, port=9002 if self.port is None else self.port,
+            silence=self.silence, telemetry=telemetry, tell=console.note,
+            exposed_to=[] if self.exposed_to is None else self.exposed_to.split(","),
+        ) as server:  # fmt: skip
+            where = "{}:{}".format(*server.address)
+            parts = ", ".join(f"{k} {name}" for k, name in enumerate(channels.parts, 1))
+            console.note(f"{flown.vehicle.name} waits on {where}; channels: {parts}")
+            return _until_interrupted(server, console)
+
+    def _ros2(
+        self, console: Console, flown: SteppedVehicle, start: tuple[float, float], telemetry: Any
+    ) -> Any:
+        from twin.serve import ZenohServer
+
+        port = 7447 if self.port is None else self.port
+        with ZenohServer(
+            flown, start, host=self.host, port=port, router=self.router, token=self._token(),
+            domain=self.domain or 0, bridge=self.keys == "ros2dds", rate=self.rate,
+            silence=self.silence, telemetry=telemetry,
+        ) as server:  # fmt: skip
+            where = self.router or f"tcp/{self.host}:{port}"
+            names = ", ".join(f"/commanded/{part.name}" for part in flown.vehicle.parts)
+            console.note(f"{flown.vehicle.name} waits on {where}; topics: {names}")
+            return _until_interrupted(server, console)
+
+    def _token(self) -> str | None:
+        if self.token_file is None:
+            return None
+        try:
+            token = self.token_file.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"--token-file {self.token_file}: {error}") from error
+        if not token or any(mark.isspace() or mark == ":" for mark in token):
+            raise InputError(
+                f"--token-file {self.token_file}: a token is one word without a colon, such as "
+                "python -c 'import secrets; print(secrets.token_urlsafe())' writes"
+            )
+        return token
+
+
+def _until_interrupted(server: Any, console: Console) -> Any:
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        console.note("interrupted")
+    return server.served

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from twin.identify.driven_proof import driven_failures as driven_failures
     from twin.identify.driven_runs import DrivenRun as DrivenRun
     from twin.identify.driven_runs import load_runs as load_runs
+    from twin.identify.driven_unknowns import UNSURE as UNSURE
     from twin.identify.driven_unknowns import driven as driven
     from twin.identify.fit import ALWAYS as ALWAYS
     from twin.identify.fit import identify as identify

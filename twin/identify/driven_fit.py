@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.identify.answer import DRIVEN, Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
-from twin.identify.driven_flights import DrivenFlights, ahead
+from twin.identify.comparison import ResidualNoise
+from twin.identify.driven_flights import CHANNELS, DrivenFlights, ahead
 from twin.identify.driven_runs import DrivenRun
 from twin.identify.driven_unknowns import driven_parameters
 from twin.identify.fit import UNDETERMINED
@@ -34,7 +35,10 @@ SILENT = 0.95
 runs say nothing, and the vehicle file's number stands"""
 LOOKS = (5, 3, 3)
 """Evaluations of each fit; between them weights, and the currents at the starts, are taken again"""
+FAR_LOOKS = (15, 15)
+"""The same before, from a vehicle of which only the dimensions were known"""
 ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
+FAR_ENDS: dict[str, Any] = {"xtol": 1e-4, "ftol": 1e-5}
 SLOWEST = 0.1
 """[m/s] below which a vehicle lies still"""
 
@@ -71,6 +75,7 @@ def identify_driven(
     *,
     parameters: Sequence[str] | None = None,
     known: Mapping[str, float] | None = None,
+    unsure: float = 1.0,
     progress: Callable[[float], None] = lambda part: None,
 ) -> Identification:
     """Estimate the parameters of a propelled vehicle from its runs.
@@ -80,6 +85,7 @@ def identify_driven(
       vehicle: to start from.
       parameters: names to estimate; by default all that `driven_parameters` has.
       known: values that are known and not estimated, by name.
+      unsure: times the usual spreads, see `driven_parameters`.
       progress: called with the part done, 0 to 1.
 
     Raises:
@@ -87,7 +93,7 @@ def identify_driven(
     """
     densities = [float(np.median(run.density[1])) for run in runs if run.density is not None]
     water = float(np.median(densities)) if densities else vehicle.reference_density
-    everything = driven_parameters(vehicle)
+    everything = driven_parameters(vehicle, unsure)
     nominal = with_known(Calibration(vehicle=vehicle, water_density=water), known or {}, everything)
     wanted = everything if parameters is None else choose(parameters, everything)
     notes = {p.name: "given as known" for p in wanted if p.name in (known or {})}
@@ -101,7 +107,8 @@ def identify_driven(
     if not free:
         reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
         raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
-    problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part))
+    far = unsure > 1.0
+    problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=far)
     first = problem.fitted(x)
     spread = np.sqrt(np.diag(first.covariance))[: len(free)]
     before = dict(zip((p.name for p in free), spread.tolist(), strict=True))
@@ -126,16 +133,35 @@ def _fitted(
     nominal: Calibration,
     parameters: tuple[UnknownParameter, ...],
     progress: Callable[[float], None],
+    *,
+    far: bool,
 ) -> tuple[DrivenFlights, Array]:
-    """The problem with its weights, and where its fit ends."""
+    """The problem with its weights, and where its fit ends.
+
+    From `far`, every manoeuvre is an outlier, and what is left of it says nothing: there all
+    residuals of a channel count alike first.
+    """
     problem = DrivenFlights(runs, nominal, parameters)
     x = np.zeros(problem.size)
-    for k, looks in enumerate(LOOKS):
-        x, _ = problem.fit(x, 1, max_nfev=looks, **ENDS)
+    stages = [(looks, True) for looks in FAR_LOOKS if far] + [(looks, False) for looks in LOOKS]
+    for k, (looks, plain) in enumerate(stages):
+        first = _alike(problem, x) if plain else None
+        x, _ = problem.fit(x, 1, first=first, max_nfev=looks, **(FAR_ENDS if plain else ENDS))
         problem.started = problem.currents(x)
-        progress((k + 1) / len(LOOKS))
+        progress((k + 1) / len(stages))
     problem.reweight(x)
     return problem, x
+
+
+def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
+    """Noise of each channel by which no residual is an outlier."""
+    return {
+        name: ResidualNoise(
+            deviation=max(_rms(np.concatenate(series)), CHANNELS[name][1]), samples=1.0
+        )
+        for name, series in problem.missed(x).items()
+        if sum(map(len, series))
+    }
 
 
 def _without(

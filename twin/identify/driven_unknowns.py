@@ -9,6 +9,7 @@ fins, the cross flow and the damping of Tethys (`assets/tethys.xml`).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -54,6 +55,8 @@ PLACE_SPREAD = 3.0
 """[mm] along the hull of a centre of gravity after trimming"""
 ARM_SPREAD = 0.3
 """of the righting arm's logarithm"""
+UNSURE = 3.0
+"""Times as much is open of a vehicle that was made of its dimensions alone"""
 
 
 def driven(vehicle: Vehicle) -> bool:
@@ -61,8 +64,12 @@ def driven(vehicle: Vehicle) -> bool:
     return vehicle.steered("speed") is not None
 
 
-def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
+def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
     """What can be estimated of a vehicle: the numbers that its file has.
+
+    Args:
+      vehicle: to start from.
+      unsure: times the usual spreads, but that of the trim.
 
     Raises:
       InputError: no propeller, or another hull law than that in body axes, by name.
@@ -91,6 +98,9 @@ def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
         if vehicle.added_mass[k, k] > 0.0
     ]
     found += _of_part(driving, "thrust_coefficient", "thrust at rest", THRUST_SPREAD)
+    if unsure > 1.0 and driving.zero_thrust_advance > 0.0:
+        what = "advance without thrust"
+        found += _of_part(driving, "zero_thrust_advance", what, THRUST_SPREAD)
     for control in ("heading", "pitch"):
         part = vehicle.steered(control)
         if isinstance(part, Fin):
@@ -118,7 +128,9 @@ def driven_parameters(vehicle: Vehicle) -> tuple[UnknownParameter, ...]:
                 set=_set_arm,
             )
         )
-    return tuple(found)
+    return tuple(
+        p if p.name in SHARED else dataclasses.replace(p, spread=unsure * p.spread) for p in found
+    )
 
 
 def _with(calibration: Calibration, **changes: object) -> Calibration:

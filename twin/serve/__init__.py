@@ -1,4 +1,4 @@
-"""Serve: one vehicle that others drive step by step, in Python or over ArduPilot's protocol."""
+"""Serve: one vehicle that others drive: step by step in Python, by ArduPilot or by ROS 2."""
 
 from typing import TYPE_CHECKING
 
@@ -9,5 +9,6 @@ if TYPE_CHECKING:
     from twin.serve.ardupilot import Channels as Channels
     from twin.serve.mavlink_telemetry import MavlinkTelemetry as MavlinkTelemetry
     from twin.serve.stepped_vehicle import SteppedVehicle as SteppedVehicle
+    from twin.serve.zenoh_server import ZenohServer as ZenohServer
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -9,6 +9,7 @@ forward-starboard-down. The vehicle flies one frame for each packet, however lon
 from __future__ import annotations
 
 import contextlib
+import gc
 import ipaddress
 import json
 import math
@@ -161,7 +162,19 @@ class ArduPilotServer:
         return str(host), int(port)
 
     def run(self, until: Callable[[], bool] = lambda: False) -> Served:
-        """Serve until the flight ends or `until` says so; what was served."""
+        """Serve until the flight ends or `until` says so; what was served.
+
+        Meanwhile Python's collector leaves out everything that was made before: looking through it
+        takes longer than an answer.
+        """
+        gc.collect()
+        gc.freeze()
+        try:
+            return self._serve(until)
+        finally:
+            gc.unfreeze()
+
+    def _serve(self, until: Callable[[], bool]) -> Served:
         while not self.flown.ended and not until():
             self._socket.settimeout(min(self.silence, LISTENS))
             try:
@@ -191,22 +204,23 @@ class ArduPilotServer:
             return
         rate, frame, pulses = packet
         self._client, self._heard = sender, time.monotonic()
-        if frame == self._frame:
+        last = self._frame
+        if frame == last:
             self.served.repeated += 1
         else:
-            if frame < self._frame:  # ArduPilot was started again
+            if frame < last:  # ArduPilot was started again
                 self.flown.reset()
                 self.served.restarts += 1
-            elif self._frame >= 0:
-                self.served.skipped += frame - self._frame - 1
+            elif last >= 0:
+                self.served.skipped += frame - last - 1
             self._frame = frame
             self.flown.step(self.channels.command(pulses), 1.0 / rate)
             self._answer = answer(self.flown)
             self.served.frames += 1
-            if self._telemetry is not None:
-                self._telemetry(self.flown)
         with contextlib.suppress(ConnectionError):  # a client that has just gone
             self._socket.sendto(self._answer, sender)
+        if self._telemetry is not None and frame != last:  # while the client thinks
+            self._telemetry(self.flown)
 
     def _may_drive(self, sender: tuple[str, int]) -> bool:
         """Whether a sender is of this machine or among those that the server is exposed to."""

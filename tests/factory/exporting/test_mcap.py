@@ -12,13 +12,13 @@ import pytest
 from logs import Flight, write_slocum
 
 from factory.exporting import EXPORTERS
-from factory.exporting.mcap_cdr import body, encode, orientation, to_body, world
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.timeseries import sample_coordinates
+from twin.serve.cdr import body, encode, orientation, to_body, world
 
 pytest.importorskip("mcap")
 rosbags = pytest.importorskip("rosbags.highlevel")

@@ -129,6 +129,28 @@ def test_what_drives_and_turns_it_comes_back_and_flies_unseen_missions(store: Pa
     assert off < 0.2 * rival
 
 
+def test_a_vehicle_without_a_file_is_found_from_its_dimensions(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command has the outside of the vehicle alone; judged by a run that it has not seen."""
+    out = tmp_path / "mine.xml"
+    words = ["identify", str(store), "--missions", "0-2", "--unseen", "2", "--json"]
+    words += ["--out", str(out), "--no-handling", "--parameters", "neutral_density", "Xuu"]
+    words += ["propeller.thrust_coefficient", "Yvv", "Nuv", "Nrr", "rudder.neutral"]
+    words += ["--dimensions", "length=1.333", "diameter=0.191", "mass=30.479", "screw=0.1397"]
+    words += ["fin_area=0.00665", "fin_place=-0.638", "density=1030"]
+    assert PROGRAM.main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    mine, before = (said["unseen"][name] for name in ("identified", "started_from"))
+    assert mine["against"] == "truth"
+    assert mine["speed"] < 0.02
+    assert mine["speed"] < 0.3 * before["speed"]
+    assert mine["turn_rate"] < 0.8 * before["turn_rate"]
+    written = load_vehicle(out)
+    assert written.part_names == SHIPPED.part_names
+    assert "length=1.333" in written.xml
+
+
 def test_a_run_is_kept_where_nothing_has_changed_for_it(store: Path) -> None:
     runs = load_runs(store, SHIPPED)
     nominal = Calibration(vehicle=SHIPPED, water_density=SHIPPED.reference_density)
@@ -169,6 +191,8 @@ def test_the_command_fits_judges_and_writes(
         (["--vehicle", "remus", "--parameters", "Xvu"], "unknown parameter 'Xvu'"),
         (["--vehicle", "remus", "--unseen", "0-2"], "leaves no run to fit"),
         (["--vehicle", "slocum-200", "--unseen", "2"], "is a glider"),
+        (["--vehicle", "remus", "--dimensions", "length=1"], "leave out --vehicle"),
+        (["--dimensions", "length=1.3", "width=1"], "unknown dimension 'width'"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(

@@ -1,4 +1,5 @@
-"""Topics: which messages are made of which signals.
+"""ROS topics: which messages are made of which signals, of a store's mission or of a vehicle that
+flies now.
 
 Standard messages where there is one, and std_msgs/Float64 for every other signal. What happened is
 below /truth, what the sensors said below /measured, what was asked for below /commanded. Units are
@@ -9,17 +10,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.mcap_cdr import body, to_body, world
-from factory.exporting.mcap_samples import McapSamples
-from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.records.schema import VARIABLES
 from twin.records.timeseries import FIXES
 from twin.sensors.imu import Imu
+from twin.serve.cdr import body, orientation, to_body, world
 
 Array = NDArray[np.float64]
 
@@ -40,6 +39,7 @@ SI = {
 RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
 ANGLES = ("roll", "pitch", "heading")
+CURRENT = ("current_north", "current_east", "current_down")
 DVL_MODES = {"bottom": 1, "water": 2}
 UNKNOWN, APPROXIMATED = 0, 1
 """Kinds of covariance of a NavSatFix"""
@@ -47,6 +47,38 @@ FIX, GPS = 0, 1
 """Status and service of a NavSatFix"""
 NOT_MEASURED = (-1.0, *(0.0,) * 8)
 """Covariance of an Imu's quantity that it does not measure"""
+
+
+class Samples(Protocol):
+    """What topics are made of."""
+
+    names: list[str]
+    """Of its signals, as in a store"""
+    count: int
+    time: NDArray[np.int64]
+    """[ns] unix time of each sample"""
+    latitude: Array
+    longitude: Array
+    """[degree] of each sample"""
+    logged: bool
+    """Whether a real vehicle logged it, so that nobody knows the truth"""
+    imu_position: Array
+    """[m] from the centre of buoyancy, forward, starboard, down"""
+    gps_deviation: float | None
+    """[m] of the fixes, per axis; None where nobody knows it"""
+    imu: Imu | None
+    """The sensor behind `measured_...`, where it is known"""
+    period: float
+    """[s] between samples"""
+
+    def signal(self, name: str) -> Array:
+        """A signal in a store's units, (samples,)."""
+
+    def track(self) -> tuple[Array, Array]:
+        """North and east [m] of a log's places from the origin of `map`."""
+
+    def fixes(self) -> tuple[Array, Array]:
+        """Latitude and longitude [degree] of the GPS fixes, (samples,); NaN without one."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,7 +101,7 @@ class Topic:
     """Of a bare number"""
 
 
-def topics(samples: McapSamples) -> Iterator[Topic]:
+def topics(samples: Samples) -> Iterator[Topic]:
     """All topics of a mission, standard messages first."""
     used: set[str] = set()
     for topic in _standard(samples):
@@ -80,52 +112,54 @@ def topics(samples: McapSamples) -> Iterator[Topic]:
             yield _number(samples, name)
 
 
-def _standard(samples: McapSamples) -> Iterator[Topic]:
-    simulated = not samples.run.logged
+def _standard(samples: Samples) -> Iterator[Topic]:
+    simulated = not samples.logged
     for group in ("true", "measured"):
-        if samples.all_of(*_names(group, *ANGLES)):
+        if _all_of(samples, *_names(group, *ANGLES)):
             yield from _imu(samples, group)
         yield from _pose(samples, group)
-        if samples.all_of(f"{group}_temperature"):
+        if _all_of(samples, f"{group}_temperature"):
             yield _stamped(
                 samples, f"/{GROUPS[group]}/temperature", "sensor_msgs/msg/Temperature",
                 {"temperature": samples.signal(f"{group}_temperature")}, [f"{group}_temperature"],
             )  # fmt: skip
-        current = _names(group, "current_north", "current_east")
-        if samples.all_of(*current):
-            names = [*current, *_names(group, "current_down")]
-            vector = world(*samples.vector(group, "current_north", "current_east", "current_down"))
+        current = _names(group, *CURRENT[:2])
+        if _all_of(samples, *current):
+            names = _names(group, *CURRENT)
+            vector = world(
+                *_vector(samples, group, "current_north", "current_east", "current_down")
+            )
             yield _stamped(
                 samples, f"/{GROUPS[group]}/current", "geometry_msgs/msg/Vector3Stamped",
                 {"vector": _xyz(vector)}, names, frame=MAP,
             )  # fmt: skip
-    if samples.all_of("measured_pressure"):
+    if _all_of(samples, "measured_pressure"):
         pressure = SURFACE_PRESSURE + PASCAL * samples.signal("measured_pressure")
         yield _stamped(
             samples, "/measured/pressure", "sensor_msgs/msg/FluidPressure",
             {"fluid_pressure": pressure}, ["measured_pressure"],
         )  # fmt: skip
     yield from _doppler(samples)
-    if samples.all_of(*FIXES):
+    if _all_of(samples, *FIXES):
         latitude, longitude = samples.fixes()
-        yield _fix(samples, "/measured/fix", latitude, longitude, FIXES, _gps_deviation(samples))
+        yield _fix(samples, "/measured/fix", latitude, longitude, FIXES, samples.gps_deviation)
     name = "/truth/fix" if simulated else "/measured/track"
     yield _fix(samples, name, samples.latitude, samples.longitude, (), None)
 
 
-def _imu(samples: McapSamples, group: str) -> Iterator[Topic]:
+def _imu(samples: Samples, group: str) -> Iterator[Topic]:
     """Attitude, rates and specific force, which ROS calls linear acceleration."""
     suffix = TRUE if group == "true" else ""
     rates, forces = _names(group, *RATES), _names(group, *FORCES)
     angles = _names(group, *ANGLES)
     spread = _imu_covariances(samples) if group == "measured" else ((0.0,) * 9, (0.0,) * 9)
-    moved, pushed = samples.all_of(*rates), samples.all_of(*forces)
+    moved, pushed = _all_of(samples, *rates), _all_of(samples, *forces)
     names = [*angles, *(rates if moved else ()), *(forces if pushed else ())]
     values = {
-        "orientation": _xyzw(samples.orientation(group)),
-        "angular_velocity": _xyz(body(*samples.vector(group, *RATES))),
+        "orientation": _xyzw(_orientation(samples, group)),
+        "angular_velocity": _xyz(body(*_vector(samples, group, *RATES))),
         "angular_velocity_covariance": spread[0] if moved else NOT_MEASURED,
-        "linear_acceleration": _xyz(body(*samples.vector(group, *FORCES))),
+        "linear_acceleration": _xyz(body(*_vector(samples, group, *FORCES))),
         "linear_acceleration_covariance": spread[1] if pushed else NOT_MEASURED,
     }
     frame = (IMU if pushed else BASE) + suffix
@@ -133,28 +167,28 @@ def _imu(samples: McapSamples, group: str) -> Iterator[Topic]:
     yield _stamped(samples, topic, "sensor_msgs/msg/Imu", values, names, frame=frame)
 
 
-def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
+def _pose(samples: Samples, group: str) -> Iterator[Topic]:
     """Where the vehicle is, as odometry, pose and transform."""
     measured = group == "measured"
-    logged = samples.run.logged
+    logged = samples.logged
     tracks = ("north", "east") if not measured else ("onboard_north", "onboard_east")
     names = [*_names(group, *tracks), f"{group}_depth", *_names(group, *ANGLES)]
-    if measured and logged and samples.all_of(*names[2:]):
+    if measured and logged and _all_of(samples, *names[2:]):
         names = names[2:]
         north, east = samples.track()
-    elif samples.all_of(*names):
-        north, east = samples.vector(group, *tracks)
+    elif _all_of(samples, *names):
+        north, east = _vector(samples, group, *tracks)
     else:
         return
     place = world(north, east, samples.signal(f"{group}_depth"))
-    turn = samples.orientation(group)
+    turn = _orientation(samples, group)
     child = BASE if measured else BASE + TRUE
     pose = {"position": _xyz(place), "orientation": _xyzw(turn)}
     over = _names(group, "velocity_north", "velocity_east", "velocity_down")
     rates = _names(group, *RATES)
-    if samples.all_of(*over, *rates):
+    if _all_of(samples, *over, *rates):
         speed = to_body(turn, world(*(samples.signal(name) for name in over)))
-        twist = _twist(speed, body(*samples.vector(group, *RATES)))
+        twist = _twist(speed, body(*_vector(samples, group, *RATES)))
         values = {"child_frame_id": child, "pose": {"pose": pose}, "twist": {"twist": twist}}
         names = [*names, *over, *rates]
         topic = f"/{GROUPS[group]}/odometry"
@@ -164,9 +198,9 @@ def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
         values = {"pose": pose}
         yield _stamped(samples, topic, "geometry_msgs/msg/PoseStamped", values, names, frame=MAP)
     water = _names(group, "surge", "sway", "heave")
-    if samples.all_of(*water):
+    if _all_of(samples, *water):
         through = body(*(samples.signal(name) for name in water))
-        twist = _twist(through, body(*samples.vector(group, *RATES)))
+        twist = _twist(through, body(*_vector(samples, group, *RATES)))
         yield _stamped(
             samples, f"/{GROUPS[group]}/velocity_through_water", "geometry_msgs/msg/TwistStamped",
             {"twist": twist}, water, frame=child,
@@ -178,7 +212,7 @@ def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
     }
     known = np.isfinite(np.concatenate([place, turn], axis=1)).all(axis=1)
     yield _transforms("/tf", transform, known)
-    offset = body(*(np.full(samples.count, x) for x in samples.run.vehicle.imu_position))
+    offset = body(*(np.full(samples.count, x) for x in samples.imu_position))
     fixed = {
         "header": {"stamp": _stamp(samples.time), "frame_id": child},
         "child_frame_id": IMU if measured else IMU + TRUE,
@@ -187,13 +221,13 @@ def _pose(samples: McapSamples, group: str) -> Iterator[Topic]:
     yield _transforms("/tf_static", fixed, np.arange(samples.count) == 0)
 
 
-def _doppler(samples: McapSamples) -> Iterator[Topic]:
+def _doppler(samples: Samples) -> Iterator[Topic]:
     """Velocity by the Doppler log, over the bottom and through the water apart."""
     names = _names("measured", "dvl_surge", "dvl_sway", "dvl_heave")
-    if not samples.all_of(*names, "measured_dvl_mode"):
+    if not _all_of(samples, *names, "measured_dvl_mode"):
         return
     speed = body(*(samples.signal(name) for name in names))
-    twist = {"twist": {"twist": _twist(speed, body(*samples.vector("measured", *RATES)))}}
+    twist = {"twist": {"twist": _twist(speed, body(*_vector(samples, "measured", *RATES)))}}
     mode = samples.signal("measured_dvl_mode")
     for over, code in DVL_MODES.items():
         topic = _stamped(
@@ -205,7 +239,7 @@ def _doppler(samples: McapSamples) -> Iterator[Topic]:
 
 
 def _fix(
-    samples: McapSamples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
+    samples: Samples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
     deviation: float | None,
 ) -> Topic:  # fmt: skip
     """Places as a map shows them; the height is above the sea surface."""
@@ -225,38 +259,34 @@ def _fix(
     return _stamped(samples, name, "sensor_msgs/msg/NavSatFix", values, signals, frame=frame)
 
 
-def _gps_deviation(samples: McapSamples) -> float | None:
-    """[m] of the fixes of a mission, per axis; None where nobody knows it."""
-    if isinstance(samples.run, GeneratedStore):
-        return samples.run.sensor_constants(samples.mission).get("gps_sigma") or None
-    return None
-
-
-def _imu_covariances(samples: McapSamples) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Of rates [(rad/s)2] and specific force [(m/s2)2]; zeros, that is unknown, of other sensors.
 
     White noise, bias instability and turn-on bias of a sample, each as its deviation.
     """
-    run = samples.run
-    suite = run.suite if isinstance(run, GeneratedStore | StoredFlight) else {}
-    imu = suite.get("imu")
-    if not isinstance(imu, Imu):
+    imu = samples.imu
+    if imu is None:
         return (0.0,) * 9, (0.0,) * 9
     found = []
     for density, instability, bias in (
         (imu.gyro_noise_density, imu.gyro_bias_instability, imu.gyro_turn_on_bias),
         (imu.accel_noise_density, imu.accel_bias_instability, imu.accel_turn_on_bias),
     ):
-        variance = density**2 / run.period + instability**2 + bias**2
+        variance = density**2 / samples.period + instability**2 + bias**2
         found.append(tuple(np.diag([variance] * 3).ravel().tolist()))
     return found[0], found[1]
 
 
-def _number(samples: McapSamples, name: str) -> Topic:
+def in_si(name: str) -> tuple[str, float]:
+    """The unit of a signal's messages, and its factor to a store's numbers."""
+    stored = VARIABLES[name].units
+    return SI.get(stored, (stored, 1.0))
+
+
+def _number(samples: Samples, name: str) -> Topic:
     """A signal that no standard message has."""
     group, rest = name.split("_", 1)
-    stored = VARIABLES[name].units
-    units, factor = SI.get(stored, (stored, 1.0))
+    units, factor = in_si(name)
     values = samples.signal(name) * factor
     return Topic(
         name=f"/{GROUPS[group]}/{rest}", type="std_msgs/msg/Float64", values={"data": values},
@@ -265,7 +295,7 @@ def _number(samples: McapSamples, name: str) -> Topic:
 
 
 def _stamped(
-    samples: McapSamples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
+    samples: Samples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
     frame: str = BASE,
 ) -> Topic:  # fmt: skip
     """A topic with headers; samples with a gap in any field have no message."""
@@ -294,6 +324,24 @@ def _finite(values: Any, count: int) -> NDArray[np.bool_]:
         for value in values.values():
             known &= _finite(value, count)
     return known
+
+
+def _all_of(samples: Samples, *names: str) -> bool:
+    return all(name in samples.names for name in names)
+
+
+def _vector(samples: Samples, group: str, *names: str) -> tuple[Array, ...]:
+    """Signals of a group such as `true`; zeros where there are none."""
+    return tuple(
+        samples.signal(f"{group}_{name}") if f"{group}_{name}" in samples.names else
+        np.zeros(samples.count)
+        for name in names
+    )  # fmt: skip
+
+
+def _orientation(samples: Samples, group: str) -> Array:
+    """Quaternion (x, y, z, w) of the vehicle, (samples, 4)."""
+    return orientation(*_vector(samples, group, *ANGLES))
 
 
 def _names(group: str, *names: str) -> list[str]:
