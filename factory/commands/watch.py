@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     import datetime
     from collections.abc import Callable
 
-    from factory.watching import Passed, WatchedDeployment
-    from factory.watching.morning import Morning
+    from factory.watching import Morning, Passed, WatchedDeployment
 
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
 OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
