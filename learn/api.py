@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from learn.data.several_stores import Stores
 from learn.finishing import Say, check_finish, finish
 from learn.report.contents import RunEvaluation
 from learn.run import RUNS, Run, free_name, open_run
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def fit(
-    store: str | StorePath | None = None,
+    store: str | StorePath | Stores | None = None,
     *,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -45,7 +46,8 @@ def fit(
     """Train networks for surge and sway on a store, evaluate them and write a report.
 
     Args:
-      store: of missions or of logs; None is data/missions.zarr, or the run's own with `resume`.
+      store: of missions or of logs, or several of simulated missions, each of one vehicle; None is
+        data/missions.zarr, or the run's own with `resume`.
       folder: of the run; None is a new one in runs/, named by date and number.
       resume: continue the run in `folder` with its own settings; start it if there is none.
       overwrite: replace the run in `folder`, which is kept until the new one is trained; with
@@ -108,7 +110,8 @@ def train_and_finish(
       studies: called with the trained run, and what trains more, before it is evaluated; what it
         writes into the run's folder, such as an ablation, goes into the report.
     """
-    check_finish(config.store)
+    for store in config.stores:
+        check_finish(store)
     with training_resources(workers, executor, memory) as resources:
         run = fitting.fit(
             config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, Selection, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.evaluation import Evaluation, evaluate
 from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
@@ -22,8 +21,23 @@ from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.run_page import build_log_page, build_page
 from learn.report.training_data import LABELS, TRAINING_PANELS
-from learn.run import ABLATION, CARD, EVALUATION, FAMILIARITY, PAPER_TEST, REPORT, Run
-from learn.run_evaluation import evaluate_run, evaluation_split, is_log_store
+from learn.run import (
+    ABLATION,
+    CARD,
+    EVALUATION,
+    FAMILIARITY,
+    MORE_STORES,
+    PAPER_TEST,
+    REPORT,
+    Run,
+)
+from learn.run_evaluation import (
+    evaluate_own,
+    evaluate_run,
+    evaluation_split,
+    is_log_store,
+    judge,
+)
 from twin.cli.text_table import counted
 from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
@@ -78,13 +92,13 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     if set(channels_of(run.features)) & set(ESTIMATED):
         say("learning which hulls the training knew")
         run = run.remember(**{FAMILIARITY: dataclasses.asdict(_familiarity(run))})
-    if not is_log_store(run.store):
+    if not is_log_store(run.stores[0]):
         say("learning how far off the networks are from missions that they were not trained on")
         run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
-    test = evaluate_run(run, run.store, split=split, limit=JUDGED)
+    test = evaluate_own(run, split=split, limit=JUDGED)
     write_sealed(run.folder / EVALUATION, test.figures)
-    paper = None if is_log_store(run.store) else _paper_test(run, say)
+    paper = None if is_log_store(run.stores[0]) else _paper_test(run, say)
     if paper is not None:
         write_sealed(run.folder / PAPER_TEST, paper.figures)
     write_page(run, test, paper, history=history)
@@ -99,7 +113,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
 def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
     """The run's page from its evaluations."""
     settings = run.description["settings"]
-    if is_log_store(run.store):
+    if is_log_store(run.stores[0]):
         folder = (run.folder / REPORT).parent
         folds = [_left_out(found) for found in read_folds(run)]
         return build_log_page(folder, run, test, provenance(run), history, [*folds, *_seeds(run)])
@@ -114,7 +128,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         metrics=run.metrics(),
         training=_training_mission(run),
         ablation=_ablation(run),
-        studies=_seeds(run),
+        studies=[*_each_store(run, test), *_seeds(run)],
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
@@ -148,6 +162,32 @@ def _left_out(found: Folds) -> Study:
     )
 
 
+def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
+    """The stores one by one, where there are several."""
+    stores = test.figures.get("stores", {})
+    if not stores:
+        return []
+    columns = {
+        "missions": "missions",
+        "surge MSE [(m/s)²]": "surge_mse",
+        "sway MSE [(m/s)²]": "sway_mse",
+        "through the water, mean [%]": "dr_water_percent_mean",
+        "true attitude, mean [%]": "dr_velocity_percent_mean",
+    }
+    study = Study(
+        title="Each store",
+        rows=[
+            {"store": store} | {title: found[name] for title, name in columns.items()}
+            for store, found in stores.items()
+        ],
+        caption=f"The same networks on the {test.evaluation.split} missions of each store, with "
+        "the vehicle of its own.",
+        sentence="All other tables are over the missions of all stores; the tracks and the "
+        f"training mission are of {run.stores[0]}.",
+    )
+    return [study]
+
+
 def _seeds(run: Run) -> list[Study]:
     """The study of seeds, where the run has one."""
     found = read_seeds(run)
@@ -177,6 +217,11 @@ def provenance(run: Run) -> dict[str, object]:
     return {
         "store": settings["store"],
         **{f"store: {name}": value for name, value in run.description["store"].items()},
+        **{
+            f"store {number}: {name}": value
+            for number, more in enumerate(run.description.get(MORE_STORES, ()), 2)
+            for name, value in more.items()
+        },
         "inputs": ", ".join(settings["features"]),
         "network": ", ".join(f"{k} {v}" for k, v in settings["network"].items() if k != "inputs"),
         "training": ", ".join(f"{k} {v}" for k, v in settings["training"].items()),
@@ -189,14 +234,17 @@ def provenance(run: Run) -> dict[str, object]:
 
 
 def _familiarity(run: Run) -> Familiarity:
-    with MissionStore(run.store) as reader:
-        part = "train" if SPLIT in reader else "all"
-    with Selection(
-        run.store, ESTIMATED, split=part, limit=MISSIONS, period=run.period
-    ) as selection:
-        assert selection.vehicle is not None  # estimated channels are read
-        flight = FlightFilter(selection.vehicle, selection.period)
-        return Familiarity.fit(flight, selection.each())
+    def known() -> Iterator[tuple[FlightFilter, Iterator[MissionSequence]]]:
+        for store in run.stores:
+            with MissionStore(store) as reader:
+                part = "train" if SPLIT in reader else "all"
+            with Selection(
+                store, ESTIMATED, split=part, limit=MISSIONS, period=run.period
+            ) as selection:
+                assert selection.vehicle is not None  # estimated channels are read
+                yield FlightFilter(selection.vehicle, selection.period), selection.each()
+
+    return Familiarity.fit(known())
 
 
 def _error_model(run: Run, split: str) -> ErrorModel:
@@ -212,16 +260,11 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         surge.append(said.surge - reference.surge)
         sway.append(said.sway - reference.sway)
 
-    found: Evaluation = evaluate(
-        run.networks(),
-        run.store,
-        split=split,
-        baselines=(),
-        limit=JUDGED,
-        watch=watch,
-        period=run.period,
+    found = judge(run, split, watch, JUDGED)
+    ideal = all(
+        one.get(SENSORS) == IDEAL_SENSORS
+        for one in (found.provenance, *run.description.get(MORE_STORES, ()))
     )
-    ideal = found.provenance.get("sensors") == IDEAL_SENSORS
     return fit_error_model(found.methods[NETWORK].scores, seconds, surge, sway, ideal_compass=ideal)
 
 
@@ -229,9 +272,12 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
     """The run on the paper's three missions, flown with the sensors of its store.
 
     None for a store that the factory did not make, whose sensors are not known, for one of a
-    vehicle with other parts than the Sea-Wing, which flies the test, and for networks that read a
-    CTD: its water has one density.
+    vehicle with other parts than the Sea-Wing, which flies the test, for networks that read a CTD:
+    its water has one density, and for several stores, whose sensors may differ.
     """
+    if len(run.stores) > 1:
+        say("leaving out the paper's test: one vehicle flies it with the sensors of its store")
+        return None
     sensors = run.description["store"].get("sensors")
     if sensors is None:
         return None
@@ -260,13 +306,14 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
 
 def _training_mission(run: Run) -> MissionSequence | None:
     """One training mission with the channels that the page draws and the store has."""
-    with MissionStore(run.store) as reader:
+    store = run.stores[0]
+    with MissionStore(store) as reader:
         present = set(reader.dataset.data_vars)
     channels = [name for name, _ in TRAINING_PANELS if name in present]
     split = "train" if "split" in present else "all"
     labels = run.labels
     learned = () if labels.source == "truth" else labels.channels()
-    missions = load_missions(run.store, [*channels, *learned], split=split, limit=1)
+    missions = load_missions(store, [*channels, *learned], split=split, limit=1)
     if not missions or not learned:
         return missions[0] if missions else None
     first = missions[0]

@@ -7,10 +7,9 @@ import statistics
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from learn.evaluation.evaluation import evaluate
 from learn.files import read_sealed, write_sealed
 from learn.run import ABLATION, SEEDS, Run
-from learn.run_evaluation import evaluation_split
+from learn.run_evaluation import evaluation_split, judge
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import TrainingStart, Watch, fit_each
 from learn.training.resources import Resources
@@ -105,9 +104,7 @@ def train_seeds(
     runs = [run, *fit_each(starts, resources, watch=watch)]
     figures = {}
     for seed, one in zip([config.training.seed, *others], runs, strict=True):
-        found = evaluate(
-            one.networks(), run.store, split=split, baselines=(), period=run.period
-        ).to_json()
+        found = judge(one, split).to_json()
         figures[seed] = {name: found[name] for name in FIGURES}
     study = Seeds(figures)
     write_sealed(run.folder / SEEDS, study.to_json())
@@ -160,9 +157,6 @@ def ablate(
     ]
     figures: dict[str, Any] = {}
     for sensor, part in zip(settings, fit_each(starts, resources, watch=watch), strict=True):
-        evaluation = evaluate(
-            part.networks(), run.store, split=split, baselines=(), period=run.period
-        )
-        figures[f"without {sensor}"] = to_json(evaluation.to_json())
+        figures[f"without {sensor}"] = to_json(judge(part, split).to_json())
     write_sealed(run.folder / ABLATION, figures)
     return figures

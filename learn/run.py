@@ -57,6 +57,9 @@ ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
 ADAPTATION = "adaptation"
 """Entry of `run.json`: what `learn adapt` found, and from which dives"""
+MORE_STORES = "more_stores"
+"""Entry of `run.json`: what was kept of the further stores of a run that was trained on several,
+with `vehicle` and `store`; in the settings, their paths"""
 FAMILIARITY = "familiarity"
 """Entry of `run.json`: the hulls of its training, of networks that read the flight filter"""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
@@ -81,8 +84,23 @@ class Run:
 
     @property
     def store(self) -> StorePath:
-        """The store that it was trained on."""
-        return store_path(self.description["settings"]["store"])
+        """The store that it was trained on.
+
+        Raises:
+          InputError: there are several.
+        """
+        if len(self.stores) > 1:
+            raise InputError(
+                f"run {self.name} was trained on several stores: give the one that is meant of "
+                f"{', '.join(map(str, self.stores))}, or another"
+            )
+        return self.stores[0]
+
+    @property
+    def stores(self) -> tuple[StorePath, ...]:
+        """All stores that it was trained on."""
+        settings = self.description["settings"]
+        return tuple(map(store_path, (settings["store"], *settings.get(MORE_STORES, ()))))
 
     @property
     def members(self) -> int:

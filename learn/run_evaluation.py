@@ -10,7 +10,7 @@ import numpy as np
 
 from learn.data.dataset import SPLITS, MissionSequence, Selection, any_channel
 from learn.evaluation.deviation import Coverage, FixConsistency
-from learn.evaluation.evaluation import Watch, evaluate
+from learn.evaluation.evaluation import Evaluation, Watch, evaluate, pooled
 from learn.networks.familiarity import Familiarity, ended
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
@@ -68,6 +68,34 @@ def evaluate_run(
     if hulls is not None:
         found["outside"] = hulls.figures()
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
+
+
+def evaluate_own(run: Run, *, split: str, limit: int | None = None) -> RunEvaluation:
+    """A run on all stores that it was trained on; errors as `evaluate`.
+
+    Of several, the figures are over the missions of all; `stores` has those of each by its path,
+    and the missions that are shown are the first store's.
+    """
+    each = [evaluate_run(run, store, split=split, limit=limit) for store in run.stores]
+    if len(each) == 1:
+        return each[0]
+    everything = pooled([one.evaluation for one in each])
+    stores = {one.evaluation.store: one.figures for one in each}
+    figures = {"run": str(run.folder), **everything.to_json(), "stores": stores}
+    return RunEvaluation(evaluation=everything, figures=to_json(figures), shown=each[0].shown)
+
+
+def judge(run: Run, split: str, watch: Watch | None = None, limit: int | None = None) -> Evaluation:
+    """The networks of a run alone, without baselines, on all stores that it was trained on."""
+    return pooled(
+        [
+            evaluate(
+                run.networks(), store, split=split, baselines=(), limit=limit, watch=watch,
+                period=run.period,
+            )
+            for store in run.stores
+        ]
+    )  # fmt: skip
 
 
 class Hulls:
@@ -133,7 +161,9 @@ def evaluation_split(run: Run) -> tuple[str, str]:
     """
     if run.description["settings"]["division"] == "samples":
         return "all", "all"
-    with Selection(run.store, any_channel(run.store)) as selection:
-        parts = set(selection.splits)
+    parts = set(SPLITS)
+    for store in run.stores:
+        with Selection(store, any_channel(store)) as selection:
+            parts &= set(selection.splits)
     held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
     return held_out[0], held_out[min(1, len(held_out) - 1)]

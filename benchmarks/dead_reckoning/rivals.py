@@ -110,7 +110,16 @@ def network(kind: str) -> Rival:
 
 
 def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
-    """Networks of `learn fit`, as `learn adapt` fits them to a test mission's first dives.
+    """Networks of `learn fit`, adapted to each test mission: see `adapt_each`."""
+
+    def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+        return adapt_each(trained(train, seed, seconds, kind), test, labels, whole)
+
+    return Rival(predict, labels)
+
+
+def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predicted:
+    """A run, as `learn adapt` fits it to a test mission's first dives.
 
     A mission whose dives do not suffice is left as it is.
 
@@ -118,48 +127,43 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
       labels: `dvl`: its Doppler log in water lock too.
       whole: by all of the mission, later dives too: what nobody has under way.
     """
+    from learn.adaptation import FIXES, LOG_CHANNELS, dive_spans
+    from learn.data.dataset import Selection
+    from learn.evaluation.deviation import surge_interval
+    from learn.networks.familiarity import ended
+    from learn.networks.predictor import Adapted
+    from twin.navigation.features import channels_of
+    from twin.navigation.flight_filter import FlightFilter
+    from twin.navigation.flight_fit import adapt_flight, steady_glides
+    from twin.navigation.settings import ESTIMATED, estimate_adapted
 
-    def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-        from learn.adaptation import FIXES, LOG_CHANNELS, dive_spans
-        from learn.data.dataset import Selection
-        from learn.evaluation.deviation import surge_interval
-        from learn.networks.familiarity import ended
-        from learn.networks.predictor import Adapted
-        from twin.navigation.features import channels_of
-        from twin.navigation.flight_filter import FlightFilter
-        from twin.navigation.flight_fit import adapt_flight, steady_glides
-        from twin.navigation.settings import ESTIMATED, estimate_adapted
-
-        run = trained(train, seed, seconds, kind)
-        networks, model = run.networks(), run.error_model()
-        familiar = networks["surge"].familiar
-        wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
-        said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
-        with Selection(test, wanted) as selection:
-            vehicle = selection.vehicle
-            assert vehicle is not None
-            flight = FlightFilter(vehicle, selection.period)
-            for mission in selection.each():
-                spans = dive_spans(mission, logged=False)
-                log = labels == "dvl"
-                outside = familiar.outside(np.array(ended(flight, mission)))[0]
-                glides = steady_glides(flight, mission.signals, spans, log=log)
-                for dives in DIVES:
-                    first, start = glides if whole else glides[:dives], None
-                    with contextlib.suppress(InputError):
-                        start = adapt_flight(flight, first, log=log).start if first else None
-                    one, adapted = [mission], None
-                    if start is not None:
-                        second = estimate_adapted(mission.signals, vehicle, mission.period, start)
-                        one = [dataclasses.replace(mission, signals=mission.signals | second)]
-                        adapted = Adapted(start=start, deviation=model.surge_sd)
-                    said[dives][mission.index] = {
-                        name: dataclasses.replace(ensemble, adapted=adapted).predict(one)[0][0]
-                        for name, ensemble in networks.items()
-                    } | {INTERVAL: surge_interval(model, one[0], adapted, outside)}
-        return {dives: table(rows) for dives, rows in said.items()}
-
-    return Rival(predict, labels)
+    networks, model = run.networks(), run.error_model()
+    familiar = networks["surge"].familiar
+    wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
+    said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
+    with Selection(test, wanted) as selection:
+        vehicle = selection.vehicle
+        assert vehicle is not None
+        flight = FlightFilter(vehicle, selection.period)
+        for mission in selection.each():
+            spans = dive_spans(mission, logged=False)
+            log = labels == "dvl"
+            outside = familiar.outside(np.array(ended(flight, mission)))[0]
+            glides = steady_glides(flight, mission.signals, spans, log=log)
+            for dives in DIVES:
+                first, start = glides if whole else glides[:dives], None
+                with contextlib.suppress(InputError):
+                    start = adapt_flight(flight, first, log=log).start if first else None
+                one, adapted = [mission], None
+                if start is not None:
+                    second = estimate_adapted(mission.signals, vehicle, mission.period, start)
+                    one = [dataclasses.replace(mission, signals=mission.signals | second)]
+                    adapted = Adapted(start=start, deviation=model.surge_sd)
+                said[dives][mission.index] = {
+                    name: dataclasses.replace(ensemble, adapted=adapted).predict(one)[0][0]
+                    for name, ensemble in networks.items()
+                } | {INTERVAL: surge_interval(model, one[0], adapted, outside)}
+    return {dives: table(rows) for dives, rows in said.items()}
 
 
 RIVALS: Mapping[str, Rival] = {

@@ -86,6 +86,41 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
     Raises:
       InputError: they are of other missions or samples, or not finite.
     """
+    percent, squared, within = mission_errors(store, dives, said)
+    found = {}
+    for adapted, each in percent.items():
+        low, high = interval(each)
+        total, count = np.sum(squared[adapted], axis=0)
+        found[str(adapted)] = {
+            "dr_velocity_percent": float(each.mean()), "low": low, "high": high,
+            "surge_mse": float(total / count), "missions": float(each.size),
+            "worse": float(np.sum(each > WORSE * percent[0])),
+        }  # fmt: skip
+        if adapted in within:
+            found[str(adapted)]["within"] = float(np.mean(within[adapted]))
+    # what did not adapt says the same after any dives
+    return {str(adapted): found.get(str(adapted), found["0"]) for adapted in DIVES}
+
+
+def interval(each: Array, over: Array | None = None) -> tuple[float, float]:
+    """95 % of a bootstrap over missions: of the mean, or of its ratio to that of another method.
+
+    Args:
+      each: figure of each mission.
+      over: of the other method, of the same missions.
+    """
+    drawn = np.random.default_rng(0).integers(0, each.size, (DRAWS, each.size))
+    means = each[drawn].mean(1) / (1.0 if over is None else over[drawn].mean(1))
+    low, high = np.percentile(means, (2.5, 97.5))
+    return float(low), float(high)
+
+
+def mission_errors(
+    store: Path, dives: int, said: Mapping[int, xr.Dataset]
+) -> tuple[dict[int, Array], dict[int, list[tuple[float, int]]], dict[int, list[float]]]:
+    """By the dives that a method adapted on, of each mission that has more than `dives`: the error
+    at its end in %, the squared errors of surge with their number, and the share within what the
+    method says of 68 %, if it does; arguments and errors as of `score`."""
     percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said}
     squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
     within: dict[int, list[float]] = {d: [] for d in percent if INTERVAL in said[d]}
@@ -99,23 +134,9 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
             squared[adapted].append((float(off @ off), off.size))
             percent[adapted].append(_percent(mission, surge, sway, begin))
             if adapted in within:
-                interval = said[adapted][INTERVAL].sel(mission=mission.index).values[begin:]
-                within[adapted].append(float(np.mean(np.abs(off) < interval[: off.size])))
-    found = {}
-    for adapted in percent:
-        each, rng = np.array(percent[adapted]), np.random.default_rng(0)
-        means = each[rng.integers(0, each.size, (DRAWS, each.size))].mean(1)
-        low, high = np.percentile(means, (2.5, 97.5))
-        total, count = np.sum(squared[adapted], axis=0)
-        found[str(adapted)] = {
-            "dr_velocity_percent": float(each.mean()), "low": float(low), "high": float(high),
-            "surge_mse": float(total / count), "missions": float(each.size),
-            "worse": float(np.sum(each > WORSE * np.array(percent[0]))),
-        }  # fmt: skip
-        if adapted in within:
-            found[str(adapted)]["within"] = float(np.mean(within[adapted]))
-    # what did not adapt says the same after any dives
-    return {str(adapted): found.get(str(adapted), found["0"]) for adapted in DIVES}
+                own = said[adapted][INTERVAL].sel(mission=mission.index).values[begin:]
+                within[adapted].append(float(np.mean(np.abs(off) < own[: off.size])))
+    return {dives: np.array(each) for dives, each in percent.items()}, squared, within
 
 
 def _of(mission: TestMission, said: xr.Dataset) -> tuple[Array, Array]:

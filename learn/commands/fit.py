@@ -51,15 +51,18 @@ NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CH
 class Fit(JsonOption):
     """Train surge and sway networks on a store, judge them by dead reckoning, write a report.
 
+    Several stores, each of its own vehicle, train networks of a family of vehicles.
+
     Examples:
 
         learn fit --seconds 30 --name first
         learn fit real.zarr --inputs glider --members 5
+        learn fit seawing.zarr slocum.zarr seaglider.zarr --without shift pump
     """
 
     # An option that is not given is None, so that a resumed run keeps its own.
-    store: Annotated[StoreArgument | None, tyro.conf.Positional] = None
-    """store of missions [default: data/missions.zarr]"""
+    store: Annotated[tuple[StoreArgument, ...], tyro.conf.Positional] = ()
+    """store of missions, or several [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     network: Annotated[str | None, NETWORK] = None
@@ -153,7 +156,7 @@ class Fit(JsonOption):
             raise InputError("--resume needs the --name of the run to continue")
         self._check_choices()
         folder = self._folder()
-        options = {name: getattr(self, name) for name in SETTINGS}
+        options = {name: getattr(self, name) for name in SETTINGS} | {"store": self.store or None}
         place = training_folder(folder, replace=self.overwrite)
         config = fit_settings(
             resumed=place if self.resume else None, mirror=not self.no_mirror, **options

@@ -173,7 +173,7 @@ class Selection:
                 f"with one every {have * step:g} s; leave --period out or drop the mission"
             )
         self._stored = stored
-        self.store = store
+        self.store: str | StorePath = store
         """Where it is."""
         self.rows = rows
         """Row in the store of each mission."""

@@ -14,6 +14,7 @@ from learn.data.labels import LabelConfig, count_labels
 from learn.data.logs import SPEED
 from learn.data.normalisation import Normalisation, NormalisationFit
 from learn.data.sequences import Mirror, Sequences, SequenceSource, StreamedSequences
+from learn.data.several_stores import Stores, each_store, open_stores
 from learn.data.store_checks import no_doppler_labels, no_truth, parts_of
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
@@ -57,7 +58,7 @@ class Prepared:
 
 
 def prepare(
-    store: str | StorePath,
+    store: str | StorePath | Stores,
     *,
     target: str,
     features: Sequence[str],
@@ -70,10 +71,10 @@ def prepare(
     labels: LabelConfig = TRUTH,
     resident: bool = True,
 ) -> Prepared:
-    """Training and validation data of one velocity, in one pass through the store.
+    """Training and validation data of one velocity, in one pass through the store or stores.
 
     Args:
-      store: path of the store.
+      store: path of the store, or of several.
       target: surge or sway.
       features: names of the inputs, in order.
       division: `missions` uses the store's split. `samples` is the paper's random 70/15/15
@@ -98,7 +99,7 @@ def prepare(
         raise InputError(unknown_name("division", division, get_args(Division)))
     signs = mirror_signs(features, parts_of(store)) if mirror else None
     own = [TARGETS[target], *_speed(store)] if labels.source == "truth" else labels.channels()
-    selection = Selection(store, [*channels_of(features), *own], period=period)
+    selection = open_stores(store, [*channels_of(features), *own], period=period)
     try:
         task = _Task(tuple(features), target, labels, signs, division, seed, tuple(held_out))
         return _one_pass(selection, task, scales, resident=resident)
@@ -108,7 +109,7 @@ def prepare(
 
 
 def training_lengths(
-    store: str | StorePath,
+    store: str | StorePath | Stores,
     division: Division = "missions",
     period: float | None = None,
     held_out: Sequence[int] = (),
@@ -117,13 +118,13 @@ def training_lengths(
 
     With rows held out, and by samples, each of the others may do both.
     """
-    with Selection(store, any_channel(store), period=period) as selection:
+    with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
         places = _candidates(selection, division, held_out)
         if division == "samples" or held_out:
             return selection.lengths[places], selection.lengths[places]
         trains = np.array(selection.splits)[places] == "train"
         if not trains.any():
-            raise _no_training(store)
+            raise _no_training(selection.store)
         return selection.lengths[places[trains]], selection.lengths[places[~trains]]
 
 
@@ -142,9 +143,9 @@ def _candidates(selection: Selection, division: Division, held_out: Sequence[int
     return np.flatnonzero(np.isin(selection.splits, ("train", "validation")))
 
 
-def _speed(store: str | StorePath) -> list[str]:
+def _speed(store: str | StorePath | Stores) -> list[str]:
     """The channel of a log's speed through the water, where it has one."""
-    with MissionStore(store) as reader:
+    with MissionStore(each_store(store)[0]) as reader:
         return [SPEED] if reader.logged and SPEED in reader else []
 
 

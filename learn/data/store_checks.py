@@ -19,6 +19,7 @@ from learn.data.labels import (
     measured,
 )
 from learn.data.logs import SPEED
+from learn.data.several_stores import Stores, each_store
 from twin.errors import InputError, StoreError, quoted
 from twin.navigation.features import FLIGHT, GLIDER_PARTS, INPUT_SETS
 from twin.navigation.settings import can_estimate
@@ -27,8 +28,15 @@ from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 
 
-def parts_of(store: str | StorePath) -> dict[str, float | None]:
-    """Parts of a store's vehicle, with what the mirror port to starboard makes of each.
+def parts_of(stores: str | StorePath | Stores) -> dict[str, float | None]:
+    """Parts that the vehicles of all stores have, with what the mirror port to starboard makes of
+    each; one of which it makes different things is none that they share."""
+    first, *others = map(_parts_of, each_store(stores))
+    return {n: sign for n, sign in first.items() if all((n, sign) in o.items() for o in others)}
+
+
+def _parts_of(store: str | StorePath) -> dict[str, float | None]:
+    """Parts of a store's vehicle.
 
     A glider's for logs, and for a store that cannot be opened: what is wrong with it is said where
     it is read.
@@ -190,7 +198,7 @@ def few_missions(store: str | StorePath, division: Division = "missions") -> str
 
 
 def check_window(
-    store: str | StorePath,
+    stores: str | StorePath | Stores,
     window: int,
     *,
     division: Division = "missions",
@@ -202,15 +210,19 @@ def check_window(
       InputError: it is longer than the longest of them.
       StoreError: see `Selection`.
     """
-    with Selection(store, any_channel(store), period=period) as selection:
-        places = [
-            k
-            for k in range(len(selection))
-            if division == "samples" or selection.splits[k] == "train"
-        ]
-        longest = max(places, key=lambda k: int(selection.lengths[k]), default=None)
-        if longest is not None and window > selection.lengths[longest]:
-            raise InputError(
-                f"--window {window} is longer than every training mission of {store}: the longest, "
-                f"mission {selection.rows[longest]}, has {selection.lengths[longest]} samples"
-            )
+    missions: list[tuple[int, int, str | StorePath]] = []
+    for store in each_store(stores):
+        with Selection(store, any_channel(store), period=period) as selection:
+            missions += [
+                (int(length), -int(row), store)
+                for length, row, split in zip(
+                    selection.lengths, selection.rows, selection.splits, strict=True
+                )
+                if division == "samples" or split == "train"
+            ]
+    length, row, store = max(missions, key=lambda one: one[:2], default=(window, 0, ""))
+    if window > length:
+        raise InputError(
+            f"--window {window} is longer than every training mission of {store}: the longest, "
+            f"mission {-row}, has {length} samples"
+        )

@@ -186,6 +186,28 @@ def evaluate(
     )
 
 
+def pooled(each: Sequence[Evaluation]) -> Evaluation:
+    """Evaluations of the same networks on simulated stores as one, over all their missions.
+
+    A baseline that one of them lacks is left out: its figure would be of other missions.
+    """
+    if len(each) == 1:
+        return each[0]
+    shared = [name for name in each[0].methods if all(name in one.methods for one in each)]
+    return dataclasses.replace(
+        each[0],
+        store=", ".join(one.store for one in each),
+        methods={
+            name: Method(name, tuple(score for one in each for score in one.methods[name].scores))
+            for name in shared
+        },
+        missing={name: f"store {one.store}: {why}" for one in each for name, why in
+                 one.missing.items()},
+        propelled=all(one.propelled for one in each),
+        against_dvl=tuple(found for one in each for found in one.against_dvl),
+    )  # fmt: skip
+
+
 def _evaluate_logs(
     networks: Mapping[str, Ensemble],
     store: str | StorePath,

@@ -34,11 +34,20 @@ class Familiarity:
     deviation: tuple[float, ...]
 
     @classmethod
-    def fit(cls, flight: FlightFilter, missions: Iterable[MissionSequence]) -> Self:
-        """From training missions with the filter's channels."""
-        ends = np.array([list(ended(flight, one)) for one in missions])
+    def fit(cls, known: Iterable[tuple[FlightFilter, Iterable[MissionSequence]]]) -> Self:
+        """From training missions with the filter's channels, by the filters of their vehicles.
+
+        A constant is how far a hull is from its own file, so that those of several vehicles make
+        one spread.
+        """
+        found: list[tuple[float, ...]] = []
+        prior = np.zeros(len(CONSTANTS))
+        for flight, missions in known:
+            found += [ended(flight, one) for one in missions]
+            prior = np.maximum(prior, flight.model.prior)
+        ends = np.array(found)
         # a spread of nothing is no spread: that which the filter takes for possible
-        spread = np.maximum(ends.std(0), 0.1 * flight.model.prior)
+        spread = np.maximum(ends.std(0), 0.1 * prior)
         return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(spread.tolist()))
 
     @classmethod

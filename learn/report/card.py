@@ -14,7 +14,7 @@ from typing import Any
 
 from learn.data.logs import SPEED
 from learn.report.result_tables import summary_rows, verdicts
-from learn.run import ORIGIN, TRUTH, Run
+from learn.run import MORE_STORES, ORIGIN, TRUTH, Run
 from learn.seams import NETWORKS
 from twin.cli.console import one_line
 from twin.cli.text_table import format_number
@@ -44,6 +44,10 @@ class RunOrigin:
     def made_from(self) -> list[str]:
         """Where the weights come from, the last training first."""
         found = [f"store: {self._settings['store']}, {_kind(self._store)}"]
+        found += [
+            f"further store: {one['store']}, {_kind(one)} of {one['vehicle']}"
+            for one in self._description.get(MORE_STORES, ())
+        ]
         origin = self._description.get(ORIGIN)
         if origin is None and self._settings.get("start"):
             found.append(
@@ -141,6 +145,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
     settings = run.description["settings"]
     network, training = settings["network"], settings["training"]
     origin = RunOrigin(run.description)
+    those = "those stores" if len(run.stores) > 1 else "that store"
     lines = [
         "---",
         "tags: [underwater-vehicle, dead-reckoning, time-series]",
@@ -178,7 +183,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
         f"- division into training and validation: {origin.division()}",
         *(f"- {shown(sentence)}" for sentence in run.label_sentences()),
         "",
-        f"## How good they are ({split} {origin.rows} of that store)",
+        f"## How good they are ({split} {origin.rows} of {those})",
         "",
         *([SEEN, ""] if split in TRAINED_ON else []),
         *_markdown(summary_rows(evaluation)),

@@ -13,13 +13,19 @@ from typing import Any
 
 from learn.data.dataset import Division
 from learn.data.labels import LabelConfig
+from learn.data.several_stores import Stores, each_store
 from learn.data.store_checks import check_window, input_groups, parts_of
 from learn.networks.config import NetworkConfig
 from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, unknown_name
-from twin.navigation.features import INPUT_SETS, select_features
+from twin.navigation.features import (
+    INPUT_SETS,
+    features_for,
+    is_known,
+    select_features,
+)
 from twin.records.storage.store_path import StorePath, store_path
 
 FREE = ("device", "threads")
@@ -31,7 +37,7 @@ class FitConfig:
     """Everything that decides what a run becomes."""
 
     store: str
-    """Path of the store."""
+    """Path of the store; the first one of several."""
     features: tuple[str, ...]
     """Inputs by name, in order."""
     network: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
@@ -51,6 +57,8 @@ class FitConfig:
     """Rows of the store that are not trained on, see `learn.data.preparation.prepare`."""
     labels: LabelConfig = dataclasses.field(default_factory=LabelConfig)
     """What is learned: the truth, or what a Doppler log measured."""
+    more_stores: tuple[str, ...] = ()
+    """Paths of further stores, whose missions train too."""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -59,6 +67,16 @@ class FitConfig:
             raise InputError(f"period must be a finite number of seconds above 0: {self.period}")
         if not self.features:
             raise InputError("the networks need at least one input feature")
+        places = [_absolute(one) for one in self.stores]
+        if twice := [str(one) for k, one in enumerate(self.stores) if places[k] in places[:k]]:
+            raise InputError(f"store {twice[0]} is given twice: its missions would count twice")
+        if self.more_stores and self.held_out:
+            raise InputError("rows are held out of one store, not of several")
+
+    @property
+    def stores(self) -> tuple[str, ...]:
+        """All its stores."""
+        return (self.store, *self.more_stores)
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], folder: Path) -> FitConfig:
@@ -72,7 +90,7 @@ class FitConfig:
             values["network"] = NetworkConfig(**values["network"])
             values["training"] = TrainingConfig(**values["training"])
             values["labels"] = LabelConfig(**values.get("labels", {}))
-            for name in ("features", "held_out"):
+            for name in ("features", "held_out", "more_stores"):
                 values[name] = tuple(values.get(name, ()))
             return cls(**values)
         except (TypeError, KeyError) as error:
@@ -134,7 +152,7 @@ DEFAULT_INPUTS = "full"
 
 
 def fit_settings(
-    store: str | StorePath | None = None,
+    store: str | StorePath | Stores | None = None,
     *,
     resumed: Path | None = None,
     network: str | None = None,
@@ -165,7 +183,9 @@ def fit_settings(
     """The settings of a training: those given here, a resumed run's own, and the defaults.
 
     Args:
-      store: of missions or of logs [default: data/missions.zarr].
+      store: of missions or of logs, or several of simulated missions, each of one vehicle; they
+        need the same time between samples, and inputs are what all their vehicles have [default:
+        data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
       network: a name of `learn.NETWORKS` [ema, the paper's is elman].
       hidden: units per hidden layer [50].
@@ -201,11 +221,10 @@ def fit_settings(
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
     base = _resumed(resumed)
-    place = store or (base.store if base else DEFAULT_STORE)
-    parts = tuple(parts_of(place))
+    places = each_store(store or (base.stores if base else DEFAULT_STORE))
     base = base or FitConfig(
         store=str(DEFAULT_STORE),
-        features=select_features(input_groups(DEFAULT_INPUTS, place), (), parts),
+        features=_inputs(places, DEFAULT_INPUTS),
         members=DEFAULT_MEMBERS,
     )
     sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
@@ -230,8 +249,7 @@ def fit_settings(
     if other_inputs:
         if inputs is not None and inputs not in INPUT_SETS:
             raise InputError(unknown_name("set of inputs", inputs, INPUT_SETS))
-        wanted = tuple(features) or input_groups(inputs or DEFAULT_INPUTS, place)
-        chosen = select_features(wanted, without, parts)
+        chosen = _inputs(places, inputs or DEFAULT_INPUTS, features, without)
     budget = _given(seconds=seconds, epochs=epochs)
     if epochs is not None and seconds is None:
         budget["seconds"] = 0.0
@@ -244,8 +262,10 @@ def fit_settings(
         buffer=buffer, **budget,
     )  # fmt: skip
     learned = _given(source=labels, known_current=known_current, smoothing=smoothing)
+    one, *more = _same_places(places, base)
     config = FitConfig(
-        store=_same_place(store, base),
+        store=one,
+        more_stores=tuple(more),
         features=chosen,
         network=NetworkConfig(**{**dataclasses.asdict(shape), **kinds}),
         training=TrainingConfig(**{**dataclasses.asdict(base.training), **training}),
@@ -258,8 +278,27 @@ def fit_settings(
     )
     _check_uses(config, sizes, training, learned)
     if window is not None:
-        check_window(config.store, window, division=config.division, period=config.period)
+        check_window(config.stores, window, division=config.division, period=config.period)
     return config
+
+
+def _inputs(
+    stores: Stores, inputs: str, features: Sequence[str] = (), without: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Names of the inputs, of a set of them or of these features and groups: what all stores have.
+
+    Raises:
+      InputError: a name is unknown, nothing is left, or a store's vehicle lacks a feature.
+    """
+    for store in stores if len(stores) > 1 else ():
+        had = features_for(tuple(parts_of(store)))
+        if lacking := [name for name in features if is_known(name) and name not in had]:
+            raise InputError(
+                f"the vehicle of store {store} has no {lacking[0]}, and networks of several stores "
+                "read what all of them have: leave it out of --features, or the store"
+            )
+    wanted = tuple(features) or min((input_groups(inputs, one) for one in stores), key=len)
+    return select_features(wanted, without, tuple(parts_of(stores)))
 
 
 def _given(**values: Any) -> dict[str, Any]:
@@ -278,11 +317,10 @@ def _absolute(store: str | StorePath) -> StorePath:
     return place.absolute() if isinstance(place, Path) else place
 
 
-def _same_place(store: str | StorePath | None, base: FitConfig) -> str:
-    """The store as the settings have it: another path to the same folder is the same store."""
-    if store is None or _absolute(store) == _absolute(base.store):
-        return base.store
-    return str(store)
+def _same_places(stores: Stores, base: FitConfig) -> tuple[str, ...]:
+    """The stores as the settings have them: another path to the same folder is the same store."""
+    known = {_absolute(store): store for store in base.stores}
+    return tuple(known.get(_absolute(store), str(store)) for store in stores)
 
 
 def _check_uses(

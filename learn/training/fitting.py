@@ -14,12 +14,15 @@ from typing import Any
 from learn.data.dataset import load_missions
 from learn.data.labels import LabelCounts
 from learn.data.logs import SPEED
+from learn.data.preparation import training_lengths
+from learn.data.several_stores import open_stores
 from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
 from learn.run import (
     DESCRIPTION,
     FORMAT,
     LABELS,
     METRICS,
+    MORE_STORES,
     ORIGIN,
     TARGETS,
     TRUTH,
@@ -197,8 +200,9 @@ def _begin(
     left = not start.replace or _described(training)
     there = _run_there(training) if start.resume and left else None
     content = _check_sources(config, elsewhere=resources.executor is not None)
-    if text := few_missions(config.store, config.division):
-        warn(text)
+    for store in config.stores:
+        if text := few_missions(store, config.division):
+            warn(text)
     if there is not None:
         _check_same(config, there, content, folder)
     description = _describe(config, content, history) if there is None else there
@@ -261,11 +265,11 @@ def _described(folder: Path) -> bool:
     return (folder / DESCRIPTION).is_file()
 
 
-def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:
-    """Make sure, before anything is written, that store, device and start can be used.
+def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
+    """Make sure, before anything is written, that stores, device and start can be used.
 
     Returns:
-      The store's content, see `twin.records.storage.checksums.content_hash`.
+      Each store's content, see `twin.records.storage.checksums.content_hash`.
     """
     pick_device(config.training.device)
     if elsewhere:
@@ -278,34 +282,56 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> str:
     if config.labels.source == "truth":
         check_truth(config.store)
     channels = (*channels_of(config.features), *config.labels.channels())
-    load_missions(config.store, channels, limit=1, period=config.period)
-    return content_hash(config.store, (*sources(channels), SPEED))
+    for store in config.stores:
+        load_missions(store, channels, limit=1, period=config.period)
+    if config.more_stores:
+        if config.labels.source == "dvl":
+            raise InputError(
+                "labels of a Doppler log are learned from one store: leave --labels dvl out, or "
+                "give the stores one by one"
+            )
+        with open_stores(config.stores, channels, period=config.period):  # whether they go together
+            pass
+        for store in config.stores:
+            training_lengths(store, config.division, config.period)
+    return tuple(content_hash(store, (*sources(channels), SPEED)) for store in config.stores)
 
 
-def _check_same(config: FitConfig, found: Mapping[str, Any], content: str, folder: Path) -> None:
+def _check_same(
+    config: FitConfig, found: Mapping[str, Any], content: Sequence[str], folder: Path
+) -> None:
     """Refuse to continue a run under other settings or on other data."""
     if changes := FitConfig.of(found["settings"], folder).differences(config):
         raise InputError(
             f"run {folder} was started with {'; '.join(changes)}: leave these options out to go on "
             "with it, or choose another --name"
         )
-    if found.get(CONTENT, content) != content:
-        raise InputError(
-            f"store {config.store} is not the one that run {folder} was started on, its missions "
-            "differ: bring that one back, or start over with --overwrite"
-        )
+    kept = [found, *found.get(MORE_STORES, ())]
+    for store, now_there, before in zip(config.stores, content, kept, strict=True):
+        if before.get(CONTENT, now_there) != now_there:
+            raise InputError(
+                f"store {store} is not the one that run {folder} was started on, its missions "
+                "differ: bring that one back, or start over with --overwrite"
+            )
 
 
-def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
+def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[str, Any]:
     """The description of a new run."""
     with MissionStore(config.store) as reader:
-        attributes = {k: v for k in STORE_ATTRIBUTES if (v := reader.attributes.get(k)) is not None}
+        attributes = _attributes(reader)
         named = (*(f"true_{t}" for t in TARGETS), SPEED)
         truth = [name for name in named if name in reader.dataset]
+    settings, several = to_json(config), {}
+    if config.more_stores:
+        several[MORE_STORES] = [
+            _further(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
+        ]
+    else:
+        del settings[MORE_STORES]  # versions that know one store alone read such a run
     origins: dict[str, dict[str, Any]] = {}
     if config.start is not None:
         first = open_run(config.start)
-        origin = {"run": str(first.folder), "store": str(first.store)}
+        origin = {"run": str(first.folder), "store": ", ".join(map(str, first.stores))}
         origins[ORIGIN] = {**first.description["store"], **origin}
         if earlier := first.description.get(ORIGIN):
             origins[ORIGIN][ORIGIN] = earlier
@@ -314,14 +340,26 @@ def _describe(config: FitConfig, content: str, history: str) -> dict[str, Any]:
         "created": now(),
         "complete": False,
         "history": history,
-        "settings": to_json(config),
+        "settings": settings,
         "store": attributes,
+        **several,
         TRUTH: truth,
         **_labels(config),
         **origins,
-        CONTENT: content,
+        CONTENT: content[0],
         "versions": versions(),
     }
+
+
+def _attributes(reader: MissionStore) -> dict[str, Any]:
+    return {k: v for k in STORE_ATTRIBUTES if (v := reader.attributes.get(k)) is not None}
+
+
+def _further(store: str, content: str) -> dict[str, Any]:
+    """What is remembered of a store beside the first."""
+    with MissionStore(store) as reader:
+        vehicle = reader.vehicle.name
+        return {"store": store, "vehicle": vehicle, **_attributes(reader), CONTENT: content}
 
 
 def _labels(config: FitConfig) -> dict[str, Any]:

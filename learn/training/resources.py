@@ -121,7 +121,7 @@ def _sizes(config: FitConfig) -> tuple[int, int]:
     be in memory as well. What a fixed memory recalls of a buffer is there twice while it is made.
     """
     train, validation = training_lengths(
-        config.store, config.division, config.period, config.held_out
+        config.stores, config.division, config.period, config.held_out
     )
     lengths = train if config.division == "samples" else np.concatenate([train, validation])
     sample = sample_bytes(len(config.features))
@@ -257,7 +257,7 @@ def train(
             raise InputError(f"run {config.start} has other inputs; leave the inputs to --start")
     checkpoint = folder / f"{job.name}{CHECKPOINT}"
     with prepare(
-        config.store,
+        config.stores,
         target=job.target,
         features=config.features,
         division=config.division,

@@ -55,10 +55,12 @@ class Task:
     def absolute(self) -> Task:
         """The same with whole paths."""
         config = self.job.config
-        store, start = store_path(config.store), config.start
+        start, places = config.start, map(store_path, config.stores)
+        store, *more = [str(p.absolute() if isinstance(p, Path) else p) for p in places]
         config = dataclasses.replace(
             config,
-            store=str(store.absolute() if isinstance(store, Path) else store),
+            store=store,
+            more_stores=tuple(more),
             start=None if start is None else str(Path(start).absolute()),
         )
         job = dataclasses.replace(self.job, config=config)

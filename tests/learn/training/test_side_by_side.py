@@ -133,7 +133,7 @@ def test_seeds_are_trained_and_compared(store, tmp_path, monkeypatch, capsys):
             figures["surge_mse"] += 1.0
             return dict(figures)
 
-    monkeypatch.setattr("learn.repeated_fits.evaluate", lambda *_, **__: Found())
+    monkeypatch.setattr("learn.repeated_fits.judge", lambda *_: Found())
     monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
     monkeypatch.setattr("learn.commands.fit.Fit._report", lambda *_: None)
     code = PROGRAM.main(

@@ -1,0 +1,168 @@
+"""Networks on a glider that their training never saw, beside networks of that glider.
+
+    python -m benchmarks.left_out_kinds [--folder WORK] [--hours 100] [--seconds 40] [--seed 0]
+        [--json]
+
+For each of four kinds of gliders networks are trained on the three others, on that kind alone and
+on all four, and tested on missions of that kind with 40 % more drag, as those of
+`benchmarks.dead_reckoning`, tier `family`: scored behind five dives, unadapted and adapted to
+these, as `learn adapt` does without any velocity. The ratio is the error after five dives of
+networks of the others over that of networks of the kind, with a bootstrap over the missions.
+
+Networks of several kinds do not read controls, whose centimetres and millilitres are each vehicle's
+own, but what the flight filter makes of them; those of one kind have all inputs. Stores and runs
+are made once in the folder: remove it after a change of the code that flies or trains.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline, flight_filter
+from benchmarks.dead_reckoning.scoring import interval, mission_errors
+from benchmarks.dead_reckoning.tiers import DIVES, HEAVY, Tier
+from twin.cli.text_table import format_table
+from twin.errors import InputError, StoreError
+from twin.navigation.features import FLIGHT, INPUT_SETS
+from twin.numbers import Array
+
+LAST = DIVES[-1]
+SLOWER = {**HEAVY, "mission.max_depth_m": "uniform(40, 120)"}
+"""Of kinds that sink half as fast as the Sea-Wing: six hours hold more than five dives"""
+KINDS = {"glider": HEAVY, "slocum-200": SLOWER, "seaglider": SLOWER, "seaexplorer": SLOWER}
+"""Vehicles, and what their test missions have otherwise than preset `field`"""
+SHARED = (*(group for group in INPUT_SETS["full"] if group != "controls"), FLIGHT)
+"""Groups of inputs that mean the same on every glider"""
+ADAPTED = (0, LAST)
+"""Dives adapted on that are shown"""
+
+
+def recipes(hours: float) -> dict[str, Tier]:
+    """Training and test store of each kind."""
+    return {
+        kind: Tier(
+            train={"preset": "family", "vehicle": kind, "hours": hours, "seed": 9031 + place,
+                   "engine": "lanes"},
+            test={"preset": "field", "vehicle": kind, "hours": 192.0, "seed": 9041 + place,
+                  "engine": "lanes", "changes": changes},
+            dives=LAST,
+        )
+        for place, (kind, changes) in enumerate(KINDS.items())
+    }  # fmt: skip
+
+
+def trained(folder: Path, stores: Sequence[Path], seed: int, seconds: float) -> Any:
+    """A run of `learn fit` on these stores, made where it is missing."""
+    from learn.api import fit
+    from learn.run import open_run
+
+    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
+        return open_run(folder)
+    print(f"{folder} ...", file=sys.stderr)
+    features = SHARED if len(stores) > 1 else ()
+    return fit(
+        list(stores), folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
+        features=features,
+    )  # fmt: skip
+
+
+def judged(
+    folder: Path, hours: float, seconds: float, seed: int
+) -> Iterator[tuple[str, str, dict[int, Array]]]:
+    """Kind, method, and by dives adapted on the error of each test mission in %."""
+    stores = {kind: tier.make(folder / kind) for kind, tier in recipes(hours).items()}
+    runs = folder / "runs"
+    for kind, (own, test) in stores.items():
+        others = [train for name, (train, _) in stores.items() if name != kind]
+        taught = {
+            "networks of the others": (f"others-than-{kind}", others),
+            "networks of the kind": (kind, [own]),
+            "networks of all four": ("all", [train for train, _ in stores.values()]),
+        }
+        said: dict[str, Predicted] = {
+            "steady flight": baseline("steady_flight").predict(own, test, seed, seconds),
+            "flight filter": flight_filter(own, test, seed, seconds),
+        }
+        for method, (name, some) in taught.items():
+            run = trained(runs / f"{name}-{seed}-{seconds:g}", some, seed, seconds)
+            said[method] = adapt_each(run, test, "none")
+        for method, predicted in said.items():
+            yield kind, method, mission_errors(test, LAST, predicted)[0]
+
+
+def figures(found: Mapping[str, Mapping[str, Mapping[int, Array]]]) -> dict[str, Any]:
+    """Means with intervals by kind and method, and the ratio of the kind."""
+    answer: dict[str, Any] = {}
+    for kind, methods in found.items():
+        answer[kind] = {
+            "methods": {
+                method: {
+                    str(dives): {
+                        "dr_velocity_percent": float(each[dives].mean()),
+                        "interval": interval(each[dives]),
+                        "missions": each[dives].size,
+                    }
+                    for dives in ADAPTED
+                    if dives in each
+                }
+                for method, each in methods.items()
+            }
+        }
+        far, near = (methods[f"networks of the {one}"][LAST] for one in ("others", "kind"))
+        ratio = float(far.mean() / near.mean())
+        answer[kind]["ratio"] = {"value": ratio, "interval": interval(far, near)}
+    return answer
+
+
+def rows(answer: Mapping[str, Any]) -> list[dict[str, object]]:
+    """One line for each kind and method."""
+    lines: list[dict[str, object]] = []
+    for kind, one in answer.items():
+        for method, by_dives in one["methods"].items():
+            line: dict[str, object] = {"kind": kind, "method": method}
+            for dives in ADAPTED:
+                if shown := by_dives.get(str(dives)):
+                    line[f"{dives} dives, %"] = _text(
+                        shown["dr_velocity_percent"], shown["interval"]
+                    )
+            if method == "networks of the others":
+                line["ratio"] = _text(one["ratio"]["value"], one["ratio"]["interval"])
+            lines.append(line)
+    return lines
+
+
+def _text(value: float, spread: tuple[float, float]) -> str:
+    return f"{value:.2f} ({spread[0]:.2f} to {spread[1]:.2f})"
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--folder", type=Path, default=Path("data/left_out_kinds"))
+    parser.add_argument("--hours", type=float, default=100.0, help="of training, of each kind")
+    parser.add_argument("--seconds", type=float, default=40.0, help="in training, of each network")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    found: dict[str, dict[str, dict[int, Array]]] = {}
+    for kind, method, each in judged(options.folder, options.hours, options.seconds, options.seed):
+        found.setdefault(kind, {})[method] = each
+    answer = figures(found)
+    if options.json:
+        print(json.dumps(answer))
+        return
+    print(format_table(rows(answer)))
+    counts = ", ".join(
+        f"{kind} {one['methods']['flight filter']['0']['missions']}" for kind, one in answer.items()
+    )
+    print(f"missions: {counts}; scored behind {LAST} dives; true attitude")
+
+
+if __name__ == "__main__":
+    main()
