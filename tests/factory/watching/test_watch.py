@@ -852,14 +852,20 @@ def test_files_below_an_empty_source_are_pointed_at(
     assert log_of_files(dataclasses.replace(made, recursive=True), made.folder).changed
 
 
-def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
-    tmp_path: Path, base: list[Path], source: Path
-) -> None:
+def passed(tmp_path: Path, base: list[Path], source: Path) -> tuple[WatchedDeployment, Morning]:
+    """A deployment whose files all arrived, and what a pass tells."""
     made = deployment(tmp_path, source)
     for path in base:
         shutil.copy(path, source)
-    before = one_pass(made).told
-    assert before is not None
+    told = one_pass(made).told
+    assert told is not None
+    return made, told
+
+
+def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
+    tmp_path: Path, base: list[Path], source: Path
+) -> None:
+    made, before = passed(tmp_path, base, source)
     assert before.last_fix is not None
     fix = before.last_fix
     said = {"aborts": None, "sensors": {}, "why": "", "time": fix.time + 660.0}
@@ -882,11 +888,7 @@ def test_a_forecast_begins_at_a_newer_fix_of_a_dialogue(
 def test_it_was_last_where_it_came_up_though_nobody_knows_its_way_there(
     tmp_path: Path, base: list[Path], source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = deployment(tmp_path, source)
-    for path in base:
-        shutil.copy(path, source)
-    whole = one_pass(made).told
-    assert whole is not None
+    made, whole = passed(tmp_path, base, source)
     assert whole.last_fix is not None
     assert whole.last_fix.time == pytest.approx(whole.legs[-1].leg.end)
     assert not any(why.startswith("current:") for why in whole.lacking)
@@ -905,11 +907,7 @@ def test_it_was_last_where_it_came_up_though_nobody_knows_its_way_there(
 def test_how_old_the_last_fix_is_is_said_beside_the_page(
     tmp_path: Path, base: list[Path], source: Path
 ) -> None:
-    made = deployment(tmp_path, source)
-    for path in base:
-        shutil.copy(path, source)
-    told = one_pass(made).told
-    assert told is not None
+    _, told = passed(tmp_path, base, source)
     assert told.last_fix is not None
     assert told.surfacings is not None
     fix = datetime.datetime.fromtimestamp(told.last_fix.time, datetime.UTC)
