@@ -258,7 +258,7 @@ def _numbers(told: Morning) -> Mapping[str, str]:
     if told.lasts is not None:
         found["days left"] = f"{told.lasts.days:.1f}"
     if (home := _home(told)) is not None:
-        found["turn home by, UTC"] = home
+        found["home" if home.endswith("home") else "turn home by, UTC"] = home
     return found
 
 

@@ -65,10 +65,18 @@ def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
         step = level - was["level"]
         if abs(step) > MOVED * math.hypot(deviation, was["deviation"]):
             unit = "" if channel.unit == "1" else f" {channel.unit}"
-            said.append(
-                f"{channel.name} ({channel.says}) went from {was['level']:.3g} to {level:.3g}{unit}"
-            )
+            first, then = apart(was["level"], level)
+            said.append(f"{channel.name} ({channel.says}) went from {first} to {then}{unit}")
     return said
+
+
+def apart(first: float, then: float) -> tuple[str, str]:
+    """Two numbers by as many digits, three and more, as tell them apart."""
+    for digits in range(3, 9):
+        texts = f"{first:.{digits}g}", f"{then:.{digits}g}"
+        if texts[0] != texts[1]:
+            break
+    return texts
 
 
 def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

@@ -101,7 +101,9 @@ class Route:
         )  # fmt: skip
         found: dict[str, object] = {
             "way": self.name,
-            "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})",
+            "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})"
+            if self.arrives > 0.0
+            else f"over {self.known_hours:.0f}",
             "gain": gain,
             "slower in": f"{100 * told['slower_in']:.0f} %",
             "arrives in": f"{100 * told['arrives_in']:.0f} %",

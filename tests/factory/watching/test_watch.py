@@ -34,7 +34,7 @@ from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
 from factory.watching.morning import Morning, morning
-from factory.watching.news import _moved, news, surfaced
+from factory.watching.news import _moved, apart, news, surfaced
 from factory.watching.noticed import noticed
 from factory.watching.proposed_files import proposed_files
 from factory.watching.sources.base import SurfaceDialogue
@@ -767,6 +767,8 @@ def test_levels_that_moved_are_news(tmp_path: Path, source: Path) -> None:
     assert news(was, same) == ["No new dive"]
     assert any("rate_dive" in said and "0.3" in said for said in news(was, after))
     assert news(None, after) == []
+    assert apart(0.001, 0.3) == ("0.001", "0.3")
+    assert apart(5.581, 5.5834) == ("5.581", "5.583")
 
 
 def test_what_a_killed_pass_copied_is_removed_by_the_next(
