@@ -145,7 +145,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
     settings = run.description["settings"]
     network, training = settings["network"], settings["training"]
     origin = RunOrigin(run.description)
-    those = "those stores" if len(run.stores) > 1 else "that store"
+    those = "those stores" if settings.get(MORE_STORES) else "that store"
     lines = [
         "---",
         "tags: [underwater-vehicle, dead-reckoning, time-series]",
