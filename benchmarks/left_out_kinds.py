@@ -76,7 +76,9 @@ def judged(
     folder: Path, hours: float, seconds: float, seed: int
 ) -> Iterator[tuple[str, str, dict[int, Array]]]:
     """Kind, method, and by dives adapted on the error of each test mission in %."""
-    stores = {kind: tier.make(folder / kind) for kind, tier in recipes(hours).items()}
+    stores = {
+        kind: tier.make(folder / f"{kind}-{hours:g}h") for kind, tier in recipes(hours).items()
+    }
     runs = folder / "runs"
     for kind, (own, test) in stores.items():
         others = [train for name, (train, _) in stores.items() if name != kind]
@@ -90,7 +92,7 @@ def judged(
             "flight filter": flight_filter(own, test, seed, seconds),
         }
         for method, (name, some) in taught.items():
-            run = trained(runs / f"{name}-{seed}-{seconds:g}", some, seed, seconds)
+            run = trained(runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed, seconds)
             said[method] = adapt_each(run, test, "none")
         for method, predicted in said.items():
             yield kind, method, mission_errors(test, LAST, predicted)[0]

@@ -95,7 +95,11 @@ class Lesson:
         """A program of the page, as `python NAME` runs it; what it printed."""
         said = io.StringIO()
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
-            runpy.run_path(name, run_name="__main__")
+            try:
+                runpy.run_path(name, run_name="__main__")
+            except SystemExit as end:
+                if end.code:
+                    raise RuntimeError(f"python {name} ended with {end.code}") from end
         return said.getvalue()
 
     def command(self, program: str, *words: str) -> str:

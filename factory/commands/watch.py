@@ -12,9 +12,10 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     import datetime
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+    from typing import Any
 
-    from factory.watching import Morning, Passed, WatchedDeployment
+    from factory.watching import Passed, WatchedDeployment
 
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
 OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
@@ -197,9 +198,9 @@ class WatchDeployment(JsonOption):
             missing = passed.log.cut_or_left_out
         else:
             console.say(summary(passed.told, passed.new).rstrip("\n"))
-            if late := _late(passed.told, until):
-                console.say(late)
             missing = list(passed.told.missing[1:])  # the summary has the first
+        if late := _late(passed.latest, until):
+            console.say(late)
         for said in missing:
             console.note(f"missing: {said}")
         for name, same in passed.same.items():
@@ -209,6 +210,7 @@ class WatchDeployment(JsonOption):
             page=passed.page,
             changed=passed.changed,
             verdict=passed.verdict,
+            late=late,
             files=passed.log.files,
             new=list(passed.new),
             events=list(passed.events),
@@ -240,26 +242,37 @@ class WatchDeployment(JsonOption):
             time.sleep(EVERY if self.every is None else self.every)
 
 
-def _late(told: Morning, until: datetime.datetime | None) -> str:
+def _late(latest: Mapping[str, Any], until: datetime.datetime | None) -> str:
     """How old the last fix is now or at the moment that was asked for; empty of the last hour, and
-    of a deployment of the past."""
+    of a deployment of the past.
+
+    Args:
+      latest: as `latest.json` has it. until: None: now.
+    """
     import datetime
 
-    if (fix := told.last_fix) is None:
+    if not latest.get("last_fix"):
         return ""
-    now = (datetime.datetime.now(datetime.UTC) if until is None else until).timestamp()
-    hours = (now - fix.time) / HOUR
+    fix = _utc(latest["last_fix"]["time"])
+    now = datetime.datetime.now(datetime.UTC) if until is None else until
+    hours = (now - fix).total_seconds() / HOUR
     if not 1.0 <= hours < PAST_DAYS * DAY_H:
         return ""
     said = f"The last fix is {_age(hours)} old"
-    if (found := told.surfacings) is not None and found.surfacings:
-        latest = fix.time + found.surfacings[0].late_s
-        if now > latest:
+    if surfacings := (latest.get("forecast") or {}).get("surfacings"):
+        over = (now - _utc(surfacings[0]["late"])).total_seconds() / HOUR
+        if over > 0.0:
             said += (
-                f"; 95 of 100 draws had come up again {_age((now - latest) / HOUR)} ago: its files "
-                "are late, or the vehicle is"
+                f"; 95 of 100 draws had come up again {_age(over)} ago: its files are late, or "
+                "the vehicle is"
             )
     return said
+
+
+def _utc(text: str) -> datetime.datetime:
+    import datetime
+
+    return datetime.datetime.fromisoformat(text).replace(tzinfo=datetime.UTC)
 
 
 def _age(hours: float) -> str:

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from factory.watching.deployment_folder import AUTO as AUTO
     from factory.watching.deployment_folder import WatchedDeployment as WatchedDeployment
     from factory.watching.learning_dives import propose_learning as propose_learning
-    from factory.watching.morning import Morning as Morning
     from factory.watching.morning_page import summary as summary
     from factory.watching.sources.arrived_files import kind_of as kind_of
     from factory.watching.sources.base import SOURCES as SOURCES

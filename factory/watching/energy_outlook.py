@@ -17,7 +17,6 @@ from twin.errors import MissionError, SimulationUnstable
 from twin.forecast import Forecast, LoggedLeg, fly_nominal
 from twin.geodesy import to_tangent_plane
 from twin.logs import Endurance, EnergyUse
-from twin.logs.endurance import LEAST_PART
 from twin.mission import Mission
 
 Array = NDArray[np.float64]
@@ -43,28 +42,22 @@ class WhatIf:
     days: float
     """[d] left"""
     days_90: tuple[float, float]
+    between: str
+    """The same in words"""
     km_a_day: float | None
     """[km/d] through the water; None where it is that of the plan"""
 
     def row(self) -> dict[str, object]:
         """Of a table."""
-        low, high = self.days_90
         speed = self.km_a_day
         return {
             "plan": self.what,
             "power [W]": round(self.power, 2),
             "days left": round(self.days, 1),
-            "90 %": days_between(low, high, self.days),
+            "90 %": self.between,
             "km a day through the water": speed,
             "km left": None if speed is None else round(speed * self.days),
         }
-
-
-def days_between(low: float, high: float, days: float) -> str:
-    """An interval of days left in words; it has no upper end where the power is hardly known."""
-    if high * LEAST_PART > 0.99 * days:
-        return f"{low:.1f} and more"
-    return f"{low:.1f} to {high:.1f}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -175,6 +168,7 @@ def _row(what: str, lasts: Endurance, added: float, km_a_day: float | None) -> W
         power=power,
         days=lasts.days * lasts.power / power,
         days_90=lasts.interval(added),
+        between=lasts.between(added),
         km_a_day=km_a_day,
     )
 

@@ -260,9 +260,10 @@ def morning(
         lacking.append(silent)
     if legs and came_up is not None and came_up.time - legs[-1].leg.end > NEWER:
         late = dives[rows.index(legs[-1].mission) + 1 :]
+        span = f"{late[0]} to {late[-1]}" if len(late) > 1 else f"{late[0]}"
         lacking.append(
             f"current: of {counted(len(late), 'dive')} since {utc_minute(legs[-1].leg.end)} UTC "
-            f"({', '.join(map(str, late))}) the way through the water is not known, such as of one "
+            f"({span}) the way through the water is not known, such as of one "
             f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
             "h older than the last fix"
         )

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from factory.watching.energy_outlook import days_between
 from factory.watching.morning import Morning
 from factory.watching.morning_figures import (
     close_figure,
@@ -68,7 +67,16 @@ def write_morning(
             f"as of {as_of} UTC" if as_of else "",
         ) if part
     )  # fmt: skip
-    page = Page(folder / PAGE, told.verdict, lead or told.title, beside=BESIDE)
+    leads = [lead or told.title]
+    if (fix := told.last_fix) is not None:
+        leads.append(
+            f"last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
+        )
+    verdict = told.verdict
+    if told.health is not None and told.health.alarm:  # by what it was judged is said below it
+        verdict, *qualified = verdict.split("; ")
+        leads += qualified
+    page = Page(folder / PAGE, verdict, "; ".join(leads), beside=BESIDE)
     page.numbers(_numbers(told))
     if (said := told.dialogue) is not None:
         page.section("Said at its last surfacing")
@@ -224,41 +232,37 @@ def _power(told: Morning) -> str:
     said = f"{told.used.power:.2f} W so far"
     if told.lasts is None:
         return said
-    low, high = told.lasts.interval()
     said += (
         f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: "
-        f"{days_between(low, high, told.lasts.days)})"
+        f"{told.lasts.between()})"
     )
-    if (home := _home(told)) is not None:
-        said += f"; {'' if home.endswith('home') else 'turn home by '}{home}"
-    return said
-
-
-def _home(told: Morning) -> str | None:
-    """The last safe moment to turn home, UTC, or who still gets home."""
     fix, outlook = told.last_fix, told.outlook
-    if fix is None or outlook is None or outlook.home is None:
-        return None
-    if not outlook.home.safe:
-        return f"turning now, {100.0 * outlook.home.reached:.0f} of 100 draws get home"
-    return utc_minute(fix.time + outlook.home.safe_days * DAY)
+    if fix is not None and outlook is not None and (home := outlook.home) is not None:
+        said += (
+            f"; turn home by {utc_minute(fix.time + home.safe_days * DAY)} UTC"
+            if home.safe
+            else f"; turning now, {100.0 * home.reached:.0f} of 100 draws get home"
+        )
+    return said
 
 
 def _numbers(told: Morning) -> Mapping[str, str]:
     found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
     if (fix := told.last_fix) is not None:
-        found["last fix, UTC"] = utc_minute(fix.time)
-        found["it was at"] = f"{fix.latitude:.4f}, {fix.longitude:.4f}"
+        found["last fix, UTC"] = utc_minute(fix.time)[5:]
     if told.surfacings is not None and told.surfacings.surfacings:
         one = told.surfacings.surfacings[0]
-        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)
+        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)[5:]
         found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"
     if told.lasts is not None:
         found["days left"] = f"{told.lasts.days:.1f}"
-    if (home := _home(told)) is not None:
-        found["home" if home.endswith("home") else "turn home by, UTC"] = home
+    if fix is not None and told.outlook is not None and (home := told.outlook.home) is not None:
+        if home.safe:
+            found["turn home by, UTC"] = utc_minute(fix.time + home.safe_days * DAY)[5:]
+        else:
+            found["turning now, get home"] = f"{100.0 * home.reached:.0f} of 100"
     return found
 
 

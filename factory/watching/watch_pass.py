@@ -12,7 +12,7 @@ import datetime
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,8 @@ class Passed:
     """False: files and settings are those of the page that is there"""
     verdict: str
     log: LogOfFiles
+    latest: Mapping[str, Any]
+    """What `latest.json` has"""
     told: Morning | None = None
     """None where nothing changed"""
     new: tuple[str, ...] = ()
@@ -99,7 +101,9 @@ def one_pass(
     page = folder / PAGE / INDEX
     if not replay and before is not None and before.get("made_of") == made_of and page.is_file():
         sweep(folder)  # a pass that was killed at its end left what no writer comes to remove
-        return Passed(page=page, changed=False, verdict=str(before["verdict"]), log=log)
+        return Passed(
+            page=page, changed=False, verdict=str(before["verdict"]), log=log, latest=before
+        )
     told = morning(deployment, log, dialogue, say=say)
     if told.health is None or told.vehicle is None:
         if is_derived(folder / BELIEFS):
@@ -120,6 +124,7 @@ def one_pass(
         verdict=told.verdict,
         log=log,
         told=told,
+        latest=told.describe(),
         new=tuple(new),
         events=tuple(events),
         same={name: _content(folder / name) == before for name, before in was.items() if before},

@@ -221,7 +221,9 @@ def fit_settings(
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
     base = _resumed(resumed)
-    places = each_store(store or (base.stores if base else DEFAULT_STORE))
+    places = each_store((base.stores if base else DEFAULT_STORE) if store is None else store)
+    if not places:
+        raise InputError("no store is given: an empty list of stores trains nothing")
     base = base or FitConfig(
         store=str(DEFAULT_STORE),
         features=_inputs(places, DEFAULT_INPUTS),

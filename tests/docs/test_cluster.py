@@ -196,6 +196,7 @@ def test_s3(machine: Machine) -> None:
         said = machine.together(one)
         assert "of s3://bucket/missions.zarr" in said
         machine.shell(parts)
+        machine.run("factory", "verify", "s3://bucket/missions.zarr")  # by a process of its own
     assert len(list((machine.folder / "og1").glob("*.nc"))) == 2
     assert (machine.folder / "runs/small/report/index.html").is_file()
 

@@ -16,6 +16,7 @@ from twin.errors import InputError
 if TYPE_CHECKING:
     from twin.serve import SteppedVehicle
 
+LOOPBACK = "127.0.0.1"
 OF_ARDUPILOT = ("channels", "exposed_to")
 OF_ROS2 = ("router", "token_file", "domain", "keys", "rate")
 """Options that one protocol alone has; they are refused with the other"""
@@ -49,7 +50,7 @@ class Serve(JsonOption):
     """where and when it begins, as in `twin simulate`"""
     duration: Seconds = 86400.0
     """vehicle's time after which it ends, such as 3600 (seconds) or 6h"""
-    host: str = "127.0.0.1"
+    host: str = LOOPBACK
     """address to serve on"""
     port: int | None = None
     """port [default: UDP 9002, ArduPilot's, or TCP 7447, Zenoh's]"""
@@ -125,6 +126,11 @@ class Serve(JsonOption):
                 other = "ros2" if self.protocol == "ardupilot" else "ardupilot"
                 option = name.replace("_", "-")
                 raise InputError(f"--{option} is of --protocol {other}, not of {self.protocol}")
+        if self.router is not None and (self.port is not None or self.host != LOOPBACK):
+            raise InputError(
+                "--router connects to a router: leave out --host and --port, where it would listen "
+                "without one"
+            )
 
     def _ardupilot(
         self, console: Console, flown: SteppedVehicle, _: tuple[float, float], telemetry: Any

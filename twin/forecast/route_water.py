@@ -174,11 +174,14 @@ def erring(
     # water that has nothing of the forecast adds its own liveliness to the forecast's
     rest = liveliness * (1.0 - there**2) if there > 0.0 else wrong - liveliness
     expected = mean + there * (forecast - mean)
-    found = [expected]
-    while len(found) < members:
+    found = np.empty((members, *forecast.shape))
+    found[0] = expected
+    for member in range(1, members, 2):
         one = math.sqrt(rest) * eddies(rng, times, north, east)
-        found += [expected + one, expected - one]
-    return np.stack(found[:members])
+        found[member] = expected + one
+        if member + 1 < members:
+            found[member + 1] = expected - one
+    return found
 
 
 def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:

@@ -78,6 +78,8 @@ class Route:
     """Part of the straight way's time that it saves, (draw,)"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     """[h] of the members that the twin flew; NaN: did not arrive, (member,)"""
+    flown_hours: float = 0.0
+    """[h] that these were flown for"""
     known_hours: float = math.inf
     """[h] for which the water is known"""
 
@@ -85,6 +87,13 @@ class Route:
     def arrives(self) -> float:
         """Part of the draws that are there while the water is known."""
         return float(np.mean(self.hours <= self.known_hours))
+
+    @property
+    def missed(self) -> float:
+        """Part of the flights that do not arrive; 0 where they were too short to say."""
+        if not len(self.flown) or np.quantile(self.hours, NINETY[1]) > self.flown_hours:
+            return 0.0
+        return float(np.mean(~np.isfinite(self.flown)))
 
     @property
     def goto(self) -> str:
@@ -160,14 +169,16 @@ class RoutePlan:
     def verdict(self) -> str:
         """Which way to take, and what is promised of it."""
         told = self.best.describe()
-        missed = 1.0 - told["arrived"] / told["flown"] if told["flown"] else 0.0
-        if max(1.0 - self.best.arrives, missed) > OFTEN:
-            draws = 100.0 * self.best.arrives
-            flown = f", {told['arrived']} of {told['flown']} flown" if told["flown"] else ""
+        best, makes = self.best, f"it makes {self.speed:.2f} m/s through the water"
+        if best.arrives < 1.0 - OFTEN:
             return (
-                f"take none: by the best way {draws:.0f} of 100 draws{flown} are there within "
-                f"{self.best.known_hours:.0f} h; it makes {self.speed:.2f} m/s through the water, "
-                "and the current is as fast"
+                f"take none: by the best way {100.0 * best.arrives:.0f} of 100 draws are there "
+                f"within the {best.known_hours:.0f} h that the water is known for; {makes}"
+            )
+        if best.missed > OFTEN:
+            return (
+                f"take none: {told['arrived']} of {told['flown']} flights by the best way are "
+                f"there within {best.flown_hours:.0f} h; {makes}"
             )
         low = told["gain_90"][0]
         said = "no gain over the straight way is promised"
@@ -288,6 +299,8 @@ def plan_routes(
     if fly_them:
         say("flights")
         longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
+        beyond = (steeper.flown - steeper.horizon) / 3600.0  # members fly on for so long
+        longest = max(min(longest, LONGEST_HOURS, judge.lasts / 3600.0 - beyond), 1.0)
         routes = [_flown(one, steeper, known, longest) for one in routes]
     best = routes[chosen(straight, [times for times, _ in timed])]
     return RoutePlan(
@@ -424,7 +437,7 @@ def _flown(route: Route, request: Request, known: Known, hours: float) -> Route:
     asked = dataclasses.replace(
         request,
         mission=mission,
-        hours=min(max(hours, 1.0), LONGEST_HOURS),
+        hours=hours,
         members=max(request.members, LEAST_MEMBERS),
     )
     north, east = to_tangent_plane(
@@ -438,4 +451,4 @@ def _flown(route: Route, request: Request, known: Known, hours: float) -> Route:
             away = np.hypot(flight.track[:, 0] - north, flight.track[:, 1] - east)
             there = np.flatnonzero(away <= NEAR)
             found.append(flight.times[there[0]] / 3600.0 if there.size else math.nan)
-    return dataclasses.replace(route, flown=np.array(found))
+    return dataclasses.replace(route, flown=np.array(found), flown_hours=hours)

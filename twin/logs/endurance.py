@@ -58,6 +58,13 @@ class Endurance:
         low, high = np.quantile(self.days_drawn(added), INTERVAL)
         return float(low), float(high)
 
+    def between(self, added: float = 0.0) -> str:
+        """The interval in words; it has no upper end where the power may be next to nothing."""
+        low, high = self.interval(added)
+        if high > 0.99 * self.days / LEAST_PART:
+            return f"{low:.1f} and more"
+        return f"{low:.1f} to {high:.1f}"
+
 
 def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     """Days left by the dives of a deployment; None of fewer than three.

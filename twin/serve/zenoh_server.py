@@ -130,16 +130,25 @@ class ZenohServer:
         self._wanted = _Wanted()
         self._publishers: dict[str, tuple[Any, bytes]] = {}
         self._kept: list[Any] = []
-        self._session = _opened(zenoh, router or f"tcp/{host}:{port}", router is not None, token)
-        if not bridge:
+        where = f"[{host}]" if ":" in host else host
+        self._session = _opened(zenoh, router or f"tcp/{where}:{port}", router is not None, token)
+        try:
+            self._listen()
+        except BaseException:
+            self._session.close()
+            raise
+
+    def _listen(self) -> None:
+        """Take commands, and announce it."""
+        if not self._bridge:
             self._announce("NN", 0)
-        for number, part in enumerate(flown.vehicle.parts, 1):
+        for number, part in enumerate(self.flown.vehicle.parts, 1):
             name = f"/commanded/{part.name}"
             _, factor = in_si(name[1:].replace("/", "_"))
             key = self._key(name, NUMBER, "*")
             take = _taker(self._wanted, self.served, part.name, factor * part.quantity.scale)
             self._kept.append(self._session.declare_subscriber(key, take))
-            if not bridge:
+            if not self._bridge:
                 self._announce("MS", number, name, NUMBER)
 
     def __enter__(self) -> ZenohServer:

@@ -15,7 +15,8 @@ where it ends:
   nobody says it; at 0.46 of the length behind the middle;
 - screw: of 0.7 diameters, with a thrust of 0.16 rho n2 D4 at rest, none at 0.5 of n D (n per s;
   Oosterveld and van Oossanen 1975, two blades);
-- inertia: between an ellipsoid's and a cylinder's; centre of gravity 0.05 diameters low.
+- inertia: across between an ellipsoid's and a cylinder's, along a cylinder's; centre of gravity
+  0.05 diameters low.
 """
 
 from __future__ import annotations
@@ -89,8 +90,15 @@ class Dimensions:
                 f"{NEUTRAL[0] * full:.3g} to {NEUTRAL[1] * full:.3g} kg, not {self.mass:g}: give "
                 "m and kg, and the mass with the water that is in the hull"
             )
-        if self.fin_area < 0.0 or self.screw < 0.0:
-            raise InputError("dimensions: fin_area and screw are at least 0")
+        for field, most, of in (
+            ("fin_area", self.length * self.diameter, "m2, at most length times diameter"),
+            ("screw", 2.0 * self.diameter, "m, at most two diameters of the hull"),
+        ):
+            if not 0.0 <= getattr(self, field) <= most:
+                raise InputError(
+                    f"dimensions: {field} = {getattr(self, field):g} must be from 0 to {most:.3g} "
+                    f"({of})"
+                )
         if not -0.5 * self.length <= self.fin_place <= 0.0:
             raise InputError(
                 "dimensions: fin_place is ahead of the hull's middle, so between "

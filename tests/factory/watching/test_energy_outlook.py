@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from factory.watching.energy_outlook import EnergyOutlook, days_between, energy_outlook
+from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from twin.forecast import Forecast, LoggedLeg, Request, forecast, known_without_logs, mission_to
-from twin.logs import EnergyUse, endurance_of
+from twin.logs import Endurance, EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
 from twin.logs.energy_use import EnergyTerm
 from twin.navigation.current import Leg
@@ -131,5 +131,9 @@ def test_a_current_faster_than_the_vehicle_brings_nobody_home(found: Forecast) -
 
 
 def test_an_interval_without_an_upper_end_says_so() -> None:
-    assert days_between(12.2, 40.0, 20.0) == "12.2 to 40.0"
-    assert days_between(12.2, 200.0, 20.0) == "12.2 and more"
+    sure = Endurance(energy_left_kwh=1.0, power=2.0, powers=np.linspace(1.9, 2.1, 100))
+    assert sure.between() == f"{sure.interval()[0]:.1f} to {sure.interval()[1]:.1f}"
+    drawn = np.maximum(np.linspace(-1.0, 4.0, 100), 0.2)
+    unsure = Endurance(energy_left_kwh=1.0, power=2.0, powers=drawn)
+    assert unsure.between() == f"{unsure.interval()[0]:.1f} and more"
+    assert unsure.between(-0.6).endswith("and more")  # a plan that takes less has more days

@@ -85,7 +85,11 @@ def test_it_is_one_file_without_a_network_for_phone_desktop_light_and_dark(page:
 
 def test_the_verdict_comes_first(page: Page) -> None:
     assert page.told.verdict == "unit1: nothing wrong in 6 dives, 0.1 d"
-    assert page.told.verdict in page.html.partition("<h2>")[0]
+    assert f"<h1>{page.told.verdict}</h1>" in page.html
+    fix = page.latest["last_fix"]
+    moment = fix["time"][:16].replace("T", " ")
+    place = f"last fix {moment} UTC at {fix['latitude']:.4f}, {fix['longitude']:.4f}"
+    assert place in page.html.partition("<h2>")[0]
 
 
 def test_where_and_when_next_with_ellipses(page: Page) -> None:

@@ -906,19 +906,28 @@ def test_it_was_last_where_it_came_up_though_nobody_knows_its_way_there(
     assert told.surfacings.moment(0.0) == told.last_fix.describe()["time"].rstrip("Z")
 
 
-def test_how_old_the_last_fix_is_is_said_beside_the_page(
-    tmp_path: Path, base: list[Path], source: Path
-) -> None:
-    _, told = passed(tmp_path, base, source)
+def test_a_pass_says_how_old_the_last_fix_is_when_nothing_came_too(
+    tmp_path: Path, base: list[Path], source: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    made, told = passed(tmp_path, base, source)
     assert told.last_fix is not None
     assert told.surfacings is not None
-    fix = datetime.datetime.fromtimestamp(told.last_fix.time, datetime.UTC)
-    assert _late(told, fix + datetime.timedelta(minutes=30)) == ""
-    due = told.surfacings.surfacings[0].late_s / 3600.0
-    late = _late(told, fix + datetime.timedelta(hours=due + 5.0))
-    assert late.startswith(f"The last fix is {due + 5.0:.1f} h old; 95 of 100 draws had come up")
-    assert "again 5.0 h ago" in late
-    assert _late(told, fix + datetime.timedelta(days=365)) == ""
+    latest = told.describe()
+    fix = datetime.datetime.fromtimestamp(round(told.last_fix.time), datetime.UTC)
+    assert _late(latest, fix + datetime.timedelta(minutes=30)) == ""
+    assert _late(latest, fix + datetime.timedelta(days=365)) == ""
+    due = datetime.timedelta(seconds=round(told.surfacings.surfacings[0].late_s))
+    late = _late(latest, fix + due + datetime.timedelta(hours=5.0))
+    assert "had come up again 5.0 h ago" in late
+    hours = (due + datetime.timedelta(hours=5.0)).total_seconds() / 3600.0
+    assert late.startswith(f"The last fix is {hours:.1f} h old; 95 of 100 draws")
+    monkeypatch.setattr("factory.commands.watch.PAST_DAYS", 1e6)
+    code, said, _ = run(capsys, "watch", made.folder, "--once")
+    assert code == 0
+    assert "nothing new" in said
+    assert "The last fix is " in said
+    assert "its files are late, or the vehicle is" in said
 
 
 def test_a_vehicle_that_was_not_identified_is_said_with_an_alarm(

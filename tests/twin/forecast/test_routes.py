@@ -226,6 +226,17 @@ def test_a_place_up_current_that_is_not_reached_is_not_recommended() -> None:
     down = plan_routes(asked("uniform:0.3,0"), known(), fly_them=False)
     assert down.best.arrives == 1.0
     assert "take none" not in down.verdict()
+    # flights that were too short for the way say nothing of it
+    none, slow = np.full(16, np.nan), float(np.quantile(down.best.hours, 0.95))
+    short, whole = (
+        dataclasses.replace(
+            down, best=dataclasses.replace(down.best, flown=none, flown_hours=hours)
+        )
+        for hours in (0.9 * slow, 1.1 * slow)
+    )
+    assert short.best.missed == 0.0
+    assert "take none" not in short.verdict()
+    assert whole.verdict().startswith("take none: 0 of 16 flights by the best way are there")
 
 
 def test_a_forecast_that_misplaces_eddies_is_believed_by_its_error() -> None:
