@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from factory.watching.deployment_folder import WatchedDeployment
+from factory.watching.last_fix import end_of
 from factory.watching.log_of_files import LOG
-from factory.watching.morning import end_of, vehicle_of_log
+from factory.watching.morning import vehicle_of_log
 from factory.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
 from twin.cli.text_table import format_table
 from twin.errors import InputError, SimulationUnstable

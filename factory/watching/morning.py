@@ -7,8 +7,7 @@ attitude has currents that the vehicle itself reported, an empty folder has noth
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +16,7 @@ import numpy as np
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.energy_outlook import EnergyOutlook, energy_outlook
 from factory.watching.expected_plan import ExpectedPlan, expected_plan
+from factory.watching.last_fix import LastFix, newest_fix
 from factory.watching.log_of_files import LogOfFiles
 from factory.watching.proposed_files import ProposedFiles, flown_files, proposed_files
 from factory.watching.sources.arrived_files import folder_of
@@ -34,7 +34,6 @@ from twin.forecast import (
     legs_of,
     plan_routes,
 )
-from twin.geodesy import position
 from twin.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
 from twin.identify import (
     identified,
@@ -47,7 +46,7 @@ from twin.identify import (
 from twin.logs import Endurance, EnergyUse, counted_energy, dive_times, endurance_of
 from twin.mission import Waypoint
 from twin.physics.start import utc_text
-from twin.records.attributes import DIVE, DIVE_DURATION
+from twin.records.attributes import DIVE
 from twin.records.coordinates import utc_minute
 from twin.records.logged import LogStore
 from twin.show.dates import moment_of
@@ -62,33 +61,6 @@ FORECAST = "forecast"
 """What a page is for: why there is none is the first of what is missing"""
 MOST_FOLLOWED = 30
 """Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
-
-
-def end_of(leg: LoggedLeg) -> tuple[float, float]:
-    """Latitude, longitude [degree] of the fix after a dive."""
-    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
-    latitude, longitude = position(north, east, *leg.begin)
-    return float(latitude[0]), float(longitude[0])
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LastFix:
-    """Where it was known to be last."""
-
-    latitude: float
-    """[degree]"""
-    longitude: float
-    """[degree]"""
-    time: float
-    """[s] unix"""
-
-    def describe(self) -> dict[str, Any]:
-        """JSON-able."""
-        return {
-            "latitude": round(self.latitude, 6),
-            "longitude": round(self.longitude, 6),
-            "time": f"{moment_of(self.time):%Y-%m-%dT%H:%M:%SZ}",
-        }
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -246,7 +218,7 @@ def morning(
         others = len(set(logs.deployments)) - 1
         legs = tuple(legs_of(logs, name))
         silent = dive_times(logs, name).silent
-        came_up = _came_up(logs, rows)
+        came_up = newest_fix(logs, rows)
         source = logs.source
     if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
         lacking.append(
@@ -369,16 +341,6 @@ def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
 def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
     """The vehicle of a deployment: its settings', or that of the kind of its log."""
     return deployment.own_vehicle() or start_vehicle(store)
-
-
-def _came_up(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
-    """The newest fix after one of these dives."""
-    for row in reversed(rows):
-        latitude, longitude = logs.fixes(row)[1]
-        end = float(logs.starts[row] + logs.number(DIVE_DURATION)[row])
-        if math.isfinite(latitude) and math.isfinite(longitude) and math.isfinite(end):
-            return LastFix(latitude=float(latitude), longitude=float(longitude), time=end)
-    return None
 
 
 def _forecast(

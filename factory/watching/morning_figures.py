@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from factory.watching.morning import end_of
+from factory.watching.last_fix import end_of
 from twin.forecast import NINETY, Forecast, LoggedLeg
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates

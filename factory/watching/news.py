@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from factory.watching.morning import Morning, end_of
+from factory.watching.last_fix import end_of
+from factory.watching.morning import Morning
 from twin.cli.text_table import counted
 from twin.forecast import LoggedLeg
 from twin.geodesy import great_circle, offset

@@ -123,13 +123,13 @@ class ArduPilotServer:
             reach with it, no such address, or the port is taken.
         """
         self._allowed = [_network(word) for word in exposed_to]
-        if not self._allowed and not _own_machine(host):
+        if not self._allowed and not own_machine(host):
             raise InputError(
                 f"{host} can be reached by other machines, and the protocol has no field for a "
                 "token: serve on 127.0.0.1, or name who may drive, --exposed-to ADDRESS, on a "
                 "network that you trust"
             )
-        if self._allowed and _own_machine(host):
+        if self._allowed and own_machine(host):
             raise InputError(
                 f"--exposed-to is for other machines, which do not reach {host}: give --host too, "
                 "such as 0.0.0.0, or leave it out"
@@ -247,7 +247,8 @@ class ArduPilotServer:
                 return
 
 
-def _own_machine(host: str) -> bool:
+def own_machine(host: str) -> bool:
+    """Whether a host is reached from this machine alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -10,7 +10,6 @@ Messages are those of `factory export --to mcap`.
 from __future__ import annotations
 
 import hashlib
-import ipaddress
 import json
 import math
 import os
@@ -26,6 +25,7 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.mission.controller import Command
+from twin.serve.ardupilot import own_machine
 from twin.serve.cdr import HEADER, encode
 from twin.serve.live_samples import LiveSamples
 from twin.serve.ros_topics import Topic, in_si, topics
@@ -114,7 +114,7 @@ class ZenohServer:
                 raise InputError(f"{name} must be above 0, not {value:g}")
         if not 0 <= domain <= DOMAINS:
             raise InputError(f"domain: ROS_DOMAIN_ID is 0 to {DOMAINS}, not {domain}")
-        if router is None and token is None and not _loopback(host):
+        if router is None and token is None and not own_machine(host):
             raise InputError(
                 f"{host} can be reached by other machines: give a token, --token-file FILE, that "
                 "Zenoh's clients name as the password of the user twin"
@@ -267,13 +267,6 @@ def _dds(kind: str) -> str:
     """std_msgs/msg/Float64 as DDS writes it: std_msgs::msg::dds_::Float64_."""
     package, folder, name = kind.split("/")
     return f"{package}::{folder}::dds_::{name}_"
-
-
-def _loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def _opened(zenoh: Any, endpoint: str, router: bool, token: str | None) -> Any:
