@@ -98,7 +98,8 @@ def _look(
         "log": store.stem, "deployment": name, "vehicle": which, "dives": len(one.dives),
         "days": round(one.days, 2), "attitude": attitude,
         "rang": [list(ring) for ring in one.rang], "kind": one.kind,
-        "highest": round(float(one.evidence.max()), 2), "remarks": list(one.remarks),
+        "highest": round(highest, 2) if np.isfinite(highest := float(one.evidence.max())) else None,
+        "remarks": list(one.remarks),
     })  # fmt: skip
     if which != "identified":
         return

@@ -61,7 +61,7 @@ CHANNELS: tuple[Channel, ...] = (
             says="logarithm of the voltage's drop over the current"),
     Channel(name="air", unit="1", noise=0.001, walk=0.0002,
             says="logarithm of the hull's pressure over its temperature"),
-    Channel(name="surface_depth", unit="m", noise=0.04, walk=0.01,
+    Channel(name="surface_depth", unit="m", noise=0.08, walk=0.01,
             says="depth that it shows at the surface"),
     Channel(name="echoes", unit="1", noise=0.15, walk=0.02, flown=False,
             says="echoes of the floor over those that earlier dives had at its heights"),
@@ -77,8 +77,9 @@ CHANNELS: tuple[Channel, ...] = (
             says="depth-averaged current to the east, by the compass' heading"),
 )  # fmt: skip
 """Every channel; noise and walk are of the size that sound simulated deployments of a Slocum have
-(preset `faulty`), larger where they are hardly there, and for `cell_lag` of that of real ones: 1 s
-is the median of seven deployments at full rate; a deployment's own dives change them"""
+(preset `faulty`), larger where they are hardly there; for `surface_depth` of that of four vehicles;
+and for `cell_lag` of that of real ones: 1 s is the median of seven deployments at full rate. A
+deployment's own dives change them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 FLOWN = np.array([channel.flown for channel in CHANNELS])

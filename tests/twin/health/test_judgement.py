@@ -63,6 +63,15 @@ def test_a_fault_is_called_by_its_name_since_its_first_dive(hypotheses, kind):
     assert BEGUN <= over[0] <= BEGUN + 3
 
 
+@pytest.mark.parametrize(("kind", "sure"), [("wing_lost", 1), ("hotel_raised", 2)])
+def test_two_dives_make_an_alarm(hypotheses, kind, sure):
+    one = next(h for h in hypotheses if h.kind == kind)
+    values = sound(3)
+    values[BEGUN:] += np.nan_to_num(one.signature) * one.scale
+    evidence = judge(follow(values), days(), hypotheses).evidence
+    assert evidence[BEGUN] < threshold_of(30.0) < evidence[BEGUN + sure]
+
+
 def test_a_channel_that_the_log_lacks_is_left_out(hypotheses):
     values = sound(4)
     values[:, NAMES.index("roll_climb")] = math.nan
