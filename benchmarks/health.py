@@ -395,6 +395,21 @@ def of_vehicles(ones: Sequence[Judged], level: float) -> str:
     return table(head, rows)
 
 
+def of_both(ones: Sequence[Judged], level: float) -> str:
+    """Part of what is to be noticed of each kind and vehicle that is noticed in time."""
+    vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
+    rows = []
+    for kind in (kind for kind in FAULTS if any(one.case["truth"] == kind for one in ones)):
+        cells = []
+        for vehicle in vehicles:
+            mine = [one for one in ones if one.onset is not None
+                    and (one.case["truth"], one.case["vehicle"]) == (kind, vehicle)]  # fmt: skip
+            found = counts(mine, OURS, level)
+            cells.append(f"{found['in time']} of {found['to be noticed']}")
+        rows.append([kind, *cells])
+    return table(["fault", *vehicles], rows)
+
+
 def of_sizes(ones: Sequence[Judged], level: float) -> str:
     """Part that is noticed in each third of a kind's sizes."""
     rows = []
@@ -526,6 +541,7 @@ def main() -> None:
     level = threshold_of(RATE)
     tables = {
         "kinds": of_kinds(ones, level), "vehicles": of_vehicles(ones, level),
+        "kinds_by_vehicle": of_both(ones, level),
         "detectors": of_detectors(ones, teachers, level), "sizes": of_sizes(ones, level),
         "confusion": of_confusion(ones, OURS, level),
     }  # fmt: skip
