@@ -297,13 +297,14 @@ class DrivenFlights(Comparison):
 
     def flown(self, x: Array) -> list[DrivenMotion]:
         """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
-        count, calibration = len(self.parameters), self.calibration(x)
+        count = len(self.parameters)
         found = []
         for k, run in enumerate(self.runs):
             offset = x[count + k]
             key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
             kept = self._kept[k]
             if kept is None or kept[0] != key:
+                calibration = self.calibration(x)
                 motion = fly_run(run, calibration, self.started[k], PITCH * float(offset))
                 kept = self._kept[k] = (key, motion)
             found.append(kept[1])
