@@ -41,6 +41,7 @@ EXPORTERS: Registry[Any] = Registry(
     base="factory.exporting.Exporter",
     page="reference/factory.md#exports",
     shipped={
+        "erddap": "factory.exporting.erddap:ERDDAP",
         "mcap": "factory.exporting.formats:MCAP",
         "og1": "factory.exporting.og1:OG1",
         "parquet": "factory.exporting.formats:PARQUET",

@@ -45,13 +45,16 @@ class ExportStore(JsonOption):
     mission: tuple[int, ...] | None = None
     """only these missions [default: all]"""
     vehicle: str | None = None
-    """og1: the vehicle that made the logs, as `twin identify` wrote it, or a shipped name; its
-    flight model makes track, velocities and currents [default: the shipped one of the log's kind]
-    """
+    """og1, erddap: the vehicle that made the logs, as `twin identify` wrote it, or a shipped name;
+    its flight model makes track, velocities and currents [default: the shipped one of the log's
+    kind]"""
     metadata: Path | None = None
-    """og1, data sets: YAML file in pyglider's layout with title, people, licence,
+    """og1, erddap, data sets: YAML file in pyglider's layout with title, people, licence,
     citation, project and instruments [default: metadata.yml or deployment.yml beside the store, and
     what the import found beside the log]"""
+    file_dir: str | None = None
+    """erddap: absolute path on the server of the folder in which the files will lie [default: the
+    folder that is written]"""
 
     def run(self, console: Console) -> int:
         """Export."""
@@ -66,7 +69,9 @@ class ExportStore(JsonOption):
         what = "dive" if isinstance(run, LogStore) else "mission"
         out = self.out or exporter.default_path(self.store)
         with console.progress(total=len(missions), label="export", unit=what + "s") as progress:
-            options = ExportOptions(vehicle=self.vehicle, metadata=self.metadata)
+            options = ExportOptions(
+                vehicle=self.vehicle, metadata=self.metadata, file_dir=self.file_dir
+            )
             written = exporter.export(
                 run, missions, out, progress.update, options, overwrite=self.overwrite
             )

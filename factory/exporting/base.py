@@ -39,6 +39,8 @@ class ExportOptions:
     """file or name of the vehicle whose flight model makes tracks and velocities"""
     metadata: Path | None = None
     """YAML file with what the logs do not say: who, why, which instruments"""
+    file_dir: str | None = None
+    """folder of a server in which the files will lie; default the one that is written"""
 
     @property
     def given(self) -> list[str]:
@@ -130,10 +132,13 @@ class Exporter:
         options = options or ExportOptions()
         for name in options.given:
             if name not in self.takes:
-                raise InputError(f"the {self.name} export takes no --{name}: leave it out")
+                raise InputError(
+                    f"the {self.name} export takes no --{name.replace('_', '-')}: leave it out"
+                )
         run.check_arrays()
         for mission in missions:
             run.check_mission(mission)
+        options = dataclasses.replace(options, file_dir=options.file_dir or str(path.absolute()))
         more = (options,) if self.takes else ()
         whole = (
             whole_file(path, overwrite=overwrite)

@@ -44,6 +44,7 @@ RUN = {
         "tests/twin/control/test_control_tasks.py": 3,
         "tests/twin/control/test_glider_env.py": 4,
     },
+    "docs/howto/erddap.md": {"tests/factory/exporting/test_erddap_export.py": 1},
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 16},
     "docs/howto/flight.md": {HERE: 3},
     "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},

@@ -111,6 +111,7 @@ class Comparison(abc.ABC):
         self.channels, self.dives = channels, dives
         self.centres = np.array([p.get(nominal) for p in parameters])
         self.weights: dict[str, list[Array]] = {}
+        self._steps: list[tuple[float, Calibration]] = []
 
     @abc.abstractmethod
     def missed(self, x: Array) -> dict[str, list[Array]]:
@@ -134,13 +135,22 @@ class Comparison(abc.ABC):
         wider = copy.copy(self)
         wider.parameters = (*self.parameters, parameter)
         wider.centres = np.append(self.centres, parameter.get(self.nominal))
+        wider._steps = []
         return wider
 
     def calibration(self, x: Array) -> Calibration:
-        """The calibration at these offsets, the biases left out."""
+        """The calibration at these offsets, the biases left out.
+
+        Made parameter by parameter, from the first on whose offset differs from the last call's: a
+        column of the slopes has most in common with the one before.
+        """
         out = self.nominal
-        for parameter, centre, offset in zip(self.parameters, self.centres, x, strict=False):
-            out = parameter.at(out, float(centre), float(offset))
+        for k, (parameter, centre) in enumerate(zip(self.parameters, self.centres, strict=True)):
+            offset = float(x[k])
+            if k == len(self._steps) or self._steps[k][0] != offset:
+                made = parameter.at(out, float(centre), offset)
+                self._steps[k:] = [(offset, made)]
+            out = self._steps[k][1]
         return out
 
     @property

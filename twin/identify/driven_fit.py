@@ -110,7 +110,8 @@ def identify_driven(
     far = unsure > 1.0
     problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=far)
     first = problem.fitted(x)
-    spread = np.sqrt(np.diag(first.covariance))[: len(free)]
+    covariance = first.covariance
+    spread = np.sqrt(np.diag(covariance))[: len(free)]
     before = dict(zip((p.name for p in free), spread.tolist(), strict=True))
     for parameter in free:
         if before[parameter.name] > SILENT:
@@ -123,9 +124,11 @@ def identify_driven(
             "the runs say nothing of any parameter: they need turns, dives and other speeds"
         )
     if kept != free:
+        rows = [k for k, p in enumerate(free) if p in kept]
+        covariance = covariance[np.ix_(rows, rows)]  # what is not known makes the rest less sure
         problem, x = _without(problem, x, kept)
     progress(1.0)
-    return _result(problem, x, wanted, notes, before)
+    return _result(problem, x, wanted, notes, before, covariance[: len(kept), : len(kept)])
 
 
 def _fitted(
@@ -182,10 +185,11 @@ def _result(
     wanted: tuple[UnknownParameter, ...],
     notes: dict[str, str],
     before: dict[str, float],
+    covariance: Array,
 ) -> Identification:
-    fitted = problem.fitted(x)
+    calibration = problem.calibration(x)
     names = [p.name for p in problem.parameters]
-    deviation = np.sqrt(np.diag(fitted.covariance))
+    deviation = np.sqrt(np.diag(covariance))
     estimates = []
     for parameter in wanted:
         centre = parameter.get(problem.nominal)
@@ -207,14 +211,14 @@ def _result(
             IdentifiedParameter.of(
                 parameter,
                 nominal=centre,
-                value=parameter.get(fitted.calibration),
+                value=parameter.get(calibration),
                 deviation=float(deviation[k]),
                 determined=sure,
                 note="" if sure else "with the others only: the runs do not determine it",
             )
         )
     told = [k for k in range(len(names)) if deviation[k] <= UNDETERMINED]
-    correlation = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(told, told)]
+    correlation = (covariance / np.outer(deviation, deviation))[np.ix_(told, told)]
     order = [names[k] for k in told]
     estimates.sort(key=lambda e: order.index(e.name) if e.name in order else len(order))
     noise = problem.reweight(x)["depth_rate"]
@@ -222,7 +226,7 @@ def _result(
     rates, rates0 = (np.concatenate(m["depth_rate"]) for m in (missed, missed0))
     period = problem.runs[0].period
     return Identification(
-        calibration=fitted.calibration,
+        calibration=calibration,
         nominal=problem.nominal,
         model=DRIVEN,
         estimates=tuple(estimates),

@@ -56,11 +56,11 @@ CURRENT = 0.2
 PITCH = math.radians(0.25)
 """[rad] spread of each run's pitch sensor about its zero: by the data sheets of attitude sensors
 and by the bias that a gyroscope has from switching on to switching off"""
-SENSORS = ("pitch_offset", "dvl_scale", "dvl_turn")
+SENSORS = ("pitch_offset", "dvl_scale", *(f"dvl_turn_{axis}" for axis in "xyz"))
 """Errors that each run has of its own"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
-"""Spreads of a Doppler log's scale and of its turn in its mount [rad] in each run: the shipped
-instrument's (`twin.sensors.dvl`)"""
+"""Spreads of a Doppler log's scale and of its turn about each axis of its mount [rad] in each run:
+the shipped instrument's (`twin.sensors.dvl`)"""
 LONGEST_CORRELATION = 60.0
 """[s] up to which autocorrelation is summed"""
 CHANNELS = {
@@ -297,13 +297,14 @@ class DrivenFlights(Comparison):
 
     def flown(self, x: Array) -> list[DrivenMotion]:
         """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
-        count, calibration = len(self.parameters), self.calibration(x)
+        count = len(self.parameters)
         found = []
         for k, run in enumerate(self.runs):
             offset = x[count + k]
             key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
             kept = self._kept[k]
             if kept is None or kept[0] != key:
+                calibration = self.calibration(x)
                 motion = fly_run(run, calibration, self.started[k], PITCH * float(offset))
                 kept = self._kept[k] = (key, motion)
             found.append(kept[1])
@@ -313,7 +314,7 @@ class DrivenFlights(Comparison):
         """Model less run, see the base."""
         currents = self.currents(x)
         count, runs = len(self.parameters), len(self.runs)
-        _, scales, turns = x[count : count + len(SENSORS) * runs].reshape(-1, runs)
+        _, scales, *turns = x[count : count + len(SENSORS) * runs].reshape(-1, runs)
         whole = []
         for run, motion, turned, current, scale, turn in zip(
             self.runs,
@@ -321,15 +322,20 @@ class DrivenFlights(Comparison):
             self.turned,
             currents,
             DOPPLER_SCALE * scales,
-            DOPPLER_TURN * turns,
+            DOPPLER_TURN * np.transpose(turns),
             strict=True,
         ):
             over = turned @ current * run.ground[:, None]
-            surge, sway = motion.velocity.surge, motion.velocity.sway
+            velocity = motion.velocity
+            surge, sway, heave = np.stack([velocity.surge, velocity.sway, velocity.heave])
+            surge, sway, heave = surge + over[:, 0], sway + over[:, 1], heave + over[:, 2]
             whole.append(
                 {
-                    "surge": (1.0 + scale) * (surge + over[:, 0]) - run.velocity[0],
-                    "sway": sway + over[:, 1] - turn * surge - run.velocity[1],
+                    "surge": (1.0 + scale) * surge
+                    + turn[2] * sway
+                    - turn[1] * heave
+                    - run.velocity[0],
+                    "sway": sway - turn[2] * surge + turn[0] * heave - run.velocity[1],
                     "depth_rate": motion.depth_rate - run.depth_rate,
                     "pitch_rate": ahead(run, motion, 1),
                     "yaw_rate": ahead(run, motion, 2),

@@ -60,7 +60,7 @@ class DrivenRun:
     heading: Array
     """[rad] from true north, unwrapped"""
     rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time)"""
+    """roll, pitch, yaw rate [rad/s], body FRD, (3, time), less the gyroscopes' biases"""
     velocity: Array
     """[m/s] by the Doppler log, body FRD, (3, time); NaN where it says none"""
     ground: Mask
@@ -154,6 +154,8 @@ def _run(
     if "measured_gap" in signals:
         use &= ~(np.nan_to_num(signals["measured_gap"], nan=1.0) > 0)
     roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
+    gyroscopes = np.stack(rates)
+    gyroscopes -= _biases(gyroscopes, roll, pitch, heading, period)[:, None]
     positions = np.tile(vehicle.rest, (len(depth), 1))
     commanded, silent = [], []
     for place, part in enumerate(vehicle.parts):
@@ -182,7 +184,7 @@ def _run(
         roll=roll,
         pitch=pitch,
         heading=heading,
-        rates=np.stack(rates),
+        rates=gyroscopes,
         velocity=velocity,
         ground=ground,
         positions=positions,
@@ -192,6 +194,24 @@ def _run(
         use=use,
         true_velocity=np.stack(truth) if len(truth) == len(TRUTH) else None,
     )
+
+
+def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: float) -> Array:
+    """What gyroscopes (3, time) have more than the attitude [rad] turns, by the median, (3,).
+
+    Minutes of attitude tell it to a hundredth of a degree a second. A gyroscope's bias from
+    switching on to switching off is several times that, and a rudder's neutral position would take
+    it up. The mean would see the roll's error in every turn.
+    """
+    rolling, pitching, turning = (np.gradient(a, period) for a in (roll, pitch, heading))
+    turned = np.stack(
+        [
+            rolling - turning * np.sin(pitch),
+            pitching * np.cos(roll) + turning * np.cos(pitch) * np.sin(roll),
+            turning * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll),
+        ]
+    )
+    return np.asarray(np.median(rates - turned, axis=1))
 
 
 def _followed(part: Part, commands: Array, period: float) -> Array:

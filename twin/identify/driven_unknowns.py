@@ -36,8 +36,18 @@ DERIVATIVES = {
     "Zww": ("drag of the cross flow, downwards", 0.5),
     "Nrr": ("yaw damping by the cross flow", 0.5),
     "Mqq": ("pitch damping by the cross flow", 0.5),
+    "Yur": ("side force of turning at speed", 0.3),
+    "Zuq": ("lift of pitching at speed", 0.3),
+    "Nvv": ("yaw moment of the cross flow", 0.3),
+    "Mww": ("pitch moment of the cross flow", 0.3),
+    "Xvv": ("drag of sideslip", 0.1),
+    "Xww": ("drag of the angle of attack", 0.1),
+    "Xvr": ("added mass sideways in a turn, along the hull", 0.1),
+    "Xwq": ("added mass downwards while pitching, along the hull", 0.1),
 }
-"""Of the law in body axes: what it is, and the spread of its factor's logarithm"""
+"""Of the law in body axes: what it is, and the spread of its factor's logarithm. Runs hardly tell
+the last eight; held at a file's wrong numbers they would make thrust and drag wrong, and too sure,
+for what they take off the speed in a turn"""
 ADDED_MASSES = (
     (0, "surge", "mass along the hull", 0.3),
     (1, "sway", "mass sideways", 0.1),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import datetime
-import http.server
 import socket
-import threading
-import urllib.parse
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from erddap_server import Erddap, written_time
 from logs import Flight
 
 from factory.watching import WatchedDeployment
@@ -47,94 +44,24 @@ gps_longitude = { column = "longitude (degrees_east)", unit = "deg" }
 """
 
 
-class Erddap(http.server.ThreadingHTTPServer):
-    """Answers as a server's tabledap does, with the samples until a time."""
-
-    until = np.inf
-    """[s] unix: what has come later it does not have yet"""
-    broken = False
-
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), Answer)
-        self.asked: list[str] = []
-        """Days that tables were asked for"""
-        time = FLIGHT.time
-        state = FLIGHT.state(time)
-        latitude, longitude = FLIGHT.position(time)
-        afloat = state["under"] == 0.0
-        self.rows = np.stack(
-            [time, state["depth"], state["pitch"], state["heading"],
-             np.where(afloat, latitude, np.nan), np.where(afloat, longitude, np.nan)], axis=1,
-        )  # fmt: skip
-
-    def know(self) -> np.ndarray:
-        return self.rows[self.rows[:, 0] < self.until]
-
-
-class Answer(http.server.BaseHTTPRequestHandler):
-    server: Erddap
-
-    def log_message(self, *_: object) -> None:
-        """Nothing on the terminal."""
-
-    def do_GET(self) -> None:
-        path, _, query = urllib.parse.unquote(self.path).partition("?")
-        known = self.server.know()
-        if self.server.broken:
-            self.send_error(503, "down for repair")
-        elif path == "/erddap/info/calypso/index.csv":
-            low, high = float(known[0, 0]), float(known[-1, 0])
-            self._send(
-                "Row Type,Variable Name,Attribute Name,Data Type,Value\nvariable,time,,double,\n"
-                f'attribute,time,actual_range,double,"{low!r}, {high!r}"\n'
-            )
-        elif path == "/erddap/tabledap/calypso.csvp":
-            begin, end = self._limits(query)
-            self.server.asked.append(_text(begin)[:10])
-            rows = known[(known[:, 0] >= begin) & (known[:, 0] < end)]
-            if not len(rows):
-                self.send_error(404, "Your query produced no matching results.")
-                return
-            lines = [",".join([_text(row[0]), *(f"{v:.6f}" for v in row[1:])]) for row in rows]
-            self._send("\n".join([",".join(COLUMNS), *lines]) + "\n")
-        else:
-            self.send_error(404, f"Currently unknown datasetID {path}")
-
-    @staticmethod
-    def _limits(query: str) -> tuple[float, float]:
-        words = query.split("&")
-        (low,) = (float(one[6:]) for one in words if one.startswith("time>="))
-        (high,) = (float(one[5:]) for one in words if one.startswith("time<"))
-        return low, high
-
-    def _send(self, text: str) -> None:
-        self.send_response(200)
-        self.end_headers()
-        self.wfile.write(text.encode())
-
-
-def _text(time: float) -> str:
-    return f"{datetime.datetime.fromtimestamp(time, datetime.UTC):%Y-%m-%dT%H:%M:%SZ}"
-
-
 @pytest.fixture
 def server() -> Iterator[Erddap]:
-    with Erddap() as made:
-        thread = threading.Thread(target=made.serve_forever, daemon=True)
-        thread.start()
+    time = FLIGHT.time
+    state = FLIGHT.state(time)
+    latitude, longitude = FLIGHT.position(time)
+    afloat = state["under"] == 0.0
+    rows = np.stack(
+        [time, state["depth"], state["pitch"], state["heading"],
+         np.where(afloat, latitude, np.nan), np.where(afloat, longitude, np.nan)], axis=1,
+    )  # fmt: skip
+    with Erddap("calypso", COLUMNS, rows).serving() as made:
         yield made
-        made.shutdown()
-        thread.join()
-
-
-def address(server: Erddap) -> str:
-    return f"http://127.0.0.1:{server.server_address[1]}/erddap/tabledap/calypso"
 
 
 def deployment(tmp_path: Path, server: Erddap) -> WatchedDeployment:
     (tmp_path / "mapping.toml").write_text(MAPPING)
     made = WatchedDeployment(
-        folder=tmp_path / "calypso", source=address(server), vehicle="slocum-200",
+        folder=tmp_path / "calypso", source=server.address, vehicle="slocum-200",
         mapping=str(tmp_path / "mapping.toml"),
     )  # fmt: skip
     made.write()
@@ -179,7 +106,7 @@ def test_a_server_that_is_down_leaves_what_it_sent_before(tmp_path: Path, server
 
 def test_what_is_no_data_set_is_said(tmp_path: Path, server: Erddap) -> None:
     with pytest.raises(InputError, match="answers with the error 404"):
-        fetch_days(address(server).replace("calypso", "calypsos"), tmp_path)
+        fetch_days(server.address.replace("calypso", "calypsos"), tmp_path)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         gone = f"http://127.0.0.1:{free.getsockname()[1]}/erddap/tabledap/calypso"
@@ -192,9 +119,9 @@ def test_a_day_without_rows_is_asked_for_once(tmp_path: Path, server: Erddap) ->
     start = FLIGHT.time[0] - FLIGHT.time[0] % 86400.0
     hole = (time >= start + 86400.0) & (time < start + 2 * 86400.0)
     server.rows = server.rows[~hole]
-    fetch_days(address(server), tmp_path)
-    empty = _text(start + 86400.0)[:10]
+    fetch_days(server.address, tmp_path)
+    empty = written_time(start + 86400.0)[:10]
     assert server.asked.count(empty) == 1
     assert not (tmp_path / f"calypso-{empty}.csv").exists()
-    fetch_days(address(server), tmp_path)
+    fetch_days(server.address, tmp_path)
     assert server.asked.count(empty) == 1

@@ -14,13 +14,14 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
 from twin.identify import identify_driven, judge, load_runs
 from twin.identify.calibration import Calibration
-from twin.identify.driven_flights import DrivenFlights, fly_run, settled
+from twin.identify.driven_flights import DOPPLER_TURN, DrivenFlights, fly_run, settled
 from twin.identify.driven_runs import NEEDED, RATES, _run
 from twin.identify.driven_unknowns import driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario
 from twin.records.mission_dataset import dataset_of
+from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import Vehicle
@@ -212,6 +213,40 @@ def test_runs_without_controls_are_refused_by_what_they_lack(store: Path, tmp_pa
     write_store(dataset_of(runs), path)
     with pytest.raises(StoreError, match="no measured_propeller or commanded_propeller; no"):
         load_runs(path, SHIPPED)
+
+
+def test_what_a_gyroscope_has_from_switching_on_is_taken_off(store: Path) -> None:
+    with MissionStore(store) as found:
+        names = [f"true_{axis}_rate" for axis in ("roll", "pitch", "yaw")]
+        true = np.stack([found.rows(name, [0, 1, 2]) for name in names]).astype(float)
+        measured = np.stack([found.rows(name, [0, 1, 2]) for name in RATES]).astype(float)
+    left, raw = [], []
+    for run in load_runs(store, SHIPPED):
+        part = np.s_[:, run.index, : len(run.depth)]
+        left.append(np.rad2deg(np.mean(run.rates - true[part], axis=1)))
+        raw.append(np.rad2deg(np.mean(measured[part] - true[part], axis=1)))
+    assert np.abs(raw).max() > 0.03
+    assert np.abs(left).max() < 0.03
+    assert np.square(left).mean() < 0.25 * np.square(raw).mean()
+
+
+def test_a_doppler_log_sits_turned_in_its_mount(store: Path) -> None:
+    runs = load_runs(store, SHIPPED)
+    nominal = Calibration(vehicle=SHIPPED, water_density=SHIPPED.reference_density)
+    problem = DrivenFlights(runs, nominal, ())
+    x = np.zeros(problem.size)
+    straight, motions = problem.missed(x), problem.flown(x)
+    turn = DOPPLER_TURN * np.array([0.5, -1.0, 1.5])
+    for axis, part in zip("xyz", (0.5, -1.0, 1.5), strict=True):
+        x[problem.biases.index(f"dvl_turn_{axis} of run {runs[0].index}")] = part
+    askew = problem.missed(x)
+    for piece, (number, rows) in enumerate(problem.pieces):
+        velocity = motions[number].velocity
+        body = np.stack([velocity.surge, velocity.sway, velocity.heave])
+        seen = -np.cross(turn, body, axisb=0).T if number == 0 else np.zeros_like(body)
+        for place, name in enumerate(("surge", "sway")):
+            change = askew[name][piece] - straight[name][piece]
+            np.testing.assert_allclose(change, seen[place, rows[name]], atol=1e-12)
 
 
 def test_a_glider_has_no_runs() -> None:

@@ -178,22 +178,22 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
     article 124), such as Nuv = -(Y_vdot - X_udot) with its sign: Munk's moment.
     """
 
-    def wrench(nu: Array) -> Array:
-        impulse = added_mass @ nu
-        force = -np.cross(nu[3:], impulse[:3])
-        moment = -np.cross(nu[3:], impulse[3:]) - np.cross(nu[:3], impulse[:3])
-        return np.concatenate([force, moment])
+    def wrenches(nu: Array) -> Array:
+        """Of velocities (..., 6)."""
+        impulse = nu @ added_mass.T
+        h, moment_of = impulse[:, :3], impulse[:, 3:]
+        force = -np.cross(nu[:, 3:], h)
+        moment = -np.cross(nu[:, 3:], moment_of) - np.cross(nu[:, :3], h)
+        return np.concatenate([force, moment], axis=1)
 
     unit = np.eye(6)
-    found = []
-    for k in range(1, 6):
-        both = wrench(unit[0] + unit[k]) - wrench(unit[0]) - wrench(unit[k])
-        found += [
-            (f"{axis}u{VELOCITIES[k]}", float(value))
-            for axis, value in zip(AXES, both, strict=True)
-            if axis != "X" and value != 0.0
-        ]
-    return tuple(found)
+    alone = wrenches(unit)
+    return tuple(
+        (f"{axis}u{VELOCITIES[k]}", float(value))
+        for k, both in enumerate(wrenches(unit[0] + unit[1:]) - alone[0] - alone[1:], 1)
+        for axis, value in zip(AXES, both, strict=True)
+        if axis != "X" and value != 0.0
+    )
 
 
 NAMES = tuple(

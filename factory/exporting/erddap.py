@@ -1,0 +1,177 @@
+"""A data set for an ERDDAP server: OG1.0 files, and the `datasets.xml` by which it serves them.
+
+Each file is one table: a row a sample, what the file says once in every row. All its variables are
+served. The names and rules are those of "Working with the datasets.xml File", the manual of
+ERDDAP's administrators (EDDTableFromMultidimNcFiles; cdm_data_type Trajectory; ioos_category).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+from factory.exporting.base import Advance, Exporter, ExportOptions
+from factory.exporting.og1 import OG1
+
+if TYPE_CHECKING:
+    from twin.records.reader import MissionStore
+
+CHUNK = "datasets.xml"
+DAY = "1440"
+"""[minute] after which a server looks at the files again"""
+REMOVED = "null"
+"""Value by which ERDDAP leaves out an attribute of a file"""
+SPECIAL = {"TIME": "time", "LONGITUDE": "longitude", "LATITUDE": "latitude", "DEPTH": "depth"}
+"""Variables for which ERDDAP has names of its own; all others keep theirs"""
+TYPES = {"float64": "double", "float32": "float", "int32": "int", "int8": "byte"}
+"""ERDDAP's data types by numpy's; text is String"""
+LARGEST_BYTE = "127"
+"""What ERDDAP takes for missing in bytes"""
+MILLISECONDS = "1970-01-01T00:00:00.000Z"
+"""As which times are written; without it ERDDAP cuts fractions of seconds off"""
+ABOUT = ("infoUrl", "creator_url", "publisher_url", "references")
+"""Attributes of a file that may be the address of a page about it, the best first"""
+CATEGORIES = (
+    (r"time", "Time"),
+    (r"latitude|longitude|depth", "Location"),
+    (r"status_flag", "Quality"),
+    (r"sea_water_pressure", "Pressure"),
+    (r"sea_water_temperature", "Temperature"),
+    (r"sea_water_practical_salinity|sea_water_electrical_conductivity", "Salinity"),
+    (r".*_sea_water_velocity", "Currents"),
+    (r".*oxygen.*", "Dissolved O2"),
+    (r".*chlorophyll.*", "Ocean Color"),
+)
+"""IOOS' category, which ERDDAP demands, by the standard name; else text is an Identifier, the rest
+Other"""
+
+
+def _write(
+    run: MissionStore,
+    missions: Sequence[int],
+    folder: Path,
+    advance: Advance,
+    options: ExportOptions,
+) -> list[Path]:
+    from twin.records.logged import LogStore
+
+    assert callable(OG1.write)
+    files = OG1.write(run, missions, folder, advance, options)
+    root = ElementTree.Element("erddapDatasets")
+    if isinstance(run, LogStore):  # a deployment is a data set, as glider servers have them
+        for file in files:
+            name, pattern = identifier(file.stem), re.escape(file.name)
+            root.append(dataset(file, name, pattern, options, many=False))
+    else:
+        root.append(dataset(files[-1], identifier(run.path.stem), r".*\.nc", options, many=True))
+    ElementTree.indent(root, "    ")
+    chunk = folder / CHUNK
+    ElementTree.ElementTree(root).write(chunk, encoding="UTF-8", xml_declaration=True)
+    return [*files, chunk]
+
+
+def identifier(name: str) -> str:
+    """A datasetID: letters, digits and underscores, a letter first."""
+    return re.sub(r"^(?![A-Za-z])", "glider_", re.sub(r"[^A-Za-z0-9]+", "_", name))
+
+
+def dataset(
+    file: Path, name: str, pattern: str, options: ExportOptions, *, many: bool
+) -> ElementTree.Element:
+    """The tag of one data set. What ERDDAP demands beside it, a file says: title, summary,
+    institution.
+
+    Args:
+      file: OG1.0 file whose variables it has.
+      name: its datasetID, which addresses contain.
+      pattern: regular expression of Java of all its files' names.
+      options: the server's folder.
+      many: whether files of several missions are in it, so that no mission's name is its own.
+    """
+    import netCDF4
+
+    made = ElementTree.Element(
+        "dataset", type="EDDTableFromMultidimNcFiles", datasetID=name, active="true"
+    )
+    for tag, value in (
+        ("reloadEveryNMinutes", DAY),
+        ("fileDir", str(options.file_dir)),
+        ("fileNameRegex", pattern),
+        ("recursive", "false"),
+        ("accessibleViaFiles", "true"),
+        ("metadataFrom", "last"),
+    ):
+        ElementTree.SubElement(made, tag).text = value
+    with netCDF4.Dataset(file) as source:
+        variables = list(source.variables.values())
+        once = ",".join(_destination(one.name) for one in variables if not one.dimensions)
+        said = source.__dict__
+        attributes = {
+            "cdm_data_type": "Trajectory",
+            "cdm_trajectory_variables": once,
+            "subsetVariables": once,
+            "infoUrl": next(str(said[word]) for word in ABOUT if word in said),
+            "sourceUrl": "(local files)",
+        }
+        if many:
+            attributes |= dict.fromkeys(("id", "internal_mission_identifier"), REMOVED)
+        _attributes(made, [(word, value, None) for word, value in attributes.items()])
+        for one in variables:
+            made.append(_variable(one))
+    return made
+
+
+def _destination(name: str) -> str:
+    return SPECIAL.get(name, name)
+
+
+def _variable(one: Any) -> ElementTree.Element:
+    """The tag of one variable of a file."""
+    kind = "String" if one.dtype is str else TYPES[one.dtype.name]
+    own = one.__dict__
+    made = ElementTree.Element("dataVariable")
+    for tag, value in (
+        ("sourceName", one.name),
+        ("destinationName", _destination(one.name)),
+        ("dataType", kind),
+    ):
+        ElementTree.SubElement(made, tag).text = value
+    added: list[tuple[str, str, str | None]] = [("ioos_category", _category(kind, own), None)]
+    if own.get("standard_name") == "time":
+        added.append(("time_precision", MILLISECONDS, None))
+    if kind == "byte" and "_FillValue" not in own:
+        added.append(("_FillValue", LARGEST_BYTE, "byte"))
+    if "coordinates" in own:  # names of the file: rows of a table have all coordinates
+        added.append(("coordinates", REMOVED, None))
+    _attributes(made, added)
+    return made
+
+
+def _category(kind: str, own: Mapping[str, Any]) -> str:
+    standard = str(own.get("standard_name", ""))
+    for pattern, category in CATEGORIES:
+        if re.fullmatch(pattern, standard):
+            return category
+    return "Identifier" if kind == "String" else "Other"
+
+
+def _attributes(made: ElementTree.Element, said: Sequence[tuple[str, str, str | None]]) -> None:
+    added = ElementTree.SubElement(made, "addAttributes")
+    for name, value, kind in said:
+        tag = ElementTree.SubElement(added, "att", {"name": name})
+        tag.text = value
+        if kind is not None:
+            tag.set("type", kind)
+
+
+ERDDAP = Exporter(
+    name="erddap",
+    title="OG1.0 files with the datasets.xml of an ERDDAP server that serves them",
+    ending="-erddap",
+    takes=("vehicle", "metadata", "file_dir"),
+    write=_write,
+)
+"""For who serves data with ERDDAP."""
