@@ -33,7 +33,9 @@ COEFFICIENT = 0.1
 STEADY_RATE = 3e-3
 """[rad/s] of the pitch, at most."""
 STEADY_S = 20.0
-NEVER = {"coefficient": 1e-6, "pitch": 1e-8, "ballast": 1e-7, "compressibility": 1e-17}
+NEVER = {
+    "coefficient": 1e-6, "drag": 1e-6, "pitch": 1e-8, "ballast": 1e-7, "compressibility": 1e-17
+}  # fmt: skip
 ERRORS = ("drag", "lift slope", "induced drag", "accelerometers", "compressibility")
 TRUE = ("depth", "roll", "pitch", "heading", "roll_rate", "pitch_rate", "yaw_rate", "pump")
 
@@ -154,8 +156,11 @@ def main() -> None:
 
 def _without(name: str) -> FlightSpread:
     """The filter's prior where it knows that this is right; of single coefficients it does not."""
-    known = {"accelerometers": "pitch", "coefficients": "coefficient"}.get(name, name)
-    return FlightSpread(**{known: NEVER[known]}) if known in NEVER else FlightSpread()
+    known = {
+        "accelerometers": ("pitch",), "coefficients": ("coefficient", "drag"),
+        "compressibility": ("compressibility",),
+    }.get(name, ())  # fmt: skip
+    return FlightSpread(**{field: NEVER[field] for field in known})
 
 
 assert set(CHANNELS) <= {f"measured_{n}" for n in TRUE} | {

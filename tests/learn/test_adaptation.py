@@ -182,7 +182,7 @@ def test_a_hull_outside_of_the_training_is_told_of_in_reports_and_on_board(place
     heavy = inside + np.eye(len(inside))[0] * 6.0 * familiar.deviation[0]
     assert familiar.outside(heavy) == (pytest.approx(2.0), "drag")
     # a training that knew only hulls as their file says
-    narrow = {"mean": [0.0] * 7, "deviation": FlightSpread().prior.tolist()}
+    narrow = {"mean": [0.0] * 7, "deviation": FlightSpread(drag=0.058).prior.tolist()}
     sure = Run(origin.folder, {**origin.description, FAMILIARITY: narrow})
     wide, told = (
         learn.evaluate(one, place / "heavy.zarr", split="all", baselines=()).figures["outside"]

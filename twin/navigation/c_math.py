@@ -84,6 +84,29 @@ static inline float gt_cosine(float angle)
     return cosine;
 }
 
+/* The angle [rad] whose sine this is: Cephes' asinf (Moshier 1992) within half, and of the half
+ * angle of its complement beyond. */
+static inline float gt_arcsine(float sine)
+{
+    const float size = fabsf(sine);
+    const int small = !(size > 0.5f);
+    const float left = 0.5f * gt_most(1.0f - size, 0.0f);
+    const float v = small ? size : sqrtf(left), q = small ? size * size : left;
+    const float near = v + v * q * (1.6666752422e-1f + q * (7.4953002686e-2f
+        + q * (4.5470025998e-2f + q * (2.4181311049e-2f + q * 4.2163199048e-2f))));
+    const float angle = small ? near : 1.57079637f - 2.0f * near;
+    return sine < 0.0f ? -angle : angle;
+}
+
+/* The angle [rad] of a sine and a cosine, within half a turn either way. */
+static inline float gt_angle(float sine, float cosine)
+{
+    const float most = sine < 0.0f ? -3.14159274f : 3.14159274f;
+    if (fabsf(sine) > fabsf(cosine))
+        return 0.5f * most - (sine < 0.0f ? -1.0f : 1.0f) * gt_arcsine(cosine);
+    return cosine < 0.0f ? most - gt_arcsine(sine) : gt_arcsine(sine);
+}
+
 /* A float by its bits: what compares them needs no branches, and goes into vector instructions. */
 typedef union {
     float value;

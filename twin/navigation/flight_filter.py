@@ -1,8 +1,9 @@
 """Flight filter: what a glider's flight model gets wrong, estimated while it flies.
 
-The steady balance of forces (`twin.identify.start_values`) says at every sample how fast the depth
-must change. What it changes in truth corrects seven constants of the mission, from which speed and
-flow angles follow:
+The hull's equation of motion, with its added mass and the law of its file, goes along with what the
+vehicle measures, and gives speed and flow angles: in glides, in turns, stalled, tail first, and as
+it coasts at the surface. In steady glides the balance of forces (`twin.identify.start_values`) says
+how fast the depth must change. What it changes in truth corrects seven constants of the mission:
 
     (ln of the factors on K_D0 and K_alpha, pitch error of the forward and of the downward
      accelerometer [rad], ballast [kg], compressibility of the hull [1/Pa], ln of that on K_D)
@@ -50,7 +51,9 @@ class FlightSpread:
     """Standard deviations of what is not as the vehicle's file says; 0 is not allowed."""
 
     coefficient: float = 0.058
-    """of ln(factor): +-10 %, uniform"""
+    """of ln(factor) on the lift slope: +-10 %, uniform"""
+    drag: float = 0.3
+    """of ln(factor) on both drags: growth adds half to them within a season, and lifts nothing"""
     pitch: float = 2.2e-3
     """[rad] accelerometer: 2 mg of bias and 0.05 deg of misalignment"""
     ballast: float = 0.08
@@ -58,8 +61,9 @@ class FlightSpread:
     in, whose density the file does not know"""
     compressibility: float = 1.2e-10
     """[1/Pa]"""
-    depth_rate: float = 3e-3
-    """[m/s] of one correction: what a steady balance leaves out"""
+    depth_rate: float = 2e-2
+    """[m/s] of one correction: what a steady balance leaves out, 3 mm/s, lasts through a glide, so
+    that forty corrections are one"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -70,8 +74,9 @@ class FlightSpread:
     @property
     def prior(self) -> Array:
         """Of the seven constants."""
-        c, tilt = self.coefficient, self.pitch
-        return np.array([c, c, tilt, tilt, self.ballast, self.compressibility, c])
+        d, tilt = self.drag, self.pitch
+        hull = self.ballast, self.compressibility
+        return np.array([d, self.coefficient, tilt, tilt, *hull, d])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -133,7 +138,7 @@ class FlightFilterModel(NamedTuple):
     """The vehicle and the settings, as compiled code takes them."""
 
     law: Array
-    """K_D0, K_D, K_L0, K_alpha, K_beta"""
+    """K_D0 to CROSS_FLOW, as `FlowFrame.values`"""
     inertia: Array
     """(3, 3) with added mass"""
     hull: Array
@@ -141,6 +146,8 @@ class FlightFilterModel(NamedTuple):
     prior: Array
     rate_variance: float
     period: float
+    inverse: Array
+    """of `inertia`"""
 
 
 NOTHING = np.zeros((0, LEARNED))
@@ -177,11 +184,11 @@ class FlightFilter:
         if why := self.unsuited(vehicle):
             raise InputError(f"the flight filter needs a glider's balance of forces: {why}")
         spread = FlightSpread() if spread is None else spread
-        law = vehicle.flow_frame
         self.period, self.start = period, start
+        inertia = np.ascontiguousarray(vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3])
         self.model = FlightFilterModel(
-            np.array([*law.drag, *law.lift, *law.side_force]),
-            np.ascontiguousarray(vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]),
+            vehicle.flow_frame.values(),
+            inertia,
             np.array(
                 [
                     vehicle.mass,
@@ -194,6 +201,7 @@ class FlightFilter:
             spread.prior,
             (spread if start is None else start).depth_rate ** 2,
             period,
+            np.asarray(np.linalg.inv(inertia), np.float64),
         )
         self.reset()
 

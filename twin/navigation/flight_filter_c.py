@@ -27,6 +27,7 @@ from twin.navigation.flight_filter_kernels import (
     CARRIED,
     COVARIANCE,
     EVERY_S,
+    FASTEST,
     FLAT_SINE,
     FUSED_S,
     GUESS,
@@ -43,7 +44,6 @@ from twin.navigation.flight_filter_kernels import (
     QUIET_S,
     RELINEARISED,
     RESTLESS,
-    SETTLED,
     SINCE_AFLOAT,
     SINCE_UPDATE,
     SLOW_RATE,
@@ -51,8 +51,22 @@ from twin.navigation.flight_filter_kernels import (
     SPREAD,
     STANDARD_OCEAN,
     STARTED,
-    WARM,
+    STEP_S,
+    SUNK,
+    VELOCITY,
     WIDEST,
+)
+from twin.vehicle.laws.flow_frame import (
+    BLEND,
+    CROSS_FLOW,
+    K_ALPHA,
+    K_BETA,
+    K_BETA_LIFT,
+    K_D,
+    K_D0,
+    K_L0,
+    LINEAR,
+    ZERO_LIFT,
 )
 from twin.vehicle.parts.pump import CUBIC_CM
 
@@ -65,7 +79,7 @@ def c_flight(*flights: FlightFilter) -> str:
     """`gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample, float
     *estimated)`: OUTPUTS of a sample, for the filters' one vehicle and period; `gt_begins` has
     what each of them begins with."""
-    law, inertia, hull, prior, _, period = flights[0].model
+    law, inertia, hull, prior, _, period, inverse = flights[0].model
     mass, volume, gravity, reference, squeeze = map(float, hull)
     begins = []
     for flight in flights:
@@ -77,8 +91,13 @@ def c_flight(*flights: FlightFilter) -> str:
             f"{number(flight.model.rate_variance)}}}"
         )
     numbers = {
-        "LAW": braced(law),
         "INERTIA": braced(inertia.ravel()),
+        "INVERSE": braced(inverse.ravel()),
+        "STEPS": str(math.ceil(period / STEP_S)),
+        "STEP": number(period / math.ceil(period / STEP_S)),
+        "CROSS": "induced" if law[CROSS_FLOW] == law[K_D] else number(law[CROSS_FLOW]),
+        "BLENDS": number(1.0 / (law[BLEND] - law[LINEAR])),
+        **{name: number(law[place]) for name, place in _LAW.items()},
         "PRIOR": braced(prior),
         "GROWTH": braced(np.expm1(NUDGE * prior)),
         "BEGINS": "{" + ",\n".join(begins) + "}",
@@ -117,19 +136,24 @@ def samples_beyond(seconds: float, period: float) -> int:
 
 
 _SETTINGS: dict[str, float] = {
-    "CUBIC_CM": CUBIC_CM, "FLAT2": FLAT_SINE**2, "LEAST_NET": LEAST_NET, "LEAST_SINE": LEAST_SINE,
-    "LEAST_SURGE": LEAST_SURGE, "MOST_OFFSET": MOST_OFFSET, "NUDGE": NUDGE,
-    "QUIET_PITCH": QUIET_PITCH, "QUIET_RATE": QUIET_RATE, "RESTING_RATE": RESTING_RATE,
-    "SHALLOW": SHALLOW_DEPTH, "SURFACE": SURFACE_DEPTH, "WIDEST": WIDEST,
-    "HALF_WIDEST": 0.5 * WIDEST,
+    "CUBIC_CM": CUBIC_CM, "FASTEST": FASTEST, "FLAT2": FLAT_SINE**2, "LEAST_NET": LEAST_NET,
+    "LEAST_SINE": LEAST_SINE, "LEAST_SURGE": LEAST_SURGE, "MOST_OFFSET": MOST_OFFSET,
+    "NUDGE": NUDGE, "QUIET_PITCH": QUIET_PITCH, "QUIET_RATE": QUIET_RATE,
+    "RESTING_RATE": RESTING_RATE, "SHALLOW": SHALLOW_DEPTH, "SURFACE": SURFACE_DEPTH,
+    "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
 }  # fmt: skip
 _PLACES = {
     "BEFORE": BEFORE, "GUESS": GUESS, "ITERATIONS": ITERATIONS, "MEANS": MEANS, "OFFSET": OFFSET,
-    "RELINEARISED": RELINEARISED, "RESTLESS": RESTLESS, "ROOT": COVARIANCE, "SETTLED": SETTLED,
+    "RELINEARISED": RELINEARISED, "RESTLESS": RESTLESS, "ROOT": COVARIANCE,
     "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE, "SLOW_RATE": SLOW_RATE,
-    "SPREAD": SPREAD, "STARTED": STARTED, "WARM": WARM,
+    "SPREAD": SPREAD, "STARTED": STARTED, "SUNK": SUNK, "VELOCITY": VELOCITY,
 }  # fmt: skip
 """Of numbers in the state, and counts"""
+_LAW = {
+    "K_D0": K_D0, "K_D": K_D, "K_L0": K_L0, "K_ALPHA": K_ALPHA, "K_BETA": K_BETA,
+    "K_BETA_LIFT": K_BETA_LIFT, "ZERO_LIFT": ZERO_LIFT, "LINEAR": LINEAR,
+}  # fmt: skip
+"""Of the hull's numbers, by their places"""
 
 _TEXT = """\
 /* What a filter begins with: constants in prior deviations, a root of their covariance, and the
@@ -138,6 +162,8 @@ typedef struct {
     float constants[7], root[49], rate;
 } gt_begin;
 static const gt_begin gt_begins[] = @BEGINS@;
+static const float gt_inertia[] = @INERTIA@;
+static const float gt_inverse[] = @INVERSE@; /* of the inertia */
 
 /* Steady balance of forces: speed, angle of attack, sideslip and the downward part of the
  * direction into `out`, with their changes by constant `nudged`; 0 where nothing pulls along the
@@ -145,8 +171,6 @@ static const gt_begin gt_begins[] = @BEGINS@;
 static int gt_balance(const float *x, const float *c, int nudged, const float *start,
                       int iterations, gt_pair *out)
 {
-    static const float law[] = @LAW@;
-    static const float inertia[] = @INERTIA@;
     static const float prior[] = @PRIOR@;
     static const float growth[] = @GROWTH@;
     gt_pair own[7], drag, induced, slope, sp, cp, ca, sa, cb, sb, net, w[3], v[3], m[3], t[3];
@@ -154,20 +178,22 @@ static int gt_balance(const float *x, const float *c, int nudged, const float *s
         own[j].value = c[j] * prior[j];
         own[j].change = j == nudged ? @NUDGE@ * prior[j] : 0.0f;
     }
-    drag.value = law[0] * gt_exp(own[0].value);
-    induced.value = law[1] * gt_exp(own[6].value);
-    slope.value = law[3] * gt_exp(own[1].value);
+    drag.value = @K_D0@ * gt_exp(own[0].value);
+    induced.value = @K_D@ * gt_exp(own[6].value);
+    slope.value = @K_ALPHA@ * gt_exp(own[1].value);
     drag.change = nudged == 0 ? drag.value * growth[0] : 0.0f;
     induced.change = nudged == 6 ? induced.value * growth[6] : 0.0f;
     slope.change = nudged == 1 ? slope.value * growth[1] : 0.0f;
-    const gt_pair pitch = {x[0], 0.0f}, still = {x[5], 0.0f}, shift = {-law[2], 0.0f};
+    const gt_pair pitch = {x[0], 0.0f}, still = {x[5], 0.0f}, shift = {-(@K_L0@), 0.0f};
     gt_directed(pitch, &sp, &cp);
     gt_directed(gt_plus(pitch, gt_plus(gt_scaled(-cp.value, own[2]), gt_scaled(-sp.value, own[3]))),
                 &sp, &cp);
     net = gt_plus(still, gt_plus(own[4], gt_scaled(x[6], own[5])));
-    if (net.value * sp.value > -@LEAST_NET@ * fabsf(sp.value)) {
-        net.value = sp.value > 0.0f ? -@LEAST_NET@ : @LEAST_NET@;
-        net.change = 0.0f;
+    const float sense = sp.value > 0.0f ? -1.0f : 1.0f;
+    if (sense * net.value < @LEAST_NET@) {
+        const float grows = sense * net.change / @LEAST_NET@;
+        net.value = sense * @LEAST_NET@ * gt_exp(sense * net.value / @LEAST_NET@ - 1.0f);
+        net.change = net.value * (gt_exp(grows) - 1.0f);
     }
     net = gt_scaled(@GRAVITY@, net);
     w[0] = gt_scaled(-1.0f, gt_times(net, sp));
@@ -187,8 +213,9 @@ static int gt_balance(const float *x, const float *c, int nudged, const float *s
         if (k == iterations)
             break;
         for (int i = 0; i < 3; i++)
-            m[i] = gt_times(speed, gt_plus(gt_scaled(inertia[3 * i], v[0]),
-                gt_plus(gt_scaled(inertia[3 * i + 1], v[1]), gt_scaled(inertia[3 * i + 2], v[2]))));
+            m[i] = gt_times(speed, gt_plus(gt_scaled(gt_inertia[3 * i], v[0]),
+                gt_plus(gt_scaled(gt_inertia[3 * i + 1], v[1]),
+                    gt_scaled(gt_inertia[3 * i + 2], v[2]))));
         for (int i = 0; i < 3; i++) {
             const int next = (i + 1) % 3, last = (i + 2) % 3;
             t[i] = gt_plus(w[i], gt_plus(gt_scaled(x[2 + last], m[next]),
@@ -203,7 +230,7 @@ static int gt_balance(const float *x, const float *c, int nudged, const float *s
         const gt_pair lifting = gt_times(induced, gt_times(alpha, alpha));
         const gt_pair square = gt_over(along, gt_plus(drag, lifting));
         alpha = gt_held(gt_over(gt_plus(gt_over(normal, square), shift), slope), @WIDEST@);
-        beta = gt_held(gt_scaled(-1.0f / law[4], gt_over(side, square)), @WIDEST@);
+        beta = gt_held(gt_scaled(-1.0f / @K_BETA@, gt_over(side, square)), @WIDEST@);
         speed.value = sqrtf(square.value);
         speed.change = square.change / (speed.value + sqrtf(square.value + square.change));
     }
@@ -281,6 +308,85 @@ static float gt_correct(float *c, float *root, const float *x, float rate, float
     return sqrtf(gt_along(root, slope, through)) / gt_most(surge, @LEAST_SURGE@);
 }
 
+/* A matrix (3, 3) times a vector. */
+static void gt_mapped(const float *matrix, const float *v, float *made)
+{
+    for (int i = 0; i < 3; i++)
+        made[i] = gt_sum(matrix + 3 * i, v, 3);
+}
+
+/* Weight of the law of the whole sphere at a flow angle. */
+static float gt_blend(float angle)
+{
+    const float x = (fabsf(angle) - @LINEAR@) * @BLENDS@;
+    return x > 0.0f ? x < 1.0f ? x * x * (3.0f - 2.0f * x) : 1.0f : 0.0f;
+}
+
+/* Force of the water [N] on a hull with these coefficients at a velocity through it; gives the
+ * angle of attack [rad]. */
+static float gt_force(float drag, float induced, float slope, const float *v, float *force)
+{
+    const float square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], speed = sqrtf(square);
+    const float plane = sqrtf(v[0] * v[0] + v[2] * v[2]);
+    float ca = 1.0f, sa = 0.0f, cb = 1.0f, sb = 0.0f;
+    if (plane > 1e-12f) {
+        ca = v[0] / plane;
+        sa = v[2] / plane;
+    }
+    if (speed > 1e-9f) {
+        cb = plane / speed;
+        sb = v[1] / speed;
+    }
+    const float alpha = gt_angle(sa, ca), beta = gt_arcsine(sb);
+    const float s = gt_most(gt_blend(alpha), gt_blend(beta)), k = 1.0f - s;
+    const float fx = ca * cb, fz = sa * cb;
+    const float back = square * (drag + k * induced * alpha * alpha
+        + s * @CROSS@ * (sb * sb + fz * fz));
+    const float side = square * (k * (@K_BETA@ + @K_BETA_LIFT@ * (alpha + @ZERO_LIFT@)) * beta
+        + s * @K_BETA@ * sb * cb);
+    const float lift = square * (k * (@K_L0@ + slope * alpha) + s * (@K_L0@ + slope * fz) * fx);
+    force[0] = sa * lift - fx * back - ca * sb * side;
+    force[1] = cb * side - sb * back;
+    force[2] = -fz * back - sa * sb * side - ca * lift;
+    return alpha;
+}
+
+/* Velocity through the water [m/s] a sample later, by the hull's equation of motion; gives its
+ * downward part. At the surface it is carried, and sinks by the depth rate alone. */
+static float gt_move(float *v, const float *x, const float *c, int afloat, float rate)
+{
+    static const float prior[] = @PRIOR@;
+    const float drag = @K_D0@ * gt_exp(c[0] * prior[0]);
+    const float induced = @K_D@ * gt_exp(c[6] * prior[6]);
+    const float slope = @K_ALPHA@ * gt_exp(c[1] * prior[1]);
+    float down[3], pushed[3], m[3], force[3], change[3], sine, cosine;
+    gt_direction(x[0], &sine, &cosine);
+    gt_direction(x[0] - c[2] * prior[2] * cosine - c[3] * prior[3] * sine, &sine, &cosine);
+    down[0] = -sine;
+    gt_direction(x[1], down + 1, down + 2);
+    down[1] *= cosine;
+    down[2] *= cosine;
+    gt_mapped(gt_inverse, down, pushed);
+    const float yields = gt_sum(down, pushed, 3);
+    const float weight = afloat ? 0.0f
+        : @GRAVITY@ * (x[5] + c[4] * prior[4] + x[6] * (c[5] * prior[5]));
+    for (int step = 0; step < @STEPS@; step++) {
+        gt_mapped(gt_inertia, v, m);
+        gt_force(drag, induced, slope, v, force);
+        for (int i = 0; i < 3; i++) {
+            const int next = (i + 1) % 3, last = (i + 2) % 3;
+            force[i] += weight * down[i] + m[next] * x[2 + last] - m[last] * x[2 + next];
+        }
+        gt_mapped(gt_inverse, force, change);
+        for (int i = 0; i < 3; i++)
+            v[i] += @STEP@ * change[i];
+        const float push = afloat ? (rate - gt_sum(down, v, 3)) / yields : 0.0f;
+        for (int i = 0; i < 3; i++)
+            v[i] = gt_bounded(v[i] + push * pushed[i], @FASTEST@);
+    }
+    return gt_sum(down, v, 3);
+}
+
 /* Surge and sway [m/s], angle of attack [rad], whether the glide is steady, and the deviation of
  * surge [m/s], by a balance of forces that is learned on the way. */
 static void gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample,
@@ -330,30 +436,46 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
     carried[@SINCE_AFLOAT@] = still ? 0.0f : carried[@SINCE_AFLOAT@] + 1.0f;
     carried[@SINCE_UPDATE@] += 1.0f;
     carried[@STARTED@] = 1.0f;
-    const float zero[3] = {0.0f, 0.0f, 0.0f};
-    gt_pair out[4];
-    const int gliding = gt_balance(x, c, -1, carried + @WARM@, @SETTLED@, out)
-        || gt_balance(x, c, -1, zero, @ITERATIONS@, out);
-    for (int i = 0; i < 5; i++)
-        estimated[i] = 0.0f;
-    if (!gliding)
-        return;
+    /* under way at once, by inputs that do not lag; afloat by the means */
+    float *v = carried + @VELOCITY@, start[3] = {0.0f, 0.0f, 0.0f};
+    const float down = gt_move(v, still ? x : given, c, still, rate);
+    carried[@SUNK@] += @BRIEF@ * (down - carried[@SUNK@]);
+    const float square = gt_sum(v, v, 3), speed = sqrtf(square);
+    const float plane = sqrtf(v[0] * v[0] + v[2] * v[2]);
+    const float alpha = plane > 1e-12f ? gt_angle(v[2] / plane, v[0] / plane) : 0.0f;
+    const int attached = fabsf(alpha) < @LINEAR@;
     const int steady = carried[@SINCE_AFLOAT@] >= @AFLOAT@ && carried[@RESTLESS@] < @QUIET_PITCH@
-        && fabsf(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@ && fabsf(out[3].value) > @LEAST_SINE@
-        && rate * out[3].value > 0.0f;
+        && fabsf(rate - carried[@SLOW_RATE@]) < @QUIET_RATE@
+        && fabsf(down) > @LEAST_SINE@ * speed && rate * down > 0.0f;
     if (steady && carried[@SINCE_UPDATE@] >= @EVERY@) {
+        gt_pair out[4];
         carried[@SINCE_UPDATE@] = 0.0f;
-        carried[@SPREAD@] = gt_correct(c, root, x, rate, begin->rate, out);
+        if (attached) {
+            start[0] = speed;
+            start[1] = alpha;
+            start[2] = gt_arcsine(v[1] / speed);
+        }
+        int learning = gt_balance(x, c, -1, start, @ITERATIONS@, out);
+        if (learning && !attached) {
+            /* the depth rate tells a stalled hull from one that is only taken for stalled */
+            learning = fabsf(rate - out[0].value * out[3].value) < fabsf(rate - down);
+            if (learning) {
+                gt_direction(out[2].value, &sine, &cosine);
+                v[1] = out[0].value * sine;
+                gt_direction(out[1].value, v + 2, v);
+                v[0] *= out[0].value * cosine;
+                v[2] *= out[0].value * cosine;
+            }
+        }
+        if (learning)
+            carried[@SPREAD@] = gt_correct(c, root, x, rate, begin->rate, out);
     }
-    for (int i = 0; i < 3; i++)
-        carried[@WARM@ + i] = out[i].value;
-    estimated[2] = out[1].value;
-    if (!still) {
-        estimated[0] = gt_surge(out, rate).value;
-        gt_direction(out[2].value, &sine, &cosine);
-        estimated[1] = estimated[0] * sine / cosine / gt_cosine(out[1].value);
-        estimated[3] = (float)steady;
-        estimated[4] = carried[@SPREAD@] * gt_most(estimated[0], @LEAST_SURGE@);
-    }
+    const float flat = @FLAT2@ * square, sunk = carried[@SUNK@], weight = flat + sunk * sunk;
+    const float scale = weight > 0.0f ? gt_most((flat + rate * sunk) / weight, 0.0f) : 0.0f;
+    estimated[0] = scale * v[0];
+    estimated[1] = scale * v[1];
+    estimated[2] = gt_bounded(alpha, @WIDEST@);
+    estimated[3] = (float)(steady && attached);
+    estimated[4] = carried[@SPREAD@] * gt_most(fabsf(estimated[0]), @LEAST_SURGE@);
 }
 """

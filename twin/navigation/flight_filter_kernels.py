@@ -12,6 +12,7 @@ import numpy as np
 
 from twin.compiled import jit
 from twin.navigation.estimators.baseline import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
 
 CHANNELS = (
@@ -45,8 +46,12 @@ AFLOAT_S = 40.0
 """[s] after a stay at the surface in which nothing is learned."""
 EVERY_S = 15.0
 """[s] between corrections; a glider's errors of one moment last about as long."""
-SETTLED, ITERATIONS = 3, 12
-"""Fixed-point iterations at each sample, from those of the sample before, and at a correction."""
+ITERATIONS = 12
+"""Fixed-point iterations of a balance."""
+STEP_S = 0.125
+"""[s] at most, of the motion: a hull settles to its angle of attack in half a second or more."""
+FASTEST = 3.0
+"""[m/s] along each axis of the hull; more is a channel that is wrong."""
 RELINEARISED = 2
 """Times that a correction is worked out, each about the last one's constants."""
 NUDGE = 0.1
@@ -59,7 +64,8 @@ LEAST_SINE = 0.12
 LEAST_SURGE = 0.05
 """[m/s] below which its deviation is no longer relative"""
 LEAST_NET = 0.05
-"""[kg] net buoyancy that is taken for a glide whose buoyancy seems to pull the other way."""
+"""[kg] net buoyancy below which the balance takes an exponential of it, which a glide whose
+buoyancy seems to pull the other way has too: so the ballast is learned from it."""
 WIDEST = 0.3
 """[rad] flow angles are held within this; half of it starts over."""
 MOST_OFFSET = 0.02
@@ -69,10 +75,12 @@ STARTED, BEFORE, OFFSET = 0, 1, 2
 MEANS = 3
 """place of the means of pitch, roll, three rates, net mass, its change with compressibility, and
 depth rate"""
-RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE, WARM = 11, 12, 13, 14, 15
-SPREAD = 18
+RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE = 11, 12, 13, 14
+VELOCITY, SUNK = 15, 18
+"""places of the motion's velocity [m/s] along the hull's axes, and of the mean of its depth rate"""
+SPREAD = 19
 """place of the deviation of surge over surge, by the constants; worked out at each correction"""
-GUESS = 19
+GUESS = 20
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
@@ -93,8 +101,9 @@ def _balance(law, inertia, gravity, x, c, start, iterations, out):  # type: igno
     sp, cp = math.sin(pitch), math.cos(pitch)
     sr, cr = math.sin(x[1]), math.cos(x[1])
     net = x[5] + c[BALLAST] + x[6] * c[SQUEEZE]
-    if net * sp > -LEAST_NET * abs(sp):
-        net = -LEAST_NET if sp > 0.0 else LEAST_NET
+    sense = -1.0 if sp > 0.0 else 1.0
+    if sense * net < LEAST_NET:
+        net = sense * LEAST_NET * math.exp(sense * net / LEAST_NET - 1.0)
     weight = gravity * net
     w0, w1, w2 = -weight * sp, weight * cp * sr, weight * cp * cr
     speed, alpha, beta = start[0], start[1], start[2]
@@ -189,13 +198,60 @@ def balanced(law, inertia, gravity, glides, c, found):  # type: ignore[no-untype
 
 
 @jit
-def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried, learned):  # type: ignore[no-untyped-def]
+def _times(matrix, vector, found):  # type: ignore[no-untyped-def]
+    """A matrix (3, 3) times a vector (3,), into `found`."""
+    for i in range(3):
+        found[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
+
+
+@jit
+def _move(law, inertia, inverse, gravity, x, c, afloat, rate, period, v):  # type: ignore[no-untyped-def]
+    """Velocity through the water [m/s] a period later, in `v`; gives its downward part.
+
+    The hull's equation of motion with its added mass, turned as its rates say, under the twin's own
+    law: it stalls, sinks tail first while it is heavy with its nose up, and coasts at the surface,
+    which carries it and lets it sink by the depth `rate` alone.
+    """
+    own = law.copy()
+    own[K_D0] *= math.exp(c[DRAG])
+    own[K_D] *= math.exp(c[INDUCED])
+    own[K_ALPHA] *= math.exp(c[LIFT])
+    if law[CROSS_FLOW] == law[K_D]:  # as where a file says nothing of it
+        own[CROSS_FLOW] = own[K_D]
+    pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+    down, pushed, m, force, change = np.empty((5, 3))
+    down[0], down[1] = -math.sin(pitch), math.cos(pitch) * math.sin(x[1])
+    down[2] = math.cos(pitch) * math.cos(x[1])
+    _times(inverse, down, pushed)  # by a unit of impulse downward
+    yields = down[0] * pushed[0] + down[1] * pushed[1] + down[2] * pushed[2]
+    weight = 0.0 if afloat else gravity * (x[5] + c[BALLAST] + x[6] * c[SQUEEZE])
+    steps = math.ceil(period / STEP_S)
+    for _ in range(steps):
+        _times(inertia, v, m)
+        f0, f1, f2, _, _, _ = native_wrench(own, 0.0, v[0], v[1], v[2], 0.0, 0.0, 0.0)
+        force[0] = f0 + weight * down[0] + m[1] * x[4] - m[2] * x[3]
+        force[1] = f1 + weight * down[1] + m[2] * x[2] - m[0] * x[4]
+        force[2] = f2 + weight * down[2] + m[0] * x[3] - m[1] * x[2]
+        _times(inverse, force, change)
+        for i in range(3):
+            v[i] += period / steps * change[i]
+        sinks = down[0] * v[0] + down[1] * v[1] + down[2] * v[2]
+        for i in range(3):
+            if afloat:
+                v[i] += (rate - sinks) / yields * pushed[i]
+            v[i] = min(max(v[i], -FASTEST), FASTEST)
+    return down[0] * v[0] + down[1] * v[1] + down[2] * v[2]
+
+
+@jit
+def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples, carried, learned):  # type: ignore[no-untyped-def]
     """Outputs (time, 5) of the samples (time, 11), and at how many it learned; `carried` goes on,
     and the first of those it learned from go into `learned` (n, LEARNED)."""
     mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
     n, size = samples.shape[0], prior.size
     outputs = np.zeros((n, 5))
     x, start, out = np.zeros(7), np.zeros(3), np.zeros(4)
+    now, v = np.zeros(7), carried[VELOCITY : VELOCITY + 3]
     slopes, gain = np.zeros(size), np.zeros(size)
     c = carried[GUESS:COVARIANCE]
     cov = carried[COVARIANCE:].reshape((size, size))
@@ -226,6 +282,7 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried,
             carried[MEANS + i] += (1.0 if first else short) * (given[i] - carried[MEANS + i])
         for i in range(7):
             x[i] = carried[MEANS + i]
+            now[i] = given[i]
         rate = carried[MEANS + 7]
         carried[RESTLESS] += quiet * (abs(pitch - x[0]) - carried[RESTLESS])
         carried[SLOW_RATE] += quiet * (rate - carried[SLOW_RATE])
@@ -233,17 +290,31 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried,
         carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
         carried[SINCE_UPDATE] += period
         carried[STARTED] = 1.0
-        for i in range(3):
-            start[i] = carried[WARM + i]
-        gliding = _balance(law, inertia, gravity, x, c, start, SETTLED, out)
-        if not gliding:
-            start[:] = 0.0
-            gliding = _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-        steady = gliding and carried[SINCE_AFLOAT] > AFLOAT_S and carried[RESTLESS] < QUIET_PITCH
+        # Under way by inputs that do not lag; afloat by the means, as noise would brake it.
+        seen = x if still else now
+        down = _move(law, inertia, inverse, gravity, seen, c, still, rate, period, v)
+        carried[SUNK] += short * (down - carried[SUNK])
+        speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        alpha = math.atan2(v[2], v[0])
+        attached = abs(alpha) < law[LINEAR]
+        steady = carried[SINCE_AFLOAT] > AFLOAT_S and carried[RESTLESS] < QUIET_PITCH
         steady = steady and abs(rate - carried[SLOW_RATE]) < QUIET_RATE
-        steady = steady and abs(out[3]) > LEAST_SINE and rate * out[3] > 0.0
-        if steady and carried[SINCE_UPDATE] > EVERY_S:
+        steady = steady and abs(down) > LEAST_SINE * speed and rate * down > 0.0
+        learning = steady and carried[SINCE_UPDATE] > EVERY_S
+        if learning:
             carried[SINCE_UPDATE] = 0.0
+            start[:] = 0.0
+            if attached:
+                start[0], start[1], start[2] = speed, alpha, math.asin(v[1] / speed)
+            learning = _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+            if learning and not attached:
+                # The depth rate tells a stalled hull from one that is only taken for stalled.
+                learning = abs(rate - out[0] * out[3]) < abs(rate - down)
+                if learning:
+                    v[0] = out[0] * math.cos(out[1]) * math.cos(out[2])
+                    v[1] = out[0] * math.sin(out[2])
+                    v[2] = out[0] * math.sin(out[1]) * math.cos(out[2])
+        if learning:
             if corrections < learned.shape[0]:
                 for i in range(7):
                     learned[corrections, i] = x[i]
@@ -275,13 +346,12 @@ def filtered(law, inertia, hull, prior, rate_variance, period, samples, carried,
             carried[SPREAD] = _spread(
                 law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out
             )
-        if gliding:
-            for i in range(3):
-                carried[WARM + i] = out[i]
-            outputs[k, 2] = out[1]
-            if not still:
-                outputs[k, 0] = _surge(out, rate)
-                outputs[k, 1] = outputs[k, 0] * math.tan(out[2]) / math.cos(out[1])
-                outputs[k, 3] = 1.0 if steady else 0.0
-                outputs[k, 4] = carried[SPREAD] * max(outputs[k, 0], LEAST_SURGE)
+        # The depth rate has the say where the path is steep.
+        flat, sunk = FLAT_SINE * speed, carried[SUNK]
+        weight = flat * flat + sunk * sunk
+        scale = max((flat * flat + rate * sunk) / weight, 0.0) if weight > 0.0 else 0.0
+        outputs[k, 0], outputs[k, 1] = scale * v[0], scale * v[1]
+        outputs[k, 2] = min(max(alpha, -WIDEST), WIDEST)
+        outputs[k, 3] = 1.0 if steady and attached else 0.0
+        outputs[k, 4] = carried[SPREAD] * max(abs(outputs[k, 0]), LEAST_SURGE)
     return outputs, corrections

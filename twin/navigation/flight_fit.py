@@ -1,9 +1,9 @@
 """Flight fit: a hull's seven constants from its first dives, all glides at once.
 
-The flight filter takes a hull for one near its file: with a wide prior its first corrections, of
-one angle of glide, run off where the balance is not linear. A fit of all glides together does not.
-It is the most probable set of constants (Levenberg and Marquardt), with Huber's loss, and gives
-their covariance, from which a filter goes on (`FlightStart`).
+The flight filter's corrections, one after the other, depend on where the balance is not linear. A
+fit of all glides together does not. It is the most probable set of constants (Levenberg and
+Marquardt), with Huber's loss, and gives their covariance, from which a filter goes on
+(`FlightStart`).
 
     rate of depth      z' = balance(c)                                  what every glider has
     Doppler log, down  w_m = (1 + s) z' + e U(c)
@@ -29,8 +29,6 @@ from twin.navigation.dvl_cleaning import WATER, outliers, smoothed
 from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
 from twin.navigation.flight_filter_kernels import (
     CONSTANTS,
-    DRAG,
-    INDUCED,
     NUDGE,
     PLACE,
     RATE,
@@ -38,13 +36,11 @@ from twin.navigation.flight_filter_kernels import (
 )
 from twin.numbers import Array
 
-GROWTH = 0.3
-"""of ln(factor) on both drags: growth adds half to them within a season, and lifts nothing"""
 GLIDE_RATE_SD = 3e-3
-"""[m/s] of the depth rate of one glide, as `FlightSpread.depth_rate`"""
+"""[m/s] of the depth rate of one glide; that it lasts is in `widened`"""
 LASTING_RATE_SD = 1e-2
-"""[m/s] of a filter's corrections afterwards: what is wrong with a glide's rate lasts through it,
-so that ten corrections are one, and a hull that is known is not to be drawn off by them"""
+"""[m/s] of a filter's corrections afterwards, as `FlightSpread.depth_rate`: a hull that is known is
+not to be drawn off by them"""
 LOG_SD = (3e-3, 0.015)
 """[m/s] of the log downward and forward: what is left of water that changes within an hour"""
 LOG_SCALE, LOG_ANGLE = 0.01, 0.015
@@ -170,7 +166,6 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
             "the Doppler log has no water lock in a steady glide: adapt without it (--labels none)"
         )
     prior = FlightSpread().prior
-    prior[[DRAG, INDUCED]] = GROWTH
     errors = LogErrors.over(whole.depth) if log else None
     parts = [d for d in dives if len(d)] if len(dives) > 1 else _quarters(whole)
     fits = [_fit(flight, whole, one, errors) for one in (prior, SURE * prior)]

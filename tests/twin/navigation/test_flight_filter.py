@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from glides import PERIOD, changed, glides
 
+import twin
 from twin.errors import InputError, StoreError
+from twin.mission import load_mission
 from twin.navigation.flight_filter import FlightFilter, FlightSpread
-from twin.navigation.flight_filter_kernels import CARRIED, CHANNELS, CONSTANTS
+from twin.navigation.flight_filter_kernels import CARRIED, CHANNELS, CONSTANTS, VELOCITY
 from twin.navigation.settings import ESTIMATED, can_estimate, estimate, sources
 from twin.vehicle.vehicle import load_vehicle
 
@@ -18,9 +20,9 @@ def error(found, surge, settled):
     return np.sqrt(np.mean((found[late, 0] - surge[late]) ** 2))
 
 
-SURE = FlightSpread(coefficient=1e-6, pitch=1e-8, ballast=1e-6, compressibility=1e-16)
-STIFF = FlightSpread(compressibility=1e-16)
-"""of a hull that the test does not compress"""
+SURE = FlightSpread(coefficient=1e-6, drag=1e-6, pitch=1e-8, ballast=1e-6, compressibility=1e-16)
+STIFF = FlightSpread(drag=0.058, compressibility=1e-16, depth_rate=3e-3)
+"""of a hull that the test does not compress, in glides that are as the balance has them"""
 
 
 @pytest.mark.parametrize(
@@ -46,6 +48,62 @@ def test_a_vehicle_as_its_file_says_stays_so():
     learned = FlightFilter(nominal, PERIOD, STIFF)
     assert error(learned.run(signals), surge, settled) < 1e-3
     assert abs(learned.constants["drag"][0]) < 0.01
+
+
+def flight(vehicle, **given):
+    """Signals of a simulated flight in water of one density, and the filter's outputs for the
+    vehicle as its file says."""
+    run = twin.simulate(vehicle=vehicle, sensors="ideal", density="constant", **given)
+    signals = {name: np.asarray(run[name], float) for name in CHANNELS if name in run}
+    density = np.full(len(run["true_surge"]), vehicle.reference_density)
+    signals["measured_density"] = density
+    return run, FlightFilter(vehicle, PERIOD, SURE).run(signals)
+
+
+def test_a_hull_that_is_still_heavy_with_its_nose_up_sinks_tail_first():
+    """The Seaglider's pump takes minutes at the bottom of a dive."""
+    mission = load_mission("section")
+    one = dataclasses.replace(mission.segments[0], max_depth_m=50, yos=1)
+    run, found = flight(
+        load_vehicle("seaglider"), mission=dataclasses.replace(mission, segments=(one,))
+    )
+    surge, depth = np.asarray(run["true_surge"]), np.asarray(run["true_depth"])
+    back = (surge < -0.03) & (depth > 5.0)
+    assert back.sum() > 60
+    assert np.abs(found[back, 0] - surge[back]).mean() < 0.15 * np.abs(surge[back]).mean()
+    assert found[back, 3].max() == 0.0
+
+
+def test_a_hull_that_comes_up_fast_coasts_at_the_surface():
+    """Its drag alone brakes it, by the square of its speed: it goes on for metres."""
+    vehicle = load_vehicle("seaexplorer")
+    mission = load_mission("section")
+    one = dataclasses.replace(mission.segments[0], max_depth_m=30, yos=1, net_mass_kg=0.4)
+    given = dataclasses.replace(mission, segments=(one,), duration_s=1200.0)
+    run, found = flight(vehicle, mission=given)
+    surge, depth = np.asarray(run["true_surge"]), np.asarray(run["true_depth"])
+    up = np.flatnonzero((depth < 1.0) & (np.arange(len(depth)) > depth.argmax()))[0]
+    gone, said = (PERIOD * one[up:].sum() for one in (surge, found[:, 0]))
+    assert gone > 6.0
+    assert abs(said - gone) < 0.15 * gone
+
+
+def test_a_hull_that_is_only_taken_for_stalled_is_told_by_its_depth_rate():
+    """At this pitch a fouled Slocum can sink stalled too, and by the motion alone stays so."""
+    vehicle = load_vehicle("slocum-200")
+    law = dataclasses.replace(vehicle.flow_frame, drag=(12.8, 752.0))
+    vehicle = dataclasses.replace(vehicle, law=law, hull_compressibility=1e-16)
+    signals, surge, _ = glides(vehicle, pitches=(-20.0,))
+    one = FlightFilter(vehicle, PERIOD, SURE)
+    one.run({name: values[:200] for name, values in signals.items()})
+    state = one.state()
+    state["carried"][VELOCITY : VELOCITY + 3] = 0.05, 0.0, 0.05
+    one.restore(state)
+    found = one.run({name: values[200:] for name, values in signals.items()})
+    stalled = found[:, 2] >= np.deg2rad(17.0)
+    assert stalled[:3].all()
+    assert not stalled[-600:].any()
+    assert np.abs(found[-600:, 0] - surge[-600:]).max() < 0.01
 
 
 def test_sample_by_sample_it_says_the_same_and_goes_on_from_its_state():
