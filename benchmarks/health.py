@@ -52,7 +52,7 @@ from twin.health.channels import CHANNELS, NAMES
 from twin.health.deployment_dives import told_by
 from twin.health.deployment_health import DeploymentHealth
 from twin.health.disturbances import standing
-from twin.health.judgement import follow
+from twin.health.judgement import follow, sure
 from twin.health.judgement import judge as weigh
 from twin.health.signatures import TypicalDive, usual_dive
 from twin.health.thresholds import threshold_of
@@ -203,11 +203,11 @@ def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
         wander=np.array(case["wander"]) if "wander" in case else None,
     )  # fmt: skip
     alarms = {name: Alarms(_chart(values, channels), "") for name, channels in CHARTS.items()}
-    alarms[OURS] = Alarms(one.evidence, "")
+    alarms[OURS] = Alarms(sure(one.evidence), "")
     if one.kinds:
         best = one.kinds[0]
         since = None if best.since_dive is None else one.dives.index(best.since_dive)
-        alarms[OURS] = Alarms(one.evidence, best.kind, best.also, since)
+        alarms[OURS] = Alarms(sure(one.evidence), best.kind, best.also, since)
     if detector is not None:
         odds, named = detector.judge(values)
         alarms[LEARNED] = Alarms(odds, named[-1])
@@ -456,7 +456,7 @@ def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
         steps, noises = rng.standard_normal((2, dives, len(CHANNELS)))
         levels = follow(np.cumsum(walk * steps, axis=0) + noise * noises)
         odds = weigh(levels, days, hypotheses, standing(np.full((dives, 2), 0.2), days)).evidence
-        found.append(Judged({}, days, None, None, {OURS: Alarms(odds, "")}))
+        found.append(Judged({}, days, None, None, {OURS: Alarms(sure(odds), "")}))
     return found
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,7 @@ from twin.cli.text_table import format_number
 from twin.health.assessment import LEAST_DIVES, flown_signatures, judged
 from twin.health.channels import NAMES
 from twin.health.deployment_dives import told_by
+from twin.health.judgement import sure
 from twin.health.thresholds import threshold_of
 from twin.identify.start_values import start_vehicle
 from twin.records.logged import LogStore
@@ -94,11 +96,12 @@ def _look(
     threshold = threshold_of(DAYS)
     one = judged(**told, vehicle=vehicle, threshold=threshold)
     attitude = bool(np.isfinite(told["values"][:, NAMES.index("rate_dive")]).any())
+    highest = float(sure(one.evidence).max())
     kept["logs"].append({
         "log": store.stem, "deployment": name, "vehicle": which, "dives": len(one.dives),
         "days": round(one.days, 2), "attitude": attitude,
         "rang": [list(ring) for ring in one.rang], "kind": one.kind,
-        "highest": round(highest, 2) if np.isfinite(highest := float(one.evidence.max())) else None,
+        "highest": round(highest, 2) if math.isfinite(highest) else None,
         "remarks": list(one.remarks),
     })  # fmt: skip
     if which != "identified":

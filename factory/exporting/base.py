@@ -138,7 +138,9 @@ class Exporter:
         run.check_arrays()
         for mission in missions:
             run.check_mission(mission)
-        options = dataclasses.replace(options, file_dir=options.file_dir or str(path.absolute()))
+        options = dataclasses.replace(
+            options, file_dir=str(path.absolute()) if options.file_dir is None else options.file_dir
+        )
         more = (options,) if self.takes else ()
         whole = (
             whole_file(path, overwrite=overwrite)

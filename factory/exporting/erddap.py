@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 from factory.exporting.base import Advance, Exporter, ExportOptions
 from factory.exporting.og1 import OG1
+from twin.errors import InputError
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
@@ -34,6 +35,8 @@ MILLISECONDS = "1970-01-01T00:00:00.000Z"
 """As which times are written; without it ERDDAP cuts fractions of seconds off"""
 ABOUT = ("infoUrl", "creator_url", "publisher_url", "references")
 """Attributes of a file that may be the address of a page about it, the best first"""
+ADDRESS, ABSOLUTE = r"https?://[!-~]+", r"(/|[A-Za-z]:[\\/]).*"
+"""What an address of a page is, and an absolute path of Unix or Windows"""
 CATEGORIES = (
     (r"time", "Time"),
     (r"latitude|longitude|depth", "Location"),
@@ -58,6 +61,12 @@ def _write(
 ) -> list[Path]:
     from twin.records.logged import LogStore
 
+    there = str(options.file_dir)
+    if not (re.fullmatch(ABSOLUTE, there) and there.isprintable()):
+        raise InputError(
+            f"--file-dir {there!r} must be the absolute path of the files' folder on the server, "
+            "such as /data/calypso"
+        )
     assert callable(OG1.write)
     files = OG1.write(run, missions, folder, advance, options)
     root = ElementTree.Element("erddapDatasets")
@@ -93,6 +102,8 @@ def dataset(
     """
     import netCDF4
 
+    from factory.exporting.og1.og1_terms import OG_FORMAT
+
     made = ElementTree.Element(
         "dataset", type="EDDTableFromMultidimNcFiles", datasetID=name, active="true"
     )
@@ -113,7 +124,10 @@ def dataset(
             "cdm_data_type": "Trajectory",
             "cdm_trajectory_variables": once,
             "subsetVariables": once,
-            "infoUrl": next(str(said[word]) for word in ABOUT if word in said),
+            "infoUrl": next(
+                (str(said[word]) for word in ABOUT if re.fullmatch(ADDRESS, str(said.get(word)))),
+                OG_FORMAT,
+            ),
             "sourceUrl": "(local files)",
         }
         if many:

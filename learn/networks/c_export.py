@@ -45,9 +45,8 @@ from twin.vehicle.vehicle import Vehicle
 NAME = "glider_velocity.h"
 """Of the file."""
 BEYOND = 1e-3
-"""Share of the samples that may differ by more than TOLERANCE. Where a hull falls over at the
-surface, the flight filter's balance of forces jumps from one branch to another, and makes of the
-last digit of float32 a thousand times as much."""
+"""Share of the samples that may differ by more than TOLERANCE. Where a hull stalls or falls over,
+the last digit of float32 decides on which side, and becomes a thousand times as much."""
 FLAGS = (
     *("-std=c99", "-O3", "-pedantic"),
     *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),

@@ -21,7 +21,7 @@ from twin.health.channels import CHANNELS, NAMES
 from twin.health.deployment_dives import told_by
 from twin.health.deployment_health import NONE, DeploymentHealth, KindVerdict, loud_channels
 from twin.health.disturbances import standing, steps_in_shear
-from twin.health.judgement import Levels, Verdict, follow, judge
+from twin.health.judgement import FIRST, Levels, Verdict, follow, judge, sure
 from twin.health.signatures import (
     Hypothesis,
     Signatures,
@@ -37,8 +37,10 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 
-LEAST_DIVES = 6
-"""Dives below which nothing is judged"""
+LEAST_DIVES = FIRST + 2
+"""Dives below which nothing is judged: those that a fault needs before it, and two of an alarm"""
+OFTEN = 6
+"""Dives that must tell a channel for it to tell faults apart"""
 ENDS, BELOW = 0.0, 1.0
 """Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
 a level that is lower itself, so that an alarm does not flap"""
@@ -143,9 +145,7 @@ def judged(
     hypotheses = [one for one in every if one.shows_in(known)] or every
     verdict = judge(levels, days, hypotheses, standing(ways, days))
     rang = rings(verdict.evidence, threshold)
-    noise = np.where(
-        np.isfinite(values).sum(axis=0) >= LEAST_DIVES, [c.noise for c in CHANNELS], np.inf
-    )
+    noise = np.where(np.isfinite(values).sum(axis=0) >= OFTEN, [c.noise for c in CHANNELS], np.inf)
     groups = confusable(hypotheses, noise)
     alarm = bool(rang) and rang[-1][1] == len(values) - 1
     loud = [NAMES.index(channel.name) for channel, _ in loud_channels(levels)]
@@ -168,15 +168,16 @@ def judged(
 
 
 def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
-    """First and last dive, as places, of each alarm: above the threshold until they fall back."""
+    """First and last dive, as places, of each alarm: two dives in a row begin it and end it."""
     ends = min(ENDS, threshold - BELOW)
+    surely = sure(evidence)
     found: list[tuple[int, int]] = []
     ringing = False
     for d, odds in enumerate(evidence.tolist()):
-        if not ringing and odds > threshold:
+        if not ringing and surely[d] > threshold:
             found.append((d, d))
             ringing = True
-        elif ringing and odds > ends:
+        elif ringing and max(odds, float(evidence[d - 1])) > ends:
             found[-1] = (found[-1][0], d)
         else:
             ringing = False

@@ -114,9 +114,8 @@ class Verdict:
     """What a deployment's dives say, dive after dive."""
 
     evidence: Array
-    """log of the odds of a fault against none, less what they were before any dive spoke: after
-    each dive or the one before it, whichever is lower, (dives,). What one dive says and the next
-    takes back is no fault; -inf where nothing speaks for one"""
+    """log of the odds of a fault against none after each dive, less what they were before any dive
+    spoke, (dives,); -inf where nothing speaks for one"""
     kinds: tuple[str, ...]
     probability: Array
     """of each kind after the last dive, (kinds,)"""
@@ -219,7 +218,7 @@ def judge(
         found.append(told_size[0])
         deviation.append(told_size[1])
     return Verdict(
-        evidence=np.minimum(evidence, np.concatenate([[-math.inf], evidence[:-1]])),
+        evidence=evidence,
         kinds=names,
         probability=np.array(probability),
         since=np.array(first, np.int64),
@@ -228,6 +227,14 @@ def judge(
         best=tuple(best),
         running=tuple(running),
     )
+
+
+def sure(evidence: Array) -> Array:
+    """The lower of the odds after each dive and after the one before it, (dives,).
+
+    What one dive says and the next takes back is no fault. `evidence` is that of a `Verdict`.
+    """
+    return np.minimum(evidence, np.concatenate([[-math.inf], evidence[:-1]]))
 
 
 def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:

@@ -92,8 +92,8 @@ class FlightStart:
     """Standard deviations of their errors"""
     correlation: tuple[tuple[float, ...], ...]
     """Of the errors: units differ by ten orders, which a covariance would not survive in a file"""
-    depth_rate: float = 3e-3
-    """[m/s] of one correction, as `FlightSpread.depth_rate`"""
+    depth_rate: float
+    """[m/s] of one correction, in place of `FlightSpread.depth_rate`"""
 
     def __post_init__(self) -> None:
         size, correlation = len(CONSTANTS), np.array(self.correlation, float)

@@ -28,12 +28,13 @@ DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
 OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
 """What the filter gives of each sample: surge and sway [m/s], the angle of attack [rad], 1 where
 the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
-surge."""
+surge. The angle is held to 0.3 rad either way: stalled or tail first it says the side alone."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
 """[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
 within 0.02 kg/m3 to 1000 m."""
 SMOOTHED_S = 5.0
-"""[s] exponential mean of every input: longer than noise, shorter than a glider takes to settle."""
+"""[s] exponential mean of what the balance reads: longer than noise, shorter than a glider takes to
+settle."""
 FUSED_S = 20.0
 """[s] over which the attitude's pitch is drawn to the accelerometers'."""
 QUIET_S = 10.0

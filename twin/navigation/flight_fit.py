@@ -39,8 +39,7 @@ from twin.numbers import Array
 GLIDE_RATE_SD = 3e-3
 """[m/s] of the depth rate of one glide; that it lasts is in `widened`"""
 LASTING_RATE_SD = 1e-2
-"""[m/s] of a filter's corrections afterwards, as `FlightSpread.depth_rate`: a hull that is known is
-not to be drawn off by them"""
+"""[m/s] of a filter's corrections afterwards: what a glide has wrong counts ten times as one"""
 LOG_SD = (3e-3, 0.015)
 """[m/s] of the log downward and forward: what is left of water that changes within an hour"""
 LOG_SCALE, LOG_ANGLE = 0.01, 0.015

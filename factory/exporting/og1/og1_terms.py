@@ -28,6 +28,7 @@ FILL = -9999.9
 """Of positions and depth, as the format prescribes"""
 TIME_FILL = -1.0
 ROLES = "https://vocab.nerc.ac.uk/collection/W08/current/"
+OG_FORMAT = "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html"
 PLATFORM = "https://vocab.nerc.ac.uk/collection/L06/current/27/"
 VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"
 PHASES = (
@@ -264,7 +265,7 @@ def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata)
         "interpolation_methodology says, TRUE_* variables what really happened in the simulation.",
         "source": facts.source,
         "history": facts.history,
-        "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
+        "references": OG_FORMAT,
         "start_date": start,
         "date_created": stamp(made_at()),
         "keywords": f"simulation, {KEYWORDS}",
@@ -310,7 +311,7 @@ def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) 
         "comment": ON_A_GRID,
         "source": f"logs of a vehicle ({logs.source}: {files}), read by glider-twin {__version__}",
         "history": logs.history,
-        "references": "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html",
+        "references": OG_FORMAT,
         "start_date": start,
         "date_created": stamp(made_at()),
         "keywords": KEYWORDS,

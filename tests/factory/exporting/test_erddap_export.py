@@ -159,6 +159,24 @@ def test_the_command_takes_the_server_s_folder(store: Path, tmp_path: Path) -> N
         )
 
 
+@pytest.mark.parametrize("folder", ["data", "", "/data/\x01"])
+def test_a_folder_that_no_server_finds_is_refused(store: Path, tmp_path: Path, folder: str) -> None:
+    with pytest.raises(InputError, match=r"must be the absolute path .* such as /data/calypso"):
+        EXPORTERS["erddap"].export(
+            LogStore(store), [0], tmp_path / "served", options=ExportOptions(file_dir=folder)
+        )
+
+
+def test_a_page_about_it_is_an_address(store: Path, tmp_path: Path) -> None:
+    metadata, out = tmp_path / "deployment.yml", tmp_path / "served"
+    metadata.write_text(
+        "metadata:\n  references: 'Doe, J. (2026): Gliding'\n  creator_url: https://a.example/b\n"
+    )
+    EXPORTERS["erddap"].export(LogStore(store), [0], out, options=ExportOptions(metadata=metadata))
+    (tag,) = ElementTree.parse(out / "datasets.xml").getroot()
+    assert attributes(tag)["infoUrl"] == "https://a.example/b"
+
+
 MAPPING = example(
     (Path(__file__).parents[3] / "docs" / "howto" / "erddap.md").read_text(), "served.toml"
 )

@@ -71,11 +71,11 @@ def test_a_thruster_hides_the_glide_but_not_the_hull():
 
 
 def test_an_alarm_stands_until_no_fault_is_as_likely():
-    odds = np.array([-5.0, 2.0, 4.0, 1.0, 2.0, -0.5, 2.0, 3.5])
-    assert rings(odds, 3.0) == [(2, 4), (7, 7)]
+    odds = np.array([-5.0, 4.0, 2.0, 4.0, 3.5, 1.0, -0.5, 2.0, -0.5, -0.5, 3.5, 3.5])
+    assert rings(odds, 3.0) == [(4, 8), (11, 11)]
     assert rings(np.array([-math.inf, 1.0]), 3.0) == []
     # a level below even odds does not make it flap
-    assert rings(np.array([-1.0, -1.5, -1.0, -2.5, -2.0]), -1.2) == [(0, 2)]
+    assert rings(np.array([-1.0, -1.0, -1.5, -2.0, -2.5, -2.5]), -1.2) == [(1, 4)]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS
-from twin.health.assessment import _loud
+from twin.health.assessment import _loud, rings
 from twin.health.channels import CHANNELS, NAMES
 from twin.health.deployment_dives import values_of
 from twin.health.deployment_health import DeploymentHealth, KindVerdict
@@ -63,13 +63,16 @@ def test_a_fault_is_called_by_its_name_since_its_first_dive(hypotheses, kind):
     assert BEGUN <= over[0] <= BEGUN + 3
 
 
-@pytest.mark.parametrize(("kind", "sure"), [("wing_lost", 1), ("hotel_raised", 2)])
-def test_two_dives_make_an_alarm(hypotheses, kind, sure):
+@pytest.mark.parametrize(("kind", "after"), [("wing_lost", 1), ("hotel_raised", 2)])
+def test_two_dives_make_an_alarm(hypotheses, kind, after):
     one = next(h for h in hypotheses if h.kind == kind)
     values = sound(3)
     values[BEGUN:] += np.nan_to_num(one.signature) * one.scale
-    evidence = judge(follow(values), days(), hypotheses).evidence
-    assert evidence[BEGUN] < threshold_of(30.0) < evidence[BEGUN + sure]
+    level, evidence = threshold_of(30.0), judge(follow(values), days(), hypotheses).evidence
+    assert evidence[BEGUN - 1] < level
+    assert rings(evidence, level) == [(BEGUN + after, DIVES - 1)]
+    if kind == "wing_lost":
+        assert evidence[BEGUN] > level
 
 
 def test_a_channel_that_the_log_lacks_is_left_out(hypotheses):

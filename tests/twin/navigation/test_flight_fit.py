@@ -138,7 +138,10 @@ def test_what_does_not_suffice_is_refused():
         {"deviations": zeros},
         {"depth_rate": 0.0},
     ):
-        right = {"constants": zeros, "deviations": (1.0,) * len(zeros), "correlation": unit}
+        right = {
+            "constants": zeros, "deviations": (1.0,) * len(zeros), "correlation": unit,
+            "depth_rate": 1e-2,
+        }  # fmt: skip
         FlightStart(**right)
         with pytest.raises(InputError, match=r"flight filter begins|depth_rate"):
             FlightStart(**right | bad)

@@ -24,9 +24,10 @@ DRAWS = 40
 def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
     """Of the velocity at the vehicle's usual glide.
 
-    The coefficients of an identified vehicle are as sure as its file says; those of another one,
-    and the pitch of all, as `FlightSpread` has them. What the coefficients do is the same down and
-    up, and stays; what a pitch error does changes its sign, and goes.
+    The coefficients of an identified vehicle are as sure as its file says; all those of another one
+    as the lift slope in `FlightSpread`, which is a sound hull, without growth. The pitch is as
+    there. What the coefficients do is the same down and up, and stays; what a pitch error does
+    changes its sign, and goes.
 
     Args:
       vehicle: one that glides by lift and drag coefficients.
