@@ -49,6 +49,8 @@ FORMAT = 2
 """Version of `run.json`."""
 UNSEALED = 1
 """Version whose `run.json` has no checksum, of releases up to 0.1.0."""
+FILTER = "flight filter"
+"""Entry of the versions of `run.json`; runs of the first filter lack it"""
 TRUTH = "truth"
 """Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
 LABELS = "label_counts"
@@ -157,10 +159,20 @@ class Run:
         """Surge and sway.
 
         Raises:
-          StoreError: a file is missing, damaged or of another format.
+          StoreError: a file is missing, damaged or of another format, or the networks learned to
+            read another flight filter.
         """
         from learn.networks.predictor import Ensemble, load_predictor
+        from twin.navigation.features import channels_of
+        from twin.navigation.flight_filter import FLIGHT_FILTER
+        from twin.navigation.settings import ESTIMATED
 
+        learned = str(self.description.get("versions", {}).get(FILTER, "1"))
+        if learned != str(FLIGHT_FILTER) and set(channels_of(self.features)) & set(ESTIMATED):
+            raise StoreError(
+                f"the networks of run {self.name} learned to read flight filter {learned}, and "
+                f"this program has {FLIGHT_FILTER}: fit the run again (`learn fit`)"
+            )
         found, model = {}, self.error_model()
         intervals = {"surge": model.surge_interval, "sway": model.sway_interval}
         for target in TARGETS:
@@ -451,8 +463,11 @@ def versions() -> dict[str, str]:
     import numpy
     import torch
 
+    from twin.navigation.flight_filter import FLIGHT_FILTER
+
     return {
         "glider-twin": __version__,
+        FILTER: str(FLIGHT_FILTER),
         "python": platform.python_version(),
         "machine": platform.machine(),
         "numpy": numpy.__version__,

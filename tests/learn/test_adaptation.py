@@ -22,7 +22,7 @@ from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, ru
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Adapted
 from learn.report import verdicts
-from learn.run import ADAPTATION, FAMILIARITY, Run, open_run, write_description
+from learn.run import ADAPTATION, FAMILIARITY, FILTER, Run, open_run, write_description
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightSpread, FlightStart
@@ -157,6 +157,16 @@ def test_networks_that_do_not_read_the_filter_cannot_adapt(place):
     )
     with pytest.raises(InputError, match="do not read the flight filter"):
         learn.adapt(run, place / "heavy.zarr", place / "runs" / "x")
+
+
+def test_networks_that_learned_to_read_another_filter_are_refused(place):
+    run = open_run(place / "runs" / "first")
+    before = {name: v for name, v in run.description["versions"].items() if name != FILTER}
+    with pytest.raises(StoreError, match=r"flight filter 1, and this program has 2: fit the run"):
+        Run(run.folder, run.description | {"versions": before}).networks()
+    plain = [name for name in run.features if not name.startswith("flight_")]
+    settings = run.description["settings"] | {"features": plain}
+    Run(run.folder, run.description | {"versions": before, "settings": settings}).networks()
 
 
 def test_a_damaged_adaptation_is_named(place):

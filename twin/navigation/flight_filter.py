@@ -42,6 +42,9 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
+FLIGHT_FILTER = 2
+"""Of what the filter gives: 1 was a steady balance, 2 follows the hull's motion. Networks that
+learned to read one do not know the other."""
 TYPICAL_COMPRESSIBILITY = 5e-10
 """[1/Pa] of a hull whose file does not say."""
 
