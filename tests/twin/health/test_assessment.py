@@ -111,6 +111,12 @@ def test_a_fault_that_stays_is_an_alarm_that_stands(attached):
     assert one.describe()["also"] == list(one.kinds[0].also)
 
 
+def test_a_sound_deployment_is_said_to_have_nothing_wrong(attached):
+    one = judgement(attached, DIVES)
+    assert not one.alarm
+    assert one.verdict().startswith(f"one: nothing wrong in {DIVES} dives")
+
+
 def test_what_the_log_cannot_show_is_not_weighed(attached):
     vehicle, shape, _ = attached
     seen = values()
