@@ -119,15 +119,12 @@ def dataset(
     with netCDF4.Dataset(file) as source:
         variables = list(source.variables.values())
         once = ",".join(_destination(one.name) for one in variables if not one.dimensions)
-        said = source.__dict__
+        pages = [_address(source.__dict__.get(word)) for word in ABOUT]
         attributes = {
             "cdm_data_type": "Trajectory",
             "cdm_trajectory_variables": once,
             "subsetVariables": once,
-            "infoUrl": next(
-                (str(said[word]) for word in ABOUT if re.fullmatch(ADDRESS, str(said.get(word)))),
-                OG_FORMAT,
-            ),
+            "infoUrl": next(filter(re.compile(ADDRESS).fullmatch, pages), OG_FORMAT),
             "sourceUrl": "(local files)",
         }
         if many:
@@ -136,6 +133,11 @@ def dataset(
         for one in variables:
             made.append(_variable(one))
     return made
+
+
+def _address(said: object) -> str:
+    """What metadata gives as an address, often without its scheme."""
+    return re.sub(r"^www\.", "https://www.", str(said))
 
 
 def _destination(name: str) -> str:

@@ -112,6 +112,9 @@ class DeploymentHealth:
             if 2 * judged < len(CHANNELS):
                 by = f", judged by {judged} of {len(CHANNELS)} channels only"
             found = "nothing wrong"
+            if self.evidence[-1] > self.threshold:  # an alarm takes two dives
+                before += f"; dive {self.dives[-1]} alone would be an alarm: the next one decides"
+                found = "no alarm"
             if loud := loud_channels(self.levels):
                 off = (f"{channel.name} was {abs(by):.0f} deviations off" for channel, by in loud)
                 before += f"; look at dive {self.dives[-1]}: {' and '.join(off)}"

@@ -86,7 +86,8 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
             page.details(_summary(kind), _facts(kind), shown=one.alarm and place == 0)
         page.figure(f"{one.name}-evidence", evidence_figure(one),
                     "Log of the odds of a fault after each dive, and the level of an "
-                    "alarm.")  # fmt: skip
+                    "alarm, which two dives in a row make. After the others nothing "
+                    "speaks for a fault.")  # fmt: skip
     if said is not None:
         _answers(page, one.name, said)
     if one.kinds and whole:

@@ -170,11 +170,11 @@ def test_a_folder_that_no_server_finds_is_refused(store: Path, tmp_path: Path, f
 def test_a_page_about_it_is_an_address(store: Path, tmp_path: Path) -> None:
     metadata, out = tmp_path / "deployment.yml", tmp_path / "served"
     metadata.write_text(
-        "metadata:\n  references: 'Doe, J. (2026): Gliding'\n  creator_url: https://a.example/b\n"
+        "metadata:\n  references: 'Doe, J. (2026): Gliding'\n  creator_url: www.a.example/b\n"
     )
     EXPORTERS["erddap"].export(LogStore(store), [0], out, options=ExportOptions(metadata=metadata))
     (tag,) = ElementTree.parse(out / "datasets.xml").getroot()
-    assert attributes(tag)["infoUrl"] == "https://a.example/b"
+    assert attributes(tag)["infoUrl"] == "https://www.a.example/b"
 
 
 MAPPING = example(

@@ -227,6 +227,10 @@ def test_a_verdict_says_by_how_few_channels_it_is() -> None:
     assert "unit1: no alarm in" in loud.verdict()
     last = shared["dives"][-1]  # type: ignore[index]
     assert f"; look at dive {last}: {CHANNELS[3].name} was " in loud.verdict()
+    odds = np.append(np.full(len(shared["dives"]) - 1, -9.0), shared["threshold"] + 1.0)  # type: ignore[arg-type,operator]
+    one = DeploymentHealth(**{**shared, "evidence": odds}, lacking=())  # type: ignore[arg-type]
+    assert one.verdict().startswith("unit1: no alarm in")
+    assert one.verdict().endswith(f"; dive {last} alone would be an alarm: the next one decides")
 
 
 def test_an_alarm_says_since_when_a_thruster_drove_it() -> None:
