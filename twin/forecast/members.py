@@ -5,6 +5,7 @@ Flights: members flown side by side on all cores, each told as its track and its
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -362,12 +363,22 @@ def fly(
             yield found
 
 
+@contextlib.contextmanager
+def coarse_steps() -> Iterator[None]:
+    """Let steps be inaccurate: a millimetre per second is little beside an unknown current.
+
+    Filters of warnings belong to the process: who flies in several threads enters it before the
+    first of them starts and leaves it after the last has ended.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", InaccurateStep)
+        yield
+
+
 def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | SimulationUnstable]:
     """One fleet."""
     results: list[Trajectory | SimulationUnstable]
-    with quiet_mujoco(), warnings.catch_warnings():
-        # a millimetre per second is little beside what is not known of the current
-        warnings.simplefilter("ignore", InaccurateStep)
+    with quiet_mujoco(), coarse_steps():
         if scenarios[0].engine == "lanes":
             results = fly_in_lanes(scenarios, threads=threads, lean=True)
         else:

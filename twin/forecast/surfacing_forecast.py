@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.forecast.known import Known
-from twin.forecast.members import MemberFlight, fly, members_of
+from twin.forecast.members import MemberFlight, coarse_steps, fly, members_of
 from twin.forecast.request import HOUR, Request
 from twin.forecast.surfacing import HALF, NINETY, Surfacing, degrees, left_out, over, surfacings_of
 from twin.records.coordinates import utc_clock, utc_minute
@@ -218,38 +218,36 @@ def forecast(
     failed = number = 0
     first: Array | None = None
     found: Forecast | None = None
-    beside = None
-    if request.engine == "lanes":  # meanwhile
-        pool = concurrent.futures.ThreadPoolExecutor(1)
-        beside = pool.submit(flown_in_mujoco, members.scenarios[0])
-        pool.shutdown(wait=False)
-    nominal: MemberFlight | SimulationUnstable | None = None
-    for chunk in fly(members.scenarios, threads=threads):
-        nominal = nominal or chunk[0]
-        failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
-        for k, one in enumerate(chunk):
-            if isinstance(one, MemberFlight):
-                flights.append(members.delayed(number + k, one))
-        number += len(chunk)
-        if not flights:
-            continue
-        if first is None:
-            until = flights[0].times <= request.horizon
-            first = degrees(flights[0].track[until], request.place)
-        told = surfacings_of(flights, request.place, request.horizon)
-        found = Forecast(
-            request=request,
-            surfacings=told,
-            left_out=left_out(flights, len(told), request.horizon),
-            over_s=over(flights, request.horizon),
-            flown=len(flights),
-            failed=failed,
-            track=first,
-            spread=members.spread,
-            power_w=float(np.mean([one.taken / one.duration for one in flights])),
-            ways=tuple((one.times, one.track) for one in flights),
-        )
-        refined(found)
+    lanes = request.engine == "lanes"
+    with coarse_steps(), concurrent.futures.ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(flown_in_mujoco, members.scenarios[0]) if lanes else None  # meanwhile
+        nominal: MemberFlight | SimulationUnstable | None = None
+        for chunk in fly(members.scenarios, threads=threads):
+            nominal = nominal or chunk[0]
+            failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
+            for k, one in enumerate(chunk):
+                if isinstance(one, MemberFlight):
+                    flights.append(members.delayed(number + k, one))
+            number += len(chunk)
+            if not flights:
+                continue
+            if first is None:
+                until = flights[0].times <= request.horizon
+                first = degrees(flights[0].track[until], request.place)
+            told = surfacings_of(flights, request.place, request.horizon)
+            found = Forecast(
+                request=request,
+                surfacings=told,
+                left_out=left_out(flights, len(told), request.horizon),
+                over_s=over(flights, request.horizon),
+                flown=len(flights),
+                failed=failed,
+                track=first,
+                spread=members.spread,
+                power_w=float(np.mean([one.taken / one.duration for one in flights])),
+                ways=tuple((one.times, one.track) for one in flights),
+            )
+            refined(found)
     if found is None:
         raise TwinError(
             f"none of {request.members} members could be flown to its end: fly the mission with "

@@ -6,6 +6,8 @@ import dataclasses
 import html
 import json
 import re
+import threading
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +32,12 @@ from twin.errors import (
 )
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
-from twin.forecast.members import members_of, surfacings
+from twin.forecast.members import fly, members_of, surfacings
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.geodesy import offset
 from twin.identify.start_values import other_kind
 from twin.navigation.current import Leg
+from twin.physics.lanes import fly_in_lanes
 from twin.physics.scenario import Scenario
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -253,6 +256,32 @@ def test_a_bound_on_another_day_has_its_day(steps) -> None:
     assert forecast_row(found, one)["5 to 95 %"] == "23:40 to 11-23 00:10"
     one = dataclasses.replace(one, time_s=1800.0, late_s=2400.0)
     assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
+
+
+def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch) -> None:
+    """Its filters of warnings are put back while the lanes fly: these still may step coarsely."""
+    began, flying, over = (threading.Event() for _ in range(3))
+
+    def beside(scenario):
+        with warnings.catch_warnings():
+            began.set()
+            assert flying.wait(60.0)
+        over.set()
+        return SimulationUnstable("of the test", mission=0, time_s=1.0)
+
+    def all_members(scenarios, **settings):
+        assert began.wait(60.0)
+        return fly(scenarios, **settings)
+
+    def in_lanes(scenarios, **settings):
+        flying.set()
+        assert over.wait(60.0)
+        return fly_in_lanes(scenarios, **settings)
+
+    monkeypatch.setattr("twin.forecast.surfacing_forecast.flown_in_mujoco", beside)
+    monkeypatch.setattr("twin.forecast.surfacing_forecast.fly", all_members)
+    monkeypatch.setattr("twin.forecast.members.fly_in_lanes", in_lanes)
+    assert forecast(asked(members=10), known_without_logs(36.8, UNIX)).flown == 10
 
 
 def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
