@@ -23,6 +23,7 @@ from twin.cli.console import Console
 from twin.commands.forecast import ForecastSurfacings
 from twin.errors import (
     CurrentError,
+    InaccurateStep,
     InputError,
     MissionError,
     SimulationUnstable,
@@ -276,6 +277,7 @@ def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch) -> N
     def in_lanes(scenarios, **settings):
         flying.set()
         assert over.wait(60.0)
+        warnings.warn("too long", InaccurateStep, stacklevel=2)
         return fly_in_lanes(scenarios, **settings)
 
     monkeypatch.setattr("twin.forecast.surfacing_forecast.flown_in_mujoco", beside)
