@@ -162,7 +162,7 @@ def test_networks_that_do_not_read_the_filter_cannot_adapt(place):
 def test_networks_that_learned_to_read_another_filter_are_refused(place):
     run = open_run(place / "runs" / "first")
     before = {name: v for name, v in run.description["versions"].items() if name != FILTER}
-    with pytest.raises(StoreError, match=r"flight filter 1, and this program has 2: fit the run"):
+    with pytest.raises(StoreError, match=r"flight filter 1, and this program has 3: fit the run"):
         Run(run.folder, run.description | {"versions": before}).networks()
     plain = [name for name in run.features if not name.startswith("flight_")]
     settings = run.description["settings"] | {"features": plain}

@@ -42,9 +42,9 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-FLIGHT_FILTER = 2
-"""Of what the filter gives: 1 was a steady balance, 2 follows the hull's motion. Networks that
-learned to read one do not know the other."""
+FLIGHT_FILTER = 3
+"""Of what the filter gives: 1 was a steady balance, 2 follows the hull's motion, 3 does so afloat
+too, where 2 lagged. Networks that learned to read one do not know the others."""
 TYPICAL_COMPRESSIBILITY = 5e-10
 """[1/Pa] of a hull whose file does not say."""
 

@@ -39,6 +39,10 @@ from twin.navigation.flight_filter_kernels import (
     MOST_OFFSET,
     NUDGE,
     OFFSET,
+    PROMPT_PITCH,
+    PROMPT_RATE,
+    PROMPT_S,
+    PROMPT_SINKS,
     QUIET_PITCH,
     QUIET_RATE,
     QUIET_S,
@@ -106,6 +110,7 @@ def c_flight(*flights: FlightFilter) -> str:
         "NEUTRAL": number(mass - reference * volume),
         "FUSED": number(-math.expm1(-period / FUSED_S)),
         "BRIEF": number(-math.expm1(-period / SMOOTHED_S)),
+        "PROMPT": number(-math.expm1(-period / PROMPT_S)),
         "QUIET": number(-math.expm1(-period / QUIET_S)),
         "MOST_SINE": number(math.sin(MOST_OFFSET)),
         "DEGREE": number(math.radians(1.0)),
@@ -138,12 +143,13 @@ def samples_beyond(seconds: float, period: float) -> int:
 _SETTINGS: dict[str, float] = {
     "CUBIC_CM": CUBIC_CM, "FASTEST": FASTEST, "FLAT2": FLAT_SINE**2, "LEAST_NET": LEAST_NET,
     "LEAST_SINE": LEAST_SINE, "LEAST_SURGE": LEAST_SURGE, "MOST_OFFSET": MOST_OFFSET,
-    "NUDGE": NUDGE, "QUIET_PITCH": QUIET_PITCH, "QUIET_RATE": QUIET_RATE,
-    "RESTING_RATE": RESTING_RATE, "SHALLOW": SHALLOW_DEPTH, "SURFACE": SURFACE_DEPTH,
-    "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
+    "NUDGE": NUDGE, "PROMPT_RATE": PROMPT_RATE, "QUIET_PITCH": QUIET_PITCH,
+    "QUIET_RATE": QUIET_RATE, "RESTING_RATE": RESTING_RATE, "SHALLOW": SHALLOW_DEPTH,
+    "SURFACE": SURFACE_DEPTH, "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
 }  # fmt: skip
 _PLACES = {
     "BEFORE": BEFORE, "GUESS": GUESS, "ITERATIONS": ITERATIONS, "MEANS": MEANS, "OFFSET": OFFSET,
+    "PROMPT_PITCH": PROMPT_PITCH, "PROMPT_SINKS": PROMPT_SINKS,
     "RELINEARISED": RELINEARISED, "RESTLESS": RESTLESS, "ROOT": COVARIANCE,
     "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE, "SLOW_RATE": SLOW_RATE,
     "SPREAD": SPREAD, "STARTED": STARTED, "SUNK": SUNK, "VELOCITY": VELOCITY,
@@ -420,7 +426,7 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
     const float pressure = below * @HEAVIER@;
     const float pumped = @CUBIC_CM@ * sample->measured_pump;
     const float displaced = density * (@VOLUME@ + pumped);
-    const float given[8] = {
+    float given[8] = {
         pitch, sample->measured_roll * @DEGREE@, sample->measured_roll_rate,
         sample->measured_pitch_rate, sample->measured_yaw_rate,
         @NEUTRAL@ - (density - @REFERENCE@) * @VOLUME@ - density * pumped
@@ -436,9 +442,15 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
     carried[@SINCE_AFLOAT@] = still ? 0.0f : carried[@SINCE_AFLOAT@] + 1.0f;
     carried[@SINCE_UPDATE@] += 1.0f;
     carried[@STARTED@] = 1.0f;
-    /* under way at once, by inputs that do not lag; afloat by the means */
+    /* under way by inputs that do not lag; afloat by prompt means, where these are not noise */
+    const float prompt = first ? 1.0f : @PROMPT@;
+    carried[@PROMPT_PITCH@] += prompt * (pitch - carried[@PROMPT_PITCH@]);
+    carried[@PROMPT_SINKS@] += prompt * (change - carried[@PROMPT_SINKS@]);
+    if (still)
+        given[0] = carried[@PROMPT_PITCH@];
+    const int noise = fabsf(carried[@PROMPT_SINKS@] - rate) < @PROMPT_RATE@;
     float *v = carried + @VELOCITY@, start[3] = {0.0f, 0.0f, 0.0f};
-    const float down = gt_move(v, still ? x : given, c, still, rate);
+    const float down = gt_move(v, given, c, still, noise ? rate : carried[@PROMPT_SINKS@]);
     carried[@SUNK@] += @BRIEF@ * (down - carried[@SUNK@]);
     const float square = gt_sum(v, v, 3), speed = sqrtf(square);
     const float plane = sqrtf(v[0] * v[0] + v[2] * v[2]);
@@ -471,7 +483,8 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
             carried[@SPREAD@] = gt_correct(c, root, x, rate, begin->rate, out);
     }
     const float flat = @FLAT2@ * square, sunk = carried[@SUNK@], weight = flat + sunk * sunk;
-    const float scale = weight > 0.0f ? gt_most((flat + rate * sunk) / weight, 0.0f) : 0.0f;
+    const float scale = still ? 1.0f
+        : weight > 0.0f ? gt_most((flat + rate * sunk) / weight, 0.0f) : 0.0f;
     estimated[0] = scale * v[0];
     estimated[1] = scale * v[1];
     estimated[2] = gt_bounded(alpha, @WIDEST@);

@@ -35,6 +35,12 @@ within 0.02 kg/m3 to 1000 m."""
 SMOOTHED_S = 5.0
 """[s] exponential mean of what the balance reads: longer than noise, shorter than a glider takes to
 settle."""
+PROMPT_S = 1.0
+"""[s] exponential mean of pitch and depth rate afloat, where a hull that comes up turns by 100
+degrees in ten seconds: both lag alike, and little."""
+PROMPT_RATE = 0.02
+"""[m/s] by which the depth rate's prompt mean must differ from the other to be taken: less is noise
+of the depth, and heaving by that would row a hull forward with its wings."""
 FUSED_S = 20.0
 """[s] over which the attitude's pitch is drawn to the accelerometers'."""
 QUIET_S = 10.0
@@ -81,7 +87,9 @@ VELOCITY, SUNK = 15, 18
 """places of the motion's velocity [m/s] along the hull's axes, and of the mean of its depth rate"""
 SPREAD = 19
 """place of the deviation of surge over surge, by the constants; worked out at each correction"""
-GUESS = 20
+PROMPT_PITCH, PROMPT_SINKS = 20, 21
+"""places of the means over PROMPT_S of pitch and depth rate"""
+GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
@@ -259,6 +267,7 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
     degree = math.pi / 180.0
     corrections = 0
     short = 1.0 - math.exp(-period / SMOOTHED_S)
+    prompt = 1.0 - math.exp(-period / PROMPT_S)
     fused = 1.0 - math.exp(-period / FUSED_S)
     quiet = 1.0 - math.exp(-period / QUIET_S)
     for k in range(n):
@@ -291,9 +300,15 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
         carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
         carried[SINCE_UPDATE] += period
         carried[STARTED] = 1.0
-        # Under way by inputs that do not lag; afloat by the means, as noise would brake it.
-        seen = x if still else now
-        down = _move(law, inertia, inverse, gravity, seen, c, still, rate, period, v)
+        # Under way by inputs that do not lag; afloat by prompt means, where these are not noise.
+        for i, value in ((PROMPT_PITCH, pitch), (PROMPT_SINKS, given[RATE])):
+            carried[i] += (1.0 if first else prompt) * (value - carried[i])
+        sinks = carried[PROMPT_SINKS]
+        if still:
+            now[0] = carried[PROMPT_PITCH]
+        if abs(sinks - rate) < PROMPT_RATE:
+            sinks = rate
+        down = _move(law, inertia, inverse, gravity, now, c, still, sinks, period, v)
         carried[SUNK] += short * (down - carried[SUNK])
         speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         alpha = math.atan2(v[2], v[0])
@@ -347,10 +362,11 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
             carried[SPREAD] = _spread(
                 law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out
             )
-        # The depth rate has the say where the path is steep.
+        # The depth rate has the say where the path is steep; afloat it had it.
         flat, sunk = FLAT_SINE * speed, carried[SUNK]
         weight = flat * flat + sunk * sunk
         scale = max((flat * flat + rate * sunk) / weight, 0.0) if weight > 0.0 else 0.0
+        scale = 1.0 if still else scale
         outputs[k, 0], outputs[k, 1] = scale * v[0], scale * v[1]
         outputs[k, 2] = min(max(alpha, -WIDEST), WIDEST)
         outputs[k, 3] = 1.0 if steady and attached else 0.0

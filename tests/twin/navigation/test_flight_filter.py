@@ -88,6 +88,26 @@ def test_a_hull_that_comes_up_fast_coasts_at_the_surface():
     assert abs(said - gone) < 0.15 * gone
 
 
+def test_a_hull_that_pitches_over_afloat_goes_as_the_twin_does():
+    """The Sea-Wing comes up with its nose up and hangs nose down ten seconds later; noise of the
+    depth, as of a sensor, does not row it forward."""
+    vehicle = load_vehicle("glider")
+    mission = load_mission("section")
+    one = dataclasses.replace(mission.segments[0], max_depth_m=40, yos=1)
+    run = twin.simulate(
+        vehicle=vehicle, mission=dataclasses.replace(mission, segments=(one,), duration_s=2400.0),
+        sensors="field", density="constant", seed=3,
+    )  # fmt: skip
+    signals = {name: np.asarray(run[name], float) for name in CHANNELS if name in run}
+    signals["measured_density"] = np.full(len(run["true_surge"]), vehicle.reference_density)
+    found = FlightFilter(vehicle, PERIOD, SURE).run(signals)
+    afloat = np.asarray(run["true_depth"]) < 1.0
+    assert afloat.sum() > 1000
+    off = found[afloat, 0] - np.asarray(run["true_surge"])[afloat]
+    assert abs(off.mean()) < 1.5e-3
+    assert off.std() < 6e-3
+
+
 def test_a_hull_that_is_only_taken_for_stalled_is_told_by_its_depth_rate():
     """At this pitch a fouled Slocum can sink stalled too, and by the motion alone stays so."""
     vehicle = load_vehicle("slocum-200")
