@@ -50,7 +50,7 @@ class JudgeHealth(JsonOption):
         """Judge, say, write the page."""
         from twin import load_vehicle
         from twin.health import assess
-        from twin.identify import other_kind
+        from twin.identify import other_kind, start_vehicle
         from twin.records import LogStore
 
         if self.page is not None:
@@ -59,6 +59,7 @@ class JudgeHealth(JsonOption):
             check_page_target(self.page)
         with LogStore(self.store) as logs:
             total = len(self.deployment or set(logs.deployments))
+            shipped = self.vehicle is None and not logs.says_vehicle
         with console.progress(total=total, label="health", unit="deployment") as progress:
             found = assess(
                 self.store,
@@ -69,6 +70,11 @@ class JudgeHealth(JsonOption):
             )
         wanted = len(found) <= FEW if self.answers is None else self.answers
         answered = self._answers(found) if wanted else {}
+        if shipped:
+            console.note(
+                f"judged by the shipped {start_vehicle(self.store).name}; its own file, as `twin "
+                "identify` writes it, judges better: --vehicle"
+            )
         if self.vehicle is not None and (odd := other_kind(self.store, load_vehicle(self.vehicle))):
             console.warn(odd)
         for one in found:
@@ -79,8 +85,8 @@ class JudgeHealth(JsonOption):
             if one.alarm:
                 console.table(_rows(one), title=f"{one.name}: what it may be", digits=3)
                 first = one.kinds[0]
-                console.note(f"to find out: {first.find_out}")
-                console.note(f"what else looks like it: {first.otherwise}")
+                console.note(f"{one.name}, to find out: {first.find_out}")
+                console.note(f"{one.name}, what else looks like it: {first.otherwise}")
         if self.page is not None:
             from twin.show import write_health
 

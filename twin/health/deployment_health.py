@@ -81,6 +81,11 @@ class DeploymentHealth:
     driven: tuple[int, ...] = ()
     """Numbers of the dives that a thruster drove"""
 
+    @property
+    def judged(self) -> bool:
+        """Whether there were dives enough; without them the probability is 0."""
+        return bool(self.kinds)
+
     def describe(self) -> dict[str, object]:
         """Plain values, as `--json` prints them."""
         return {
@@ -88,6 +93,7 @@ class DeploymentHealth:
             "days": self.days,
             "dives": len(self.dives),
             "alarm": self.alarm,
+            "judged": self.judged,
             "kind": self.kind,
             "since_dive": self.since_dive,
             "noticed_dive": self.noticed_dive,
@@ -95,6 +101,8 @@ class DeploymentHealth:
             "also": list(self.kinds[0].also) if self.alarm else [],
             "size": self.kinds[0].size if self.alarm else None,
             "size_deviation": self.kinds[0].size_deviation if self.alarm else None,
+            "otherwise": self.kinds[0].otherwise if self.alarm else None,
+            "find_out": self.kinds[0].find_out if self.alarm else None,
             "rang": [list(dives) for dives in self.rang],
             "remarks": list(self.remarks),
             "lacking": list(self.lacking),
@@ -102,8 +110,10 @@ class DeploymentHealth:
 
     def verdict(self) -> str:
         """One line for a person."""
-        if not self.dives or not self.kinds:
-            return f"{self.name}: {len(self.dives)} dives are too few to judge"
+        if not self.judged:
+            few = len(self.dives)
+            said = "1 dive is" if few == 1 else f"{few} dives are"
+            return f"{self.name}: {said} too few to judge"
         if not self.alarm:
             before = "" if not self.rang else (
                 f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"

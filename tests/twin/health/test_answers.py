@@ -65,6 +65,7 @@ def test_the_command_answers_by_json(store, capsys):
     assert PROGRAM.main(["health", str(store), "--vehicle", "slocum-200", "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)["deployments"]
     assert one["alarm"] is False
+    assert (one["judged"], one["otherwise"]) == (one["dives"] >= 7, None)
     assert {"rang", "remarks", "drag", "compass", "pump", "energy", "unanswered"} <= set(one)
 
 
@@ -101,6 +102,7 @@ def page(tmp_path_factory, said):
 
 def test_the_page_says_of_each_kind_what_when_how_sure_and_what_to_do(page):
     one, path = page
+    assert one.describe()["find_out"] == one.kinds[0].find_out
     text = path.read_text()
     assert text.count("<details") == len(one.kinds)
     assert text.count("<details open>") == 1
