@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline, flight_filter
+from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline
 from benchmarks.dead_reckoning.scoring import interval, mission_errors
 from benchmarks.dead_reckoning.tiers import DIVES, HEAVY, Tier
 from twin.cli.text_table import format_table
@@ -89,7 +89,7 @@ def judged(
         }
         said: dict[str, Predicted] = {
             "steady flight": baseline("steady_flight").predict(own, test, seed, seconds),
-            "flight filter": flight_filter(own, test, seed, seconds),
+            "flight filter": baseline("flight_filter").predict(own, test, seed, seconds),
         }
         for method, (name, some) in taught.items():
             run = trained(runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed, seconds)

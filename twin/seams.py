@@ -125,6 +125,7 @@ VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     page="howto/navigation.md#an-estimator-of-ones-own",
     shipped={
         "ekf": "twin.navigation.estimators.ekf:EkfSteps",
+        "flight_filter": "twin.navigation.estimators.learned_flight:LearnedFlightSteps",
         "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlightSteps",
         "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlphaSteps",
         "dvl": "twin.navigation.estimators.dvl:DvlSteps",
@@ -145,6 +146,7 @@ BASELINES: Registry[Any] = Registry(
         "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlight",
         "onboard": "twin.navigation.estimators.onboard:OnboardReckoning",
         "ekf": "twin.navigation.estimators.ekf:Ekf",
+        "flight_filter": "twin.navigation.estimators.learned_flight:LearnedFlight",
         "dvl": "twin.navigation.estimators.dvl:Dvl",
     },
     check="twin.navigation.estimators.baseline:check_baseline",

@@ -69,22 +69,6 @@ def baseline(name: str) -> Rival:
     return Rival(predict)
 
 
-def flight_filter(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-    """What the networks' input of a learned flight model says alone."""
-    from learn.data.dataset import Selection
-
-    channels = {v: f"estimated_{v}" for v in VELOCITIES}
-    with Selection(test, channels.values()) as selection:
-        return {
-            0: table(
-                {
-                    one.index: {v: one.signals[c] for v, c in channels.items()}
-                    for one in selection.each()
-                }
-            )
-        }
-
-
 def trained(train: Path, seed: int, seconds: float, network: str) -> Any:
     """A run of `learn fit`, made once beside the training store for all methods with it."""
     from learn.api import fit
@@ -170,7 +154,7 @@ RIVALS: Mapping[str, Rival] = {
     "constant angle": baseline("pitch_plus_alpha"),
     "steady flight": baseline("steady_flight"),
     "EKF": baseline("ekf"),
-    "flight filter": Rival(flight_filter),
+    "flight filter": baseline("flight_filter"),
     "elman": network("elman"),
     "gru": network("gru"),
     "tcn": network("tcn"),

@@ -28,6 +28,7 @@ from twin.navigation.navigator import (
 )
 from twin.navigation.settings import Navigation
 from twin.numbers import Array
+from twin.physics.outcome import HYDROGRAPHY, hydrography
 from twin.physics.true_signals import declare_parts
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
@@ -68,7 +69,7 @@ class OnBoard:
         """
         settings = scenario.navigate
         assert isinstance(settings, Navigation)
-        suite = settings.suite
+        self._suite = suite = settings.suite
         self.vehicle, self.period = scenario.vehicle, scenario.sample_period
         declare_parts(self.vehicle)
         estimator = settings.open(scenario.believed_vehicle, self.period)
@@ -90,12 +91,18 @@ class OnBoard:
             *([ALTITUDE] if floor.size else []),
             *((*LOG, LOCK) if floor.size or settings.bottom_depth is not None else []),
         ]
-        known = {*(entry.name for entry in suite.writes(names)), *names}
-        missing = [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
+        self._scenario = scenario
+        self._hydrographic = False
+        missing = self._missing(names)
+        if missing and self._water(0.0, begin.north, begin.east, begin.depth):
+            self._hydrographic = True
+            names = (*names, *HYDROGRAPHY)
+            missing = self._missing(names)
         if missing:
             raise InputError(
                 f"the estimator reads {', '.join(missing)}, which the sensors of this vehicle do "
-                "not measure: choose another estimator, or sensors that have it"
+                "not measure here: choose another estimator, sensors that have it, or, for what a "
+                "CTD measures, water with temperature and salinity (`density`)"
             )
         self._commanded = [n for n in self.navigator.channels if n.startswith("commanded_")]
         self.sensors = LiveSuite(
@@ -119,8 +126,21 @@ class OnBoard:
         self._altitude, self._echo_age = math.inf, math.inf
         self.belief: NavigationState | None = None
 
+    def _missing(self, names: tuple[str, ...]) -> list[str]:
+        """What the estimator reads and the sensors do not measure of these signals."""
+        known = {*(entry.name for entry in self._suite.writes(names)), *names}
+        return [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
+
+    def _water(self, time: float, north: float, east: float, depth: float) -> dict[str, float]:
+        """Temperature and salinity at a time [s] of the run and a place; empty: not known."""
+        at = (np.array([value]) for value in (time, north, east, depth))
+        return {name: float(value[0]) for name, value in hydrography(self._scenario, *at).items()}
+
     def take(self, truth: dict[str, float]) -> NavigationState:
         """Measure one sample of the truth and navigate by it."""
+        if self._hydrographic:
+            place = (truth[f"true_{name}"] for name in ("north", "east", "depth"))
+            truth = truth | self._water(self.sensors.count * self.period, *place)
         sample = self.sensors.step(truth)
         for name in self._commanded:
             sample[name] = truth[name]

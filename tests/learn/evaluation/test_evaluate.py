@@ -203,7 +203,10 @@ def test_the_nominal_vehicle_comes_from_the_store(tmp_path):
 def test_a_baseline_without_its_channels_is_left_out_and_said(missions, tmp_path):
     path = write_store(tmp_path / "s.zarr", missions[:1], [2], drop=("measured_dvl_mode",))
     found = evaluate(oracles(missions), path)
-    assert found.missing == {"dvl": "the store has no channel measured_dvl_mode"}
+    assert found.missing == {
+        "dvl": "the store has no channel measured_dvl_mode",
+        "flight_filter": "the store has no channel measured_density",
+    }
     assert found.to_json()["baselines"]["dvl"]["dr_ground_percent_mean"] is None
 
 

@@ -34,7 +34,8 @@ def flown():
         start_depth_m=30.0,
     )
     run = twin.simulate(mission=mission, sensors="field", bottom_depth=90.0, duration=450.0)
-    return {name: np.array(run[name]) for name in run}
+    density = np.array(run["true_density"])  # a CTD measures where water has a temperature
+    return {name: np.array(run[name]) for name in run} | {"measured_density": density}
 
 
 def steps(estimator, flown, first=0, last=None):

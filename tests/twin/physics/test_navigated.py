@@ -190,6 +190,19 @@ class Still(VelocityEstimator):
         del state
 
 
+def test_an_estimator_that_reads_a_ctd_flies_where_the_water_has_a_temperature(tmp_path):
+    water = tmp_path / "water.csv"
+    water.write_text("depth,temperature,salinity\n0,18,35\n50,15,35.2\n300,8,35.4\n")
+    given = {"mission": "default", "duration": 1800.0, "start": "36,-122", "density": water}
+    learned = Navigation(estimator="flight_filter", sensors="ideal")
+    run = twin.simulate(navigate=learned, **given)
+    np.testing.assert_allclose(run["measured_density"], run["true_density"], rtol=1e-6)
+    assert error(run, -1) < 5.0
+    del given["density"]
+    with pytest.raises(InputError, match=r"reads measured_density, .* water with temperature"):
+        twin.simulate(navigate=learned, **given)
+
+
 def test_an_estimator_may_be_an_object_of_ones_own():
     still = Still()
     run = twin.simulate(mission="default", duration=100.0, navigate=still, sensors="ideal")
