@@ -52,6 +52,7 @@ def test_no_baseline_reads_truth():
 @pytest.mark.parametrize("name", BASELINES)
 def test_each_baseline_needs_no_more_than_the_channels_it_names(name):
     signals = trimmed_mission(300)
+    signals["measured_density"] = np.full(len(signals["measured_depth"]), VEHICLE.reference_density)
     baseline = BASELINES[name](vehicle=VEHICLE)
     seen = {c: signals[c] for c in baseline.needs(VEHICLE)}
     baseline.estimate(seen, PERIOD)
