@@ -33,6 +33,7 @@ from learn.run import open_run
 from learn.seams import NETWORKS
 from twin.cli.text_table import counted
 from twin.navigation.features import channels_of, select_features
+from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -52,7 +53,8 @@ def candidates(
     torch.manual_seed(0)
     run = open_run(options.run) if options.run else None
     features = select_features(input_groups("full", options.store)) if run is None else run.features
-    trained = {} if run is None else run.networks()
+    with MissionStore(options.store) as reader:
+        trained = {} if run is None else run.networks(reader.vehicle)
     start = trained["surge"].start if run else None
     period = run.period if run else None
     with Selection(options.store, channels_of(features), period=period, start=start) as selection:

@@ -186,12 +186,14 @@ def export(
         require(package, extra="onnx", purpose="learn export")
     from learn.data.dataset import Selection
     from twin.navigation.features import channels_of
+    from twin.records.reader import MissionStore
 
     found = run if isinstance(run, Run) else open_run(run)
     target = found.folder / to if folder is None else Path(folder)
-    networks = found.networks()
-    channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     place = found.store if store is None else store
+    with MissionStore(place) as reader:
+        networks = found.networks(reader.vehicle)
+    channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     start = networks["surge"].start
     with Selection(place, channels, period=found.period, start=start) as selection:
         (longest,) = selection.read([int(selection.lengths.argmax())])

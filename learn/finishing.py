@@ -16,6 +16,7 @@ from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
 from learn.networks.familiarity import MISSIONS, Familiarity
+from learn.networks.reach import HELD_TO, Reach
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
@@ -28,6 +29,7 @@ from learn.run import (
     FAMILIARITY,
     MORE_STORES,
     PAPER_TEST,
+    REACH,
     REPORT,
     Run,
 )
@@ -94,7 +96,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         run = run.remember(**{FAMILIARITY: dataclasses.asdict(_familiarity(run))})
     if not is_log_store(run.stores[0]):
         say("learning how far off the networks are from missions that they were not trained on")
-        run = run.remember(error_model=dataclasses.asdict(_error_model(run, others)))
+        model, reach = _errors(run, others)
+        run = run.remember(error_model=dataclasses.asdict(model), **reach)
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
     test = evaluate_own(run, split=split, limit=JUDGED)
     write_sealed(run.folder / EVALUATION, test.figures)
@@ -247,8 +250,11 @@ def _familiarity(run: Run) -> Familiarity:
     return Familiarity.fit(known())
 
 
-def _error_model(run: Run, split: str) -> ErrorModel:
+def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:
+    """What missions say that no network was trained on; and the entry REACH, of networks that read
+    the flight filter."""
     seconds: list[float] = []
+    apart: list[Array] = []
     surge: list[Array] = []
     sway: list[Array] = []
 
@@ -258,6 +264,8 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         assert said.surge is not None
         assert said.sway is not None
         surge.append(said.surge - reference.surge)
+        if HELD_TO[0] in reference.mission.signals:
+            apart.append(said.surge - reference.mission.signals[HELD_TO[0]])
         sway.append(said.sway - reference.sway)
 
     found = judge(run, split, watch, JUDGED)
@@ -265,7 +273,15 @@ def _error_model(run: Run, split: str) -> ErrorModel:
         one.get(SENSORS) == IDEAL_SENSORS
         for one in (found.provenance, *run.description.get(MORE_STORES, ()))
     )
-    return fit_error_model(found.methods[NETWORK].scores, seconds, surge, sway, ideal_compass=ideal)
+    scores = found.methods[NETWORK].scores
+    model = fit_error_model(scores, seconds, surge, sway, ideal_compass=ideal)
+    if not apart:
+        return model, {}
+    models = []
+    for store in run.stores:
+        with MissionStore(store) as reader:
+            models.append(reader.vehicle.model)
+    return model, {REACH: {"most": Reach.of(apart, run.period).most, "models": models}}
 
 
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from learn.evaluation.deviation import ErrorModel
     from learn.networks.familiarity import Familiarity
     from learn.networks.predictor import Adapted, Ensemble, Prediction
+    from learn.networks.reach import Reach
+    from twin.vehicle.vehicle import Vehicle
 
 RUNS = Path("runs")
 DEFAULT_STORE = Path("data/missions.zarr")
@@ -57,6 +59,9 @@ LABELS = "label_counts"
 """Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
 ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
+REACH = "reach"
+"""Entry of `run.json`: the vehicles' models that it was trained on, and how far from the flight
+filter [m/s] its surge may be on others; of networks that read the filter."""
 ADAPTATION = "adaptation"
 """Entry of `run.json`: what `learn adapt` found, and from which dives"""
 MORE_STORES = "more_stores"
@@ -152,11 +157,18 @@ class Run:
           StoreError: a file of the run or of the store cannot be used.
         """
         from learn.networks.predictor import predict_missions
+        from twin.records.reader import MissionStore
 
-        return predict_missions(self.networks(), store, split=split, period=self.period)
+        with MissionStore(store) as reader:
+            networks = self.networks(reader.vehicle)
+        return predict_missions(networks, store, split=split, period=self.period)
 
-    def networks(self) -> dict[str, Ensemble]:
+    def networks(self, vehicle: Vehicle | None = None) -> dict[str, Ensemble]:
         """Surge and sway.
+
+        Args:
+          vehicle: that they are for; of a kind that the training had none of, their surge is held
+            to the flight filter's (`learn.networks.reach`). None: one of the training's.
 
         Raises:
           StoreError: a file is missing, damaged or of another format, or the networks learned to
@@ -184,8 +196,29 @@ class Run:
                     raise StoreError(
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
-            found[target] = Ensemble(tuple(members), self.adapted, self.familiar, intervals[target])
+            found[target] = Ensemble(
+                tuple(members), self.adapted, self.familiar, intervals[target], self.reach(vehicle)
+            )
         return found
+
+    def reach(self, vehicle: Vehicle | None) -> Reach | None:
+        """Of surge on a kind of vehicle that the training had none of; None: on any other.
+
+        Raises:
+          StoreError: what `run.json` holds of it is not whole.
+        """
+        from learn.networks.reach import Reach
+
+        said = self.description.get(REACH)
+        if said is None or vehicle is None:
+            return None
+        try:
+            return None if vehicle.model in said["models"] else Reach(float(said["most"]))
+        except (TypeError, KeyError, ValueError) as error:
+            raise StoreError(
+                f"{self.folder / DESCRIPTION} is damaged: its {REACH} is not one ({error}); "
+                f"`learn fit --name {quoted(self.name)} --resume` makes it again"
+            ) from error
 
     @property
     def network_files(self) -> tuple[str, ...]:

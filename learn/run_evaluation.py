@@ -37,6 +37,8 @@ def evaluate_run(
     """
     logged = is_log_store(store)
     hulls = _hulls(run, store)
+    with MissionStore(store) as reader:
+        networks = run.networks(reader.vehicle)
     outside = None if hulls is None else hulls.outside
     showcase, coverage = Showcase(), Coverage(run.error_model(), run.adapted, outside)
     at_fixes = None if logged else _consistency(run, store)
@@ -51,7 +53,7 @@ def evaluate_run(
             see(reference, estimates)
 
     evaluation = evaluate(
-        run.networks(),
+        networks,
         store,
         split=split,
         baselines=baselines,

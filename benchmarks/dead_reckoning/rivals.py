@@ -120,8 +120,10 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
     from twin.navigation.flight_filter import FlightFilter
     from twin.navigation.flight_fit import adapt_flight, steady_glides
     from twin.navigation.settings import ESTIMATED, estimate_adapted
+    from twin.records.reader import MissionStore
 
-    networks, model = run.networks(), run.error_model()
+    with MissionStore(test) as reader:
+        networks, model = run.networks(reader.vehicle), run.error_model()
     familiar = networks["surge"].familiar
     wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
     said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}

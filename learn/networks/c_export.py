@@ -87,6 +87,8 @@ def c_header(
     measured = sources(read.channels)
     sample = "\n".join(f"    float {c}; /* [{_unit(c)}] */" for c in measured)
     flight, flight_state, outside = "", "", ""
+    held = networks["surge"].reach is not None
+    reach_state = "    float lasting; /* off the flight filter, in the mean of a minute */\n" * held
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
@@ -136,7 +138,7 @@ typedef struct {{
 typedef struct {{
     float window[{read.windows}];
     float last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
-{flight_state}    int count;
+{flight_state}{reach_state}    int count;
     int held; /* channels whose last good value stands for the sample's */
 {states}
 }} glider_state;
@@ -177,7 +179,7 @@ return {number(scales.target_scale)} * gt_{name}_network(state, x) \
 def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period: float) -> str:
     guard = ChannelGuard(sources(read.channels), period)
     estimated = [c for c in ESTIMATED if c in read.channels]
-    flight = []
+    flight, filters = [], 0
     if estimated:
         filters = 1 + (networks["surge"].start is not None)  # as the networks read it; adapted
         flight = [
@@ -199,6 +201,11 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         mean = f"({total}) / {len(members)}.0f"
         known = ensemble.interval
         interval = f"{number(known)} * {wider}" if known else "INFINITY"
+        if velocity == "surge" and (reach := ensemble.reach) is not None:
+            nearest = f"estimated[{filters - 1}][{OUTPUTS.index('surge')}]"
+            said.append(f"const float free = {mean};")
+            said += reach.c_statements("free", nearest, period)
+            mean = f"free - {reach.c_off()}"
         if velocity == "surge" and ensemble.adapted is not None:
             filtered, steady, sd = (f"estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
             own = number(ensemble.adapted.deviation**2)
@@ -216,7 +223,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
             f"float feature[{count}];",
             statements,
             *said,
-            f"if (state->count < {read.longest})\n    state->count++;",
+            f"if (state->count < {max(read.longest, 1)})\n    state->count++;",
             "return 1;",
         ]
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from learn.networks.familiarity import widened
 from learn.networks.predictor import Ensemble, Prediction
+from learn.networks.reach import HELD_TO
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
@@ -76,6 +77,7 @@ class NetworkVelocity(VelocityEstimator):
         self._adapted = networks["surge"].adapted
         self._familiar = networks["surge"].familiar
         self._deviation = VelocityDeviation() if deviation is None else deviation
+        self._reach = networks["surge"].reach
         self._known = {name: networks[name].interval or math.inf for name in TARGETS}
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
@@ -118,7 +120,7 @@ class NetworkVelocity(VelocityEstimator):
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
         run = open_run(argument)
-        return cls(run.networks(), run.period, vehicle, network_deviation(run, vehicle))
+        return cls(run.networks(vehicle), run.period, vehicle, network_deviation(run, vehicle))
 
     @property
     def deviation(self) -> VelocityDeviation:
@@ -155,6 +157,7 @@ class NetworkVelocity(VelocityEstimator):
         for flight in (self._flight, self._second):
             if flight is not None:
                 flight.reset()
+        self._lasting = math.nan  # see `Reach.step`
         self._mixed = (0.0, 0.0)  # whether the second filter's glide is steady, its deviation
         self._states = {
             name: [one.network.initial_state(1) for one in members]
@@ -186,6 +189,12 @@ class NetworkVelocity(VelocityEstimator):
                     scales = one.normalisation
                     each.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
                 value = float(np.mean(each))
+                if name == "surge" and self._reach is not None:
+                    nearest = sample[HELD_TO[self._adapted is not None]]
+                    self._lasting, off = self._reach.step(
+                        self._lasting, value - nearest, self.period
+                    )
+                    value -= off
                 if name == "surge" and self._adapted is not None:
                     filtered, steady, sd = (sample[c] for c in ADAPTED)
                     self._mixed = steady, sd
@@ -203,7 +212,7 @@ class NetworkVelocity(VelocityEstimator):
                 found |= {prefix + name: value for name, value in flight.state().items()}
         for name, states in self._states.items():
             found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
-        return found
+        return found | {"lasting": np.array(self._lasting)}
 
     def restore(self, state: State) -> None:
         """See `VelocityEstimator`.
@@ -219,6 +228,7 @@ class NetworkVelocity(VelocityEstimator):
                         "this state is of other networks: open the run that it was saved of"
                     )
                 states[k] = torch.from_numpy(np.array(saved, np.float32))
+        self._lasting = float(state.get("lasting", math.nan))
         self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))
         for prefix, flight in (("flight:", self._flight), ("second:", self._second)):

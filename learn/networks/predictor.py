@@ -22,6 +22,7 @@ from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.familiarity import Familiarity
+from learn.networks.reach import HELD_TO, Reach
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
@@ -247,6 +248,8 @@ class Ensemble:
     """Hulls of the training; None: networks that do not read the flight filter"""
     interval: float = 0.0
     """[m/s] either way, as `ErrorModel.surge_interval`; 0: not known"""
+    reach: Reach | None = None
+    """Of surge, on a kind of vehicle that the training had none of"""
 
     def __post_init__(self) -> None:
         if not self.members:
@@ -279,8 +282,14 @@ class Ensemble:
         return None if self.adapted is None else self.adapted.start
 
     def _steadied(self, mean: Floats, mission: MissionSequence) -> Floats:
-        """The mean, with the second filter's surge where an adapted vehicle glides steadily."""
-        if self.adapted is None or self.target != "surge":
+        """The mean, within reach of the filter, and with the second filter's surge where an adapted
+        vehicle glides steadily."""
+        if self.target != "surge":
+            return mean
+        if self.reach is not None:
+            nearest = mission.signals[HELD_TO[self.adapted is not None]]
+            mean = self.reach.held(mean, nearest, mission.period).astype(np.float32)
+        if self.adapted is None:
             return mean
         filtered, steady, sd = (mission.signals[name] for name in ADAPTED)
         weight = self.adapted.weight(steady, sd)

@@ -21,8 +21,9 @@ from learn.evaluation.score import summarise_scores
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Adapted
+from learn.networks.reach import Reach
 from learn.report import verdicts
-from learn.run import ADAPTATION, FAMILIARITY, FILTER, Run, open_run, write_description
+from learn.run import ADAPTATION, FAMILIARITY, FILTER, REACH, Run, open_run, write_description
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightSpread, FlightStart
@@ -99,6 +100,37 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
         said, _ = run_c(parity.path, networks, one, find_compiler())
         assert np.abs(said[:, 0] - theirs.surge).max() > 5e-3  # it is the adapted one
         assert np.allclose(said[:kept, 2:], stated, rtol=1e-4)
+
+
+def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place):
+    run = open_run(place / "runs" / "first")
+    assert run.description[REACH]["models"] == ["glider"]
+    assert run.reach(None) is run.reach(load_vehicle()) is None
+    slocum, own = load_vehicle("slocum-200"), load_vehicle()
+    assert (
+        run.networks(slocum)["surge"].reach
+        == run.reach(slocum)
+        == Reach(run.description[REACH]["most"])
+    )
+    (mission,) = load_missions(
+        place / "heavy.zarr", [*ESTIMATED, *channels_of(run.features)], limit=1
+    )
+    held, free = run.networks(slocum), run.networks(own)
+    ours, theirs = (one["surge"].predict([mission])[0][0] for one in (held, free))
+    assert np.abs(ours - theirs).max() > 5e-3  # so small a network is far off
+    estimator, kept = NetworkVelocity(held, mission.period, own), 2000
+    other = NetworkVelocity(held, mission.period, own)
+    for k in range(kept):
+        sample = {c: mission.signals[c][k] for c in estimator.channels}
+        assert estimator.step(sample).surge == pytest.approx(ours[k], abs=2e-5)
+    other.restore(estimator.state())
+    sample = {c: mission.signals[c][kept] for c in estimator.channels}
+    assert other.step(sample) == estimator.step(sample)
+    if shutil.which("cc") is not None:
+        assert export_c(held, place / "held.h", mission, own).largest < 1e-5
+    broken = Run(run.folder, run.description | {REACH: {"models": []}})
+    with pytest.raises(StoreError, match="its reach is not one"):
+        broken.networks(own)
 
 
 def test_the_weight_of_the_filter_goes_with_its_variance():

@@ -6,7 +6,6 @@ In steady flight the forces are in balance at every sample.
 from __future__ import annotations
 
 import math
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +68,7 @@ def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
       StoreError: no such store.
     """
     flown = _glider(kind) if kind else _kind_of(store)
-    model = ElementTree.fromstring(vehicle.xml).get("model", "")
+    model = vehicle.model
     if flown is None or model not in vehicle_names() or flown in model:
         return ""
     return (

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,6 +186,11 @@ class Vehicle:
         }
         places = {p.name: (p.position[0], p.position[2]) for p in self.parts}
         return card(self.name, rows, hull(self.hull_length, self.hull_diameter, places))
+
+    @property
+    def model(self) -> str:
+        """Name of the MJCF's model, which a vehicle made from a shipped file keeps."""
+        return ElementTree.fromstring(self.xml).get("model", "")
 
     @property
     def physics_version(self) -> int:
