@@ -37,6 +37,8 @@ NOISE = (0.02, 0.03)
 """[m/s] of the inverse solution, as its data says"""
 PUBLIC_INPUTS = ("pitch", "roll", "pump", "rate", "depth")
 """Of the public ridge regression: pitch, roll, bladder, depth rate, depth."""
+ON_TWIN = (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")
+"""Of ridge regression on the twin"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -122,7 +124,7 @@ def run_fold(job: AdcpJob) -> Held:
     wanted = np.concatenate([dive.level for dive in train])
     for name, columns in (
         ("ridge", PUBLIC_INPUTS),
-        ("ridge twin", (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")),
+        ("ridge twin", ON_TWIN),
     ):
         matrix = np.concatenate([dive.matrix(columns) for dive in train])
         for row in job.fold.block:

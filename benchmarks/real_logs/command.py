@@ -32,8 +32,10 @@ class RealLogs(JsonOption):
     keep: Path | None = None
     """file for the rows as JSON, from which the tables of docs/results/real_logs.md are made"""
     only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SECTION...")] = ()
-    """judge these sections alone, of speed, fixes and surge; the other rows of --keep stay
-    [default: all]"""
+    """judge these sections alone, of speed, surge, left-out and fixes; the other rows of --keep
+    stay [default: all]"""
+    seed: int = 0
+    """of the simulated missions and of the networks"""
     no_networks: bool = False
     """leave the networks out, and with them the simulation that they are trained on"""
 
@@ -58,6 +60,7 @@ class RealLogs(JsonOption):
                 self.folder,
                 workers=self.workers or len(os.sched_getaffinity(0)),
                 networks=not self.no_networks,
+                seed=self.seed,
                 only=self.only or tuple(SECTIONS),
                 say=progress.note,
                 progress=lambda part: progress.update(100.0 * part),

@@ -49,6 +49,32 @@ def median_interval(errors: Array) -> Interval:
     return float(low), float(high)
 
 
-def _draws(dives: int) -> np.ndarray:
+def pooled_draws(groups: Sequence[Sequence[Array]]) -> Array:
+    """RMSE over deployments that count alike, however many samples each has, (1 + draws,): of all
+    dives, then of each draw of dives within their deployments; NaN for too few dives.
+
+    The draws are the same for every method, so that the ratio of two methods has an interval.
+
+    Args:
+      groups: errors of each dive of each deployment, finite.
+    """
+    squares = np.zeros(1 + DRAWS)
+    for group, dives in enumerate(groups):
+        if len(dives) < LEAST_DIVES:
+            return np.full(1 + DRAWS, np.nan)
+        drawn = np.vstack([np.arange(len(dives)), _draws(len(dives), group)])
+        sums = np.array([float(np.sum(dive**2)) for dive in dives])
+        counts = np.array([dive.size for dive in dives], float)
+        squares += sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1) / len(groups)
+    return np.sqrt(squares)
+
+
+def central(draws: Array) -> Interval:
+    """95 % interval of a figure from its draws."""
+    low, high = np.percentile(draws, CENTRAL)
+    return float(low), float(high)
+
+
+def _draws(dives: int, group: int = 0) -> np.ndarray:
     """Numbers of the dives of each draw, (draws, dives)."""
-    return np.random.default_rng(SEED).integers(0, dives, (DRAWS, dives))
+    return np.random.default_rng(SEED + group).integers(0, dives, (DRAWS, dives))

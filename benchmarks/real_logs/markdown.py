@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.real_logs.row import NOT_COMPARED, Row, best
 
 MEASURED = Path(__file__).with_name("measured.json")
-UNITS = {"m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0)}
+UNITS = {"m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2)}
 """Of a row: unit on the page, factor to it, digits"""
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmarks.real_logs import adcp, dvl, fixes, surge_networks
+from benchmarks.real_logs import adcp, dvl, fixes, left_out, surge_networks
 from benchmarks.real_logs.folds import fit_fold
 from benchmarks.real_logs.row import Row
 from benchmarks.real_logs.source import Deployment, gather
@@ -25,7 +25,14 @@ Done = Callable[[float], None]
 Input = TypeVar("Input")
 Output = TypeVar("Output")
 
-SHARES = {"import": 0.03, "simulate": 0.17, "speed": 0.05, "fixes": 0.4, "surge": 0.35}
+SHARES = {
+    "import": 0.03,
+    "simulate": 0.17,
+    "speed": 0.05,
+    "left-out": 0.05,
+    "fixes": 0.35,
+    "surge": 0.35,
+}
 """Parts of the whole time, roughly, for the progress."""
 SECTIONS = {
     "speed": (dvl.TASK,),
@@ -37,6 +44,7 @@ SECTIONS = {
         fixes.TRACK,
     ),
     "surge": (adcp.TASK,),
+    "left-out": (left_out.TASK, left_out.RATIO),
 }
 """Tasks that are judged together, each a table"""
 
@@ -105,6 +113,7 @@ def run_benchmark(
     *,
     workers: int = 1,
     networks: bool = True,
+    seed: int = 0,
     only: Sequence[str] = tuple(SECTIONS),
     say: Say = lambda text: None,
     progress: Done = lambda part: None,
@@ -115,6 +124,7 @@ def run_benchmark(
       root: folders of logs, see `benchmarks.real_logs.source`.
       workers: processes.
       networks: train and judge networks too; without, it takes a third of the time.
+      seed: of the simulated missions and of the networks.
       only: names of SECTIONS.
       say: told what is being done.
       progress: told parts of the whole, which add up to 1.
@@ -132,26 +142,35 @@ def run_benchmark(
         pretrained = None
         if networks:
             say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
-            store = surge_networks.simulate(Path(work), workers=workers)
+            stores = surge_networks.simulate(Path(work), seed=seed, workers=workers)
             progress(0.5 * SHARES["simulate"])
-            pretrained = _pretrained(store, pool, progress)
+            pretrained = _pretrained(stores, seed, pool, progress)
         else:
             progress(SHARES["simulate"])
-        for section, judge in (("speed", _speeds), ("fixes", _fixes), ("surge", _surges)):
+        for section, judge in JUDGES.items():
             if section in only:
                 rows += judge(deployments, pool, pretrained, say, progress)
             else:
                 progress(SHARES[section])
-        # errors name the temporary stores: only their folders mean anything to the reader
+        # errors name places of this machine: only their folders mean anything to the reader
         rows = [
-            dataclasses.replace(row, note=row.note.replace(f"{work}/", "").replace(".zarr", ""))
+            dataclasses.replace(
+                row,
+                note=row.note.replace(f"{work}/", "").replace(f"{root}/", "").replace(".zarr", ""),
+            )
             for row in rows
         ]
     order = {name: place for place, name in enumerate(TASKS)}
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
 
-TASKS = (*SECTIONS["speed"], *SECTIONS["surge"], *SECTIONS["fixes"], "skipped")
+TASKS = (
+    *SECTIONS["speed"],
+    *SECTIONS["surge"],
+    *SECTIONS["left-out"],
+    *SECTIONS["fixes"],
+    "skipped",
+)
 """Order of the tables."""
 
 
@@ -220,6 +239,41 @@ def _surges(
     )
 
 
+def _left_out(
+    deployments: Sequence[Deployment],
+    pool: Pool,
+    pretrained: Pretrained | None,
+    say: Say,
+    progress: Done,
+) -> list[Row]:
+    say("one deployment left out: speed by what was learned on the others")
+
+    def half(part: float) -> None:
+        progress(0.5 * part * SHARES["left-out"])
+
+    found = pool.run(left_out.prepare, deployments, half)
+    rows = [
+        failed(left_out.TASK, deployment, one.why)
+        for deployment, one in zip(deployments, found, strict=True)
+        if isinstance(one, Failure)
+    ]
+    labelled = [one for one in found if isinstance(one, left_out.Labelled)]
+    jobs = left_out.jobs(labelled, pretrained)
+    if not jobs:
+        half(1.0)
+        return rows
+    judged = pool.run(left_out.run, jobs, half)
+    for one in judged:
+        if isinstance(one, Failure):
+            raise TwinError(f"one deployment left out: {one.why}")
+    names = [one.name for one in labelled]
+    return [*rows, *left_out.rows_of(names, [m for m in judged if not isinstance(m, Failure)])]
+
+
+JUDGES = {"speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out}
+"""What judges each of `SECTIONS`"""
+
+
 def _by_folds(
     task: str,
     deployments: Sequence[Deployment],
@@ -259,15 +313,15 @@ def _by_folds(
     return rows
 
 
-def _pretrained(store: Path, pool: Pool, progress: Done) -> Pretrained:
+def _pretrained(stores: Sequence[Path], seed: int, pool: Pool, progress: Done) -> Pretrained:
     found = pool.run(
         surge_networks.simulated_samples,
-        surge_networks.sample_jobs(store),
+        [job for store in stores for job in surge_networks.sample_jobs(store)],
         lambda part: progress(0.25 * part * SHARES["simulate"]),
     )
     dives = tuple(d for part in found if not isinstance(part, Failure) for d in part)
     jobs = [
-        surge_networks.PretrainJob(dives, kind, member)
+        surge_networks.PretrainJob(dives, kind, member, seed)
         for kind in surge_networks.INPUTS
         for member in range(surge_networks.MEMBERS)
     ]
