@@ -213,7 +213,8 @@ class Run:
         if said is None or vehicle is None:
             return None
         try:
-            return None if vehicle.model in said["models"] else Reach(float(said["most"]))
+            known = bool(vehicle.model) and vehicle.model in said["models"]
+            return None if known else Reach(float(said["most"]))
         except (TypeError, KeyError, ValueError) as error:
             raise StoreError(
                 f"{self.folder / DESCRIPTION} is damaged: its {REACH} is not one ({error}); "

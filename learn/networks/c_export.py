@@ -203,9 +203,9 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         interval = f"{number(known)} * {wider}" if known else "INFINITY"
         if velocity == "surge" and (reach := ensemble.reach) is not None:
             nearest = f"estimated[{filters - 1}][{OUTPUTS.index('surge')}]"
-            said.append(f"const float free = {mean};")
-            said += reach.c_statements("free", nearest, period)
-            mean = f"free - {reach.c_off()}"
+            said.append(f"const float loose = gt_bounded({mean}, {number(FASTEST)});")
+            said += reach.c_statements("loose", nearest, period)
+            mean = f"loose - {reach.c_off()}"
         if velocity == "surge" and ensemble.adapted is not None:
             filtered, steady, sd = (f"estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
             own = number(ensemble.adapted.deviation**2)
@@ -223,7 +223,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
             f"float feature[{count}];",
             statements,
             *said,
-            f"if (state->count < {max(read.longest, 1)})\n    state->count++;",
+            f"if (state->count < {read.longest})\n    state->count++;",
             "return 1;",
         ]
     )

@@ -157,7 +157,7 @@ class NetworkVelocity(VelocityEstimator):
         for flight in (self._flight, self._second):
             if flight is not None:
                 flight.reset()
-        self._lasting = math.nan  # see `Reach.step`
+        self._lasting = 0.0  # see `Reach.step`
         self._mixed = (0.0, 0.0)  # whether the second filter's glide is steady, its deviation
         self._states = {
             name: [one.network.initial_state(1) for one in members]
@@ -188,7 +188,7 @@ class NetworkVelocity(VelocityEstimator):
                     )
                     scales = one.normalisation
                     each.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
-                value = float(np.mean(each))
+                value = bounded(float(np.mean(each)))
                 if name == "surge" and self._reach is not None:
                     nearest = sample[HELD_TO[self._adapted is not None]]
                     self._lasting, off = self._reach.step(
@@ -199,7 +199,7 @@ class NetworkVelocity(VelocityEstimator):
                     filtered, steady, sd = (sample[c] for c in ADAPTED)
                     self._mixed = steady, sd
                     value += self._adapted.weight(*self._mixed) * (filtered - value)
-                mean[name] = min(max(value, -FASTEST), FASTEST) if value == value else 0.0
+                mean[name] = bounded(value)
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -228,12 +228,17 @@ class NetworkVelocity(VelocityEstimator):
                         "this state is of other networks: open the run that it was saved of"
                     )
                 states[k] = torch.from_numpy(np.array(saved, np.float32))
-        self._lasting = float(state.get("lasting", math.nan))
+        self._lasting = float(state.get("lasting", 0.0))
         self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))
         for prefix, flight in (("flight:", self._flight), ("second:", self._second)):
             if flight is not None:
                 flight.restore(_below(prefix, state))
+
+
+def bounded(value: float) -> float:
+    """A velocity [m/s] that a vehicle can have; 0 for what is none."""
+    return min(max(value, -FASTEST), FASTEST) if value == value else 0.0
 
 
 def network_deviation(run: Run, vehicle: Vehicle) -> VelocityDeviation:

@@ -49,16 +49,15 @@ class Reach:
         return surge - (lasting - np.clip(lasting, -self.most, self.most))
 
     def step(self, lasting: float, apart: float, period: float) -> tuple[float, float]:
-        """One sample: the mean so far, NaN before the first, and the difference [m/s] at it to the
+        """One sample: the mean so far, 0 before the first, and the difference [m/s] at it to the
         next mean and what is to be taken off the surge."""
-        lasting = apart if math.isnan(lasting) else lasting + share(period) * (apart - lasting)
+        lasting += share(period) * (apart - lasting)
         return lasting, lasting - min(max(lasting, -self.most), self.most)
 
     def c_statements(self, surge: str, filtered: str, period: float) -> list[str]:
         """The same in C: a line that follows the mean in `state->lasting`."""
         return [
-            f"state->lasting += (state->count ? {number(share(period))} : 1.0f) "
-            f"* ({surge} - {filtered} - state->lasting);"
+            f"state->lasting += {number(share(period))} * ({surge} - {filtered} - state->lasting);"
         ]
 
     def c_off(self) -> str:
@@ -72,7 +71,6 @@ def share(period: float) -> float:
 
 
 def _lasting(apart: Array, period: float) -> Array:
+    """From 0 on: a filter that begins under way takes some seconds to know its speed."""
     part = share(period)
-    return np.asarray(
-        lfilter([part], [1.0, part - 1.0], apart, zi=[(1.0 - part) * apart[0]])[0], np.float64
-    )
+    return np.asarray(lfilter([part], [1.0, part - 1.0], apart), np.float64)

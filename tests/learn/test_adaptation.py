@@ -102,7 +102,8 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
         assert np.allclose(said[:kept, 2:], stated, rtol=1e-4)
 
 
-def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place):
+@pytest.mark.parametrize("adapts", [False, True])
+def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place, adapts):
     run = open_run(place / "runs" / "first")
     assert run.description[REACH]["models"] == ["glider"]
     assert run.reach(None) is run.reach(load_vehicle()) is None
@@ -116,6 +117,14 @@ def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place):
         place / "heavy.zarr", [*ESTIMATED, *channels_of(run.features)], limit=1
     )
     held, free = run.networks(slocum), run.networks(own)
+    if adapts:
+        start = FlightStart.of(np.full(7, 0.01), np.diag((0.1 * FlightSpread().prior) ** 2), 1e-2)
+        adapted = Adapted(start=start, deviation=0.002)
+        held, free = (
+            {n: dataclasses.replace(e, adapted=adapted) for n, e in one.items()}
+            for one in (held, free)
+        )
+        mission.signals.update(estimate_adapted(mission.signals, own, mission.period, start))
     ours, theirs = (one["surge"].predict([mission])[0][0] for one in (held, free))
     assert np.abs(ours - theirs).max() > 5e-3  # so small a network is far off
     estimator, kept = NetworkVelocity(held, mission.period, own), 2000

@@ -95,6 +95,7 @@ class JudgeHealth(JsonOption):
             console.say(str(write_health(self.page, found, command, answered)))
         console.answer(
             store=self.store,
+            vehicle=start_vehicle(self.store).name if self.vehicle is None else self.vehicle,
             false_alarm_days=self.false_alarm_days,
             deployments=[
                 one.describe() | (answered[one.name].describe() if one.name in answered else {})

@@ -28,13 +28,14 @@ from twin.navigation.navigator import (
 )
 from twin.navigation.settings import Navigation
 from twin.numbers import Array
-from twin.physics.outcome import HYDROGRAPHY, hydrography
+from twin.physics.outcome import HYDROGRAPHY
 from twin.physics.true_signals import declare_parts
 from twin.sensors.base import Surroundings
 from twin.sensors.live import LiveSuite
 
 if TYPE_CHECKING:
     from twin.physics.scenario import Scenario
+    from twin.water.density import DensityProfile
 
 
 ALTITUDE = "measured_altitude"
@@ -91,18 +92,18 @@ class OnBoard:
             *([ALTITUDE] if floor.size else []),
             *((*LOG, LOCK) if floor.size or settings.bottom_depth is not None else []),
         ]
-        self._scenario = scenario
-        self._hydrographic = False
+        self._water: DensityProfile | None = None
         missing = self._missing(names)
-        if missing and self._water(0.0, begin.north, begin.east, begin.depth):
-            self._hydrographic = True
+        profile = scenario.density
+        if missing and profile is not None and profile.temperature_salinity(0.0) is not None:
+            self._water = profile
             names = (*names, *HYDROGRAPHY)
             missing = self._missing(names)
         if missing:
             raise InputError(
                 f"the estimator reads {', '.join(missing)}, which the sensors of this vehicle do "
                 "not measure here: choose another estimator, sensors that have it, or, for what a "
-                "CTD measures, water with temperature and salinity (`density`)"
+                "CTD measures, a density profile with temperature and salinity"
             )
         self._commanded = [n for n in self.navigator.channels if n.startswith("commanded_")]
         self.sensors = LiveSuite(
@@ -131,16 +132,12 @@ class OnBoard:
         known = {*(entry.name for entry in self._suite.writes(names)), *names}
         return [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
 
-    def _water(self, time: float, north: float, east: float, depth: float) -> dict[str, float]:
-        """Temperature and salinity at a time [s] of the run and a place; empty: not known."""
-        at = (np.array([value]) for value in (time, north, east, depth))
-        return {name: float(value[0]) for name, value in hydrography(self._scenario, *at).items()}
-
     def take(self, truth: dict[str, float]) -> NavigationState:
         """Measure one sample of the truth and navigate by it."""
-        if self._hydrographic:
-            place = (truth[f"true_{name}"] for name in ("north", "east", "depth"))
-            truth = truth | self._water(self.sensors.count * self.period, *place)
+        if self._water is not None:
+            water = self._water.temperature_salinity(np.array([truth["true_depth"]]))
+            assert water is not None
+            truth = truth | {n: float(v[0]) for n, v in zip(HYDROGRAPHY, water, strict=True)}
         sample = self.sensors.step(truth)
         for name in self._commanded:
             sample[name] = truth[name]

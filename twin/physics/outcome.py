@@ -119,30 +119,18 @@ def _speed(trajectory: Trajectory) -> str:
 
 
 def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    places = (trajectory[f"true_{name}"] for name in ("north", "east", "depth"))
-    return hydrography(scenario, trajectory.time, *places)
-
-
-def hydrography(
-    scenario: Scenario,
-    time: NDArray[Any],
-    north: NDArray[Any],
-    east: NDArray[Any],
-    depth: NDArray[Any],
-) -> dict[str, NDArray[Any]]:
-    """Temperature [degree_Celsius] and salinity [1] at a vehicle, by HYDROGRAPHY's names, where
-    something knows them.
+    """Temperature [degree_Celsius] and salinity [1] at the vehicle, where something knows them.
 
     Those of the density profile, in which the vehicle flies, or else of the current's file.
-
-    Args:
-      time: [s] since the run's start. north, east, depth: [m]; each (samples,).
     """
+    depth = trajectory["true_depth"]
     water = None if scenario.density is None else scenario.density.temperature_salinity(depth)
     if water is None and scenario.current is not None:
         from twin.water.current.hydrography import along_track
 
-        water = along_track(scenario.current, time, north, east, depth, scenario.place)
+        north, east = trajectory["true_north"], trajectory["true_east"]
+        place = scenario.place
+        water = along_track(scenario.current, trajectory.time, north, east, depth, place)
     return {} if water is None else dict(zip(HYDROGRAPHY, water, strict=True))
 
 

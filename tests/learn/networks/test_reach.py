@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -28,7 +26,7 @@ def test_a_step_says_what_the_whole_mission_says():
     random = np.random.default_rng(0)
     filtered = np.cumsum(0.002 * random.standard_normal(TIME.size))
     surge = filtered + np.cumsum(0.002 * random.standard_normal(TIME.size))
-    reach, lasting, found = Reach(0.005), math.nan, []
+    reach, lasting, found = Reach(0.005), 0.0, []
     for own, theirs in zip(surge, filtered, strict=True):
         lasting, off = reach.step(lasting, own - theirs, PERIOD)
         found.append(own - off)
@@ -36,5 +34,11 @@ def test_a_step_says_what_the_whole_mission_says():
 
 
 def test_the_reach_is_what_half_of_the_validation_had():
-    apart = [np.full(400, 0.002), np.full(200, -0.009)]
-    assert Reach.of(apart, PERIOD).most == pytest.approx(0.002)
+    apart = [np.full(9000, 0.002), np.full(4000, -0.009)]
+    assert Reach.of(apart, PERIOD).most == pytest.approx(0.002, rel=1e-3)
+
+
+def test_a_begin_under_way_where_the_filter_is_at_rest_for_seconds_is_soon_forgotten():
+    filtered = np.minimum(0.3, 0.06 * TIME)
+    held = Reach(0.003).held(np.full(TIME.size, 0.3), filtered, PERIOD)
+    assert np.abs(held - 0.3).max() < 0.02

@@ -199,7 +199,7 @@ def test_an_estimator_that_reads_a_ctd_flies_where_the_water_has_a_temperature(t
     np.testing.assert_allclose(run["measured_density"], run["true_density"], rtol=1e-6)
     assert error(run, -1) < 5.0
     del given["density"]
-    with pytest.raises(InputError, match=r"reads measured_density, .* water with temperature"):
+    with pytest.raises(InputError, match=r"reads measured_density, .* profile with temperature"):
         twin.simulate(navigate=learned, **given)
 
 
