@@ -221,6 +221,17 @@ class Run:
                 f"`learn fit --name {quoted(self.name)} --resume` makes it again"
             ) from error
 
+    def strange(self, vehicle: Vehicle) -> str:
+        """A sentence where the training had none of a vehicle's kind; empty where it had, or where
+        the run does not say."""
+        if self.reach(vehicle) is None:
+            return ""
+        return (
+            f"run {self.name} was trained on {', '.join(self.description[REACH]['models'])} and on "
+            f"none of the kind of {vehicle.name} ({vehicle.model}): what lasts of its surge is "
+            "held to the flight filter's; inputs such as shift and pump mean something else there"
+        )
+
     @property
     def network_files(self) -> tuple[str, ...]:
         """Names of the files of its networks."""

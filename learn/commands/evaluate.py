@@ -107,6 +107,11 @@ class Evaluate(JsonOption):
             console.say()
             console.table(dives, title="over ground between GPS fixes, % of the dive", digits=3)
         console.say()
+        from twin.records import MissionStore
+
+        with MissionStore(store) as reader:
+            if odd := run.strange(reader.vehicle):
+                console.warn(odd)
         if counts := found.evaluation.counts:
             for sentence in sentences(counts, run.labels):
                 console.item(sentence)

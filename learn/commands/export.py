@@ -44,12 +44,16 @@ class ExportNetwork(JsonOption):
         folder = self.run_folder or newest_run().folder
         checked = export(folder, self.out, to=self.to, store=self.store)
         from learn.networks import TOLERANCE
+        from twin.records import MissionStore
 
         most = f"{TOLERANCE * 1e3:g} mm/s"
         if self.to == "c":
             most += " in the root mean square or at one sample in 1000"
         run = open_run(folder)
         first = next(iter(checked.values()))
+        with MissionStore(run.store if self.store is None else self.store) as reader:
+            if odd := run.strange(reader.vehicle):
+                console.warn(odd)
         console.answer(run=run.folder, tolerance=TOLERANCE, models=checked)
         console.table(
             [

@@ -100,9 +100,10 @@ def c_header(
         flight_state = f"    float flight[{len(filters)}][{NUMBERS}];\n"
         familiar = networks["surge"].familiar
         outside = "" if familiar is None else familiar.c_function(filters[0].model.prior)
+    of = "" if vehicle is None else f" For the vehicle {vehicle.name.replace('*/', '')} alone.\n *"
     return f"""\
 /* Surge and sway of a vehicle through the water from its sensors, by trained networks.
- *
+ *{of}
  * Made by `learn export --to c`. C99, float throughout, no allocation, no library but sqrtf.
  *
  *     glider_state state;

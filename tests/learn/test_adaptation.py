@@ -107,6 +107,10 @@ def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place, ada
     run = open_run(place / "runs" / "first")
     assert run.description[REACH]["models"] == ["glider"]
     assert run.reach(None) is run.reach(load_vehicle()) is None
+    assert run.strange(load_vehicle()) == ""
+    assert "trained on glider and on none of the kind of slocum" in run.strange(
+        load_vehicle("slocum-200")
+    )
     slocum, own = load_vehicle("slocum-200"), load_vehicle()
     assert (
         run.networks(slocum)["surge"].reach
@@ -137,6 +141,7 @@ def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place, ada
     assert other.step(sample) == estimator.step(sample)
     if shutil.which("cc") is not None:
         assert export_c(held, place / "held.h", mission, own).largest < 1e-5
+        assert "For the vehicle glider alone." in (place / "held.h").read_text()
     broken = Run(run.folder, run.description | {REACH: {"models": []}})
     with pytest.raises(StoreError, match="its reach is not one"):
         broken.networks(own)

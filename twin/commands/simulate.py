@@ -81,8 +81,8 @@ class Simulate(EngineOption, JsonOption):
     """of the sensors' random draws"""
     navigate: str = "truth"
     """what guidance sees: truth; or the estimate made on board of what --sensors (default then:
-    field) measure, by a velocity estimator: ekf, steady_flight, pitch_plus_alpha, dvl,
-    network:runs/NAME, or estimate for the vehicle's usual one.
+    field) measure, by a velocity estimator: ekf, flight_filter, steady_flight,
+    pitch_plus_alpha, dvl, network:runs/NAME, or estimate for the vehicle's usual one.
     docs/howto/navigation.md explains it"""
     out: Path | None = None
     """write the trajectory to this zarr store"""

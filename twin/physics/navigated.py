@@ -26,7 +26,7 @@ from twin.navigation.navigator import (
     NavigationState,
     Navigator,
 )
-from twin.navigation.settings import Navigation
+from twin.navigation.settings import CTD, Navigation
 from twin.numbers import Array
 from twin.physics.outcome import HYDROGRAPHY
 from twin.physics.true_signals import declare_parts
@@ -100,10 +100,12 @@ class OnBoard:
             names = (*names, *HYDROGRAPHY)
             missing = self._missing(names)
         if missing:
+            water = "" if self._water is not None or CTD not in missing else (
+                ", or, for a CTD, a density profile with temperature and salinity"
+            )  # fmt: skip
             raise InputError(
                 f"the estimator reads {', '.join(missing)}, which the sensors of this vehicle do "
-                "not measure here: choose another estimator, sensors that have it, or, for what a "
-                "CTD measures, a density profile with temperature and salinity"
+                f"not measure: choose another estimator or sensors that have it{water}"
             )
         self._commanded = [n for n in self.navigator.channels if n.startswith("commanded_")]
         self.sensors = LiveSuite(
