@@ -229,7 +229,7 @@ class Run:
         return (
             f"run {self.name} was trained on {', '.join(self.description[REACH]['models'])} and on "
             f"none of the kind of {vehicle.name} ({vehicle.model}): what lasts of its surge is "
-            "held to the flight filter's; inputs such as shift and pump mean something else there"
+            "held to the flight filter's, and inputs of its moving parts mean something else there"
         )
 
     @property

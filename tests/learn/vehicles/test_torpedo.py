@@ -20,7 +20,7 @@ from twin.vehicle.vehicle import load_vehicle
 
 FILE = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
 PARTS = ("propeller", "rudder", "elevator")
-GLIDING = ("pitch_plus_alpha", "steady_flight", "ekf")
+GLIDING = ("pitch_plus_alpha", "steady_flight", "ekf", "flight_filter")
 
 
 @pytest.fixture(scope="module")
