@@ -16,7 +16,7 @@ from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
 from learn.networks.familiarity import MISSIONS, Familiarity
-from learn.networks.reach import HELD_TO, Reach
+from learn.networks.tether import HELD_TO, Tether
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
@@ -29,8 +29,8 @@ from learn.run import (
     FAMILIARITY,
     MORE_STORES,
     PAPER_TEST,
-    REACH,
     REPORT,
+    TETHER,
     Run,
 )
 from learn.run_evaluation import (
@@ -96,8 +96,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         run = run.remember(**{FAMILIARITY: dataclasses.asdict(_familiarity(run))})
     if not is_log_store(run.stores[0]):
         say("learning how far off the networks are from missions that they were not trained on")
-        model, reach = _errors(run, others)
-        run = run.remember(error_model=dataclasses.asdict(model), **reach)
+        model, tether = _errors(run, others)
+        run = run.remember(error_model=dataclasses.asdict(model), **tether)
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
     test = evaluate_own(run, split=split, limit=JUDGED)
     write_sealed(run.folder / EVALUATION, test.figures)
@@ -251,7 +251,7 @@ def _familiarity(run: Run) -> Familiarity:
 
 
 def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:
-    """What missions say that no network was trained on; and the entry REACH, of networks that read
+    """What missions say that no network was trained on; and the entry TETHER, of networks that read
     the flight filter."""
     seconds: list[float] = []
     apart: list[Array] = []
@@ -281,7 +281,7 @@ def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:
     for store in run.stores:
         with MissionStore(store) as reader:
             models.append(reader.vehicle.model)
-    return model, {REACH: {"most": Reach.of(apart, run.period).most, "models": models}}
+    return model, {TETHER: {"most": Tether.of(apart, run.period).most, "models": models}}
 
 
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from learn.evaluation.deviation import ErrorModel
     from learn.networks.familiarity import Familiarity
     from learn.networks.predictor import Adapted, Ensemble, Prediction
-    from learn.networks.reach import Reach
+    from learn.networks.tether import Tether
     from twin.vehicle.vehicle import Vehicle
 
 RUNS = Path("runs")
@@ -59,7 +59,7 @@ LABELS = "label_counts"
 """Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
 ORIGIN = "started_from"
 """Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
-REACH = "reach"
+TETHER = "tether"
 """Entry of `run.json`: the vehicles' models that it was trained on, and how far from the flight
 filter [m/s] its surge may be on others; of networks that read the filter."""
 ADAPTATION = "adaptation"
@@ -168,7 +168,7 @@ class Run:
 
         Args:
           vehicle: that they are for; of a kind that the training had none of, their surge is held
-            to the flight filter's (`learn.networks.reach`). None: one of the training's.
+            to the flight filter's (`learn.networks.tether`). None: one of the training's.
 
         Raises:
           StoreError: a file is missing, damaged or of another format, or the networks learned to
@@ -197,39 +197,40 @@ class Run:
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
             found[target] = Ensemble(
-                tuple(members), self.adapted, self.familiar, intervals[target], self.reach(vehicle)
+                tuple(members), self.adapted, self.familiar, intervals[target], self.tether(vehicle)
             )
         return found
 
-    def reach(self, vehicle: Vehicle | None) -> Reach | None:
+    def tether(self, vehicle: Vehicle | None) -> Tether | None:
         """Of surge on a kind of vehicle that the training had none of; None: on any other.
 
         Raises:
           StoreError: what `run.json` holds of it is not whole.
         """
-        from learn.networks.reach import Reach
+        from learn.networks.tether import Tether
 
-        said = self.description.get(REACH)
+        said = self.description.get(TETHER)
         if said is None or vehicle is None:
             return None
         try:
             known = bool(vehicle.model) and vehicle.model in said["models"]
-            return None if known else Reach(float(said["most"]))
+            return None if known else Tether(float(said["most"]))
         except (TypeError, KeyError, ValueError) as error:
             raise StoreError(
-                f"{self.folder / DESCRIPTION} is damaged: its {REACH} is not one ({error}); "
+                f"{self.folder / DESCRIPTION} is damaged: its {TETHER} is not one ({error}); "
                 f"`learn fit --name {quoted(self.name)} --resume` makes it again"
             ) from error
 
     def strange(self, vehicle: Vehicle) -> str:
         """A sentence where the training had none of a vehicle's kind; empty where it had, or where
         the run does not say."""
-        if self.reach(vehicle) is None:
+        if self.tether(vehicle) is None:
             return ""
+        known = ", ".join(self.description[TETHER]["models"])
         return (
-            f"run {self.name} was trained on {', '.join(self.description[REACH]['models'])} and on "
-            f"none of the kind of {vehicle.name} ({vehicle.model}): what lasts of its surge is "
-            "held to the flight filter's, and inputs of its moving parts mean something else there"
+            f"run {self.name} was trained on {known} and on none of the kind of {vehicle.name} "
+            f"({vehicle.model}): what lasts of its surge is held to the flight filter's, and "
+            "inputs of its moving parts mean something else there"
         )
 
     @property

@@ -20,6 +20,7 @@ from twin.navigation.flight_filter import FlightFilter
 from twin.records.coordinates import START_LATITUDE
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
+from twin.vehicle.vehicle import Vehicle
 
 
 def evaluate_run(
@@ -36,9 +37,9 @@ def evaluate_run(
     Of a store of logs none are drawn, since the true tracks are unknown, and `limit` does not hold.
     """
     logged = is_log_store(store)
-    hulls = _hulls(run, store)
     with MissionStore(store) as reader:
-        networks = run.networks(reader.vehicle)
+        vehicle = reader.vehicle
+    networks, hulls = run.networks(vehicle), _hulls(run, vehicle)
     outside = None if hulls is None else hulls.outside
     showcase, coverage = Showcase(), Coverage(run.error_model(), run.adapted, outside)
     at_fixes = None if logged else _consistency(run, store)
@@ -129,13 +130,10 @@ class Hulls:
         }
 
 
-def _hulls(run: Run, store: str | StorePath) -> Hulls | None:
+def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
     """None for networks that do not read the flight filter."""
     familiar = run.familiar
-    if familiar is None:
-        return None
-    with MissionStore(store) as reader:
-        return Hulls(familiar, FlightFilter(reader.vehicle, run.period))
+    return None if familiar is None else Hulls(familiar, FlightFilter(vehicle, run.period))
 
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:

@@ -87,8 +87,10 @@ def c_header(
     measured = sources(read.channels)
     sample = "\n".join(f"    float {c}; /* [{_unit(c)}] */" for c in measured)
     flight, flight_state, outside = "", "", ""
-    held = networks["surge"].reach is not None
-    reach_state = "    float lasting; /* off the flight filter, in the mean of a minute */\n" * held
+    held = networks["surge"].tether is not None
+    tether_state = (
+        "    float lasting; /* off the flight filter, in the mean of a minute */\n" * held
+    )
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
@@ -139,7 +141,7 @@ typedef struct {{
 typedef struct {{
     float window[{read.windows}];
     float last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
-{flight_state}{reach_state}    int count;
+{flight_state}{tether_state}    int count;
     int held; /* channels whose last good value stands for the sample's */
 {states}
 }} glider_state;
@@ -202,11 +204,11 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         mean = f"({total}) / {len(members)}.0f"
         known = ensemble.interval
         interval = f"{number(known)} * {wider}" if known else "INFINITY"
-        if velocity == "surge" and (reach := ensemble.reach) is not None:
+        if velocity == "surge" and (tether := ensemble.tether) is not None:
             nearest = f"estimated[{filters - 1}][{OUTPUTS.index('surge')}]"
             said.append(f"const float loose = gt_bounded({mean}, {number(FASTEST)});")
-            said += reach.c_statements("loose", nearest, period)
-            mean = f"loose - {reach.c_off()}"
+            said += tether.c_statements("loose", nearest, period)
+            mean = f"loose - {tether.c_off()}"
         if velocity == "surge" and ensemble.adapted is not None:
             filtered, steady, sd = (f"estimated[1][{OUTPUTS.index(n)}]" for n in MIXED)
             own = number(ensemble.adapted.deviation**2)

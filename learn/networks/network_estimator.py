@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from learn.networks.familiarity import widened
 from learn.networks.predictor import Ensemble, Prediction
-from learn.networks.reach import HELD_TO
+from learn.networks.tether import HELD_TO
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
@@ -77,7 +77,7 @@ class NetworkVelocity(VelocityEstimator):
         self._adapted = networks["surge"].adapted
         self._familiar = networks["surge"].familiar
         self._deviation = VelocityDeviation() if deviation is None else deviation
-        self._reach = networks["surge"].reach
+        self._tether = networks["surge"].tether
         self._known = {name: networks[name].interval or math.inf for name in TARGETS}
         self._members = {name: networks[name].members for name in TARGETS}
         names = dict.fromkeys(
@@ -157,7 +157,7 @@ class NetworkVelocity(VelocityEstimator):
         for flight in (self._flight, self._second):
             if flight is not None:
                 flight.reset()
-        self._lasting = 0.0  # see `Reach.step`
+        self._lasting = 0.0  # see `Tether.step`
         self._mixed = (0.0, 0.0)  # whether the second filter's glide is steady, its deviation
         self._states = {
             name: [one.network.initial_state(1) for one in members]
@@ -189,9 +189,9 @@ class NetworkVelocity(VelocityEstimator):
                     scales = one.normalisation
                     each.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
                 value = bounded(float(np.mean(each)))
-                if name == "surge" and self._reach is not None:
+                if name == "surge" and self._tether is not None:
                     nearest = sample[HELD_TO[self._adapted is not None]]
-                    self._lasting, off = self._reach.step(
+                    self._lasting, off = self._tether.step(
                         self._lasting, value - nearest, self.period
                     )
                     value -= off

@@ -22,7 +22,7 @@ from learn.files import SEAL, check_seal, read_json, write_sealed
 from learn.networks.base import Network, build_network
 from learn.networks.config import NetworkConfig
 from learn.networks.familiarity import Familiarity
-from learn.networks.reach import HELD_TO, Reach
+from learn.networks.tether import HELD_TO, Tether
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
@@ -248,7 +248,7 @@ class Ensemble:
     """Hulls of the training; None: networks that do not read the flight filter"""
     interval: float = 0.0
     """[m/s] either way, as `ErrorModel.surge_interval`; 0: not known"""
-    reach: Reach | None = None
+    tether: Tether | None = None
     """Of surge, on a kind of vehicle that the training had none of"""
 
     def __post_init__(self) -> None:
@@ -286,9 +286,9 @@ class Ensemble:
         vehicle glides steadily."""
         if self.target != "surge":
             return mean
-        if self.reach is not None:
+        if self.tether is not None:
             nearest = mission.signals[HELD_TO[self.adapted is not None]]
-            mean = self.reach.held(mean, nearest, mission.period).astype(np.float32)
+            mean = self.tether.held(mean, nearest, mission.period).astype(np.float32)
         if self.adapted is None:
             return mean
         filtered, steady, sd = (mission.signals[name] for name in ADAPTED)

@@ -21,9 +21,9 @@ from learn.evaluation.score import summarise_scores
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Adapted
-from learn.networks.reach import Reach
+from learn.networks.tether import Tether
 from learn.report import verdicts
-from learn.run import ADAPTATION, FAMILIARITY, FILTER, REACH, Run, open_run, write_description
+from learn.run import ADAPTATION, FAMILIARITY, FILTER, TETHER, Run, open_run, write_description
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightSpread, FlightStart
@@ -105,17 +105,17 @@ def test_an_adapted_run_is_judged_flown_and_exported_as_any_other(place):
 @pytest.mark.parametrize("adapts", [False, True])
 def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place, adapts):
     run = open_run(place / "runs" / "first")
-    assert run.description[REACH]["models"] == ["glider"]
-    assert run.reach(None) is run.reach(load_vehicle()) is None
+    assert run.description[TETHER]["models"] == ["glider"]
+    assert run.tether(None) is run.tether(load_vehicle()) is None
     assert run.strange(load_vehicle()) == ""
     assert "trained on glider and on none of the kind of slocum" in run.strange(
         load_vehicle("slocum-200")
     )
     slocum, own = load_vehicle("slocum-200"), load_vehicle()
     assert (
-        run.networks(slocum)["surge"].reach
-        == run.reach(slocum)
-        == Reach(run.description[REACH]["most"])
+        run.networks(slocum)["surge"].tether
+        == run.tether(slocum)
+        == Tether(run.description[TETHER]["most"])
     )
     (mission,) = load_missions(
         place / "heavy.zarr", [*ESTIMATED, *channels_of(run.features)], limit=1
@@ -142,8 +142,8 @@ def test_on_another_kind_of_vehicle_the_surge_is_held_to_the_filter_s(place, ada
     if shutil.which("cc") is not None:
         assert export_c(held, place / "held.h", mission, own).largest < 1e-5
         assert "For the vehicle glider alone." in (place / "held.h").read_text()
-    broken = Run(run.folder, run.description | {REACH: {"models": []}})
-    with pytest.raises(StoreError, match="its reach is not one"):
+    broken = Run(run.folder, run.description | {TETHER: {"models": []}})
+    with pytest.raises(StoreError, match="its tether is not one"):
         broken.networks(own)
 
 

@@ -60,10 +60,11 @@ class JudgeHealth(JsonOption):
         with LogStore(self.store) as logs:
             total = len(self.deployment or set(logs.deployments))
             shipped = self.vehicle is None and not logs.says_vehicle
+        vehicle = start_vehicle(self.store) if self.vehicle is None else load_vehicle(self.vehicle)
         with console.progress(total=total, label="health", unit="deployment") as progress:
             found = assess(
                 self.store,
-                self.vehicle,
+                vehicle,
                 false_alarm_days=self.false_alarm_days,
                 deployments=self.deployment or None,
                 advance=progress.update,
@@ -72,10 +73,10 @@ class JudgeHealth(JsonOption):
         answered = self._answers(found) if wanted else {}
         if shipped:
             console.note(
-                f"judged by the shipped {start_vehicle(self.store).name}; its own file, as `twin "
+                f"judged by the shipped {vehicle.name}; its own file, as `twin "
                 "identify` writes it, judges better: --vehicle"
             )
-        if self.vehicle is not None and (odd := other_kind(self.store, load_vehicle(self.vehicle))):
+        if self.vehicle is not None and (odd := other_kind(self.store, vehicle)):
             console.warn(odd)
         for one in found:
             console.say(one.verdict())
@@ -95,7 +96,7 @@ class JudgeHealth(JsonOption):
             console.say(str(write_health(self.page, found, command, answered)))
         console.answer(
             store=self.store,
-            vehicle=start_vehicle(self.store).name if self.vehicle is None else self.vehicle,
+            vehicle=vehicle.name if self.vehicle is None else self.vehicle,
             false_alarm_days=self.false_alarm_days,
             deployments=[
                 one.describe() | (answered[one.name].describe() if one.name in answered else {})

@@ -1,5 +1,5 @@
-"""Reach: how far networks may lastingly be from the flight filter on a kind of vehicle that is new
-to them.
+"""Tether: how far networks may lastingly be from the flight filter on a kind of vehicle that is
+new to them.
 
 Networks know inflections, and how hulls of their training go where the filter errs. A kind of
 vehicle that no training mission was of may do what none of these did, such as begin its dives
@@ -31,14 +31,14 @@ SHARE = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
-class Reach:
+class Tether:
     """What networks' surge, in the mean of a minute, may be off the flight filter's."""
 
     most: float
     """[m/s] either way"""
 
     @classmethod
-    def of(cls, apart: Sequence[Array], period: float) -> Reach:
+    def of(cls, apart: Sequence[Array], period: float) -> Tether:
         """From differences [m/s] of networks and filter on validation missions, each (time,)."""
         lasting = np.concatenate([_lasting(one, period) for one in apart])
         return cls(float(np.quantile(np.abs(lasting), SHARE)))
