@@ -109,7 +109,7 @@ def first_glides(
     found: list[Glides] = []
     with Selection(store, wanted, period=run.period, advise=instead) as selection:
         assert selection.vehicle is not None  # estimated channels are among the wanted
-        flight = FlightFilter(selection.vehicle, run.period)
+        flight = FlightFilter(selection.vehicle, run.period, run.spread)
         rows = selection.rows.tolist()
         if unknown := sorted(set(missions) - set(rows)):
             raise InputError(f"store {store} has no mission {unknown[0]}: it has {len(rows)}")

@@ -194,8 +194,10 @@ def export(
     with MissionStore(place) as reader:
         networks = found.networks(reader.vehicle)
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
-    start = networks["surge"].start
-    with Selection(place, channels, period=found.period, start=start) as selection:
+    surge = networks["surge"]
+    with Selection(
+        place, channels, period=found.period, start=surge.start, spread=surge.spread
+    ) as selection:
         (longest,) = selection.read([int(selection.lengths.argmax())])
         vehicle = selection.vehicle
     if to == "c":

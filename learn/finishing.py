@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import TARGETS, MissionSequence, Selection, load_missions
+from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
 from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import read_sealed, write_sealed
 from learn.folds import Folds, read_folds
-from learn.networks.familiarity import MISSIONS, Familiarity
+from learn.networks.familiarity import MISSIONS, Familiarity, training_flights
 from learn.networks.tether import HELD_TO, Tether
 from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
@@ -44,10 +44,9 @@ from twin.cli.text_table import counted
 from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
-from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.settings import ESTIMATED
 from twin.numbers import Array
-from twin.records.attributes import SENSORS, SPLIT
+from twin.records.attributes import SENSORS
 from twin.records.presence import is_store, read_attributes
 from twin.records.reader import MissionStore
 from twin.records.storage.checksums import LIST, write_checksums
@@ -237,17 +236,7 @@ def provenance(run: Run) -> dict[str, object]:
 
 
 def _familiarity(run: Run) -> Familiarity:
-    def known() -> Iterator[tuple[FlightFilter, Iterator[MissionSequence]]]:
-        for store in run.stores:
-            with MissionStore(store) as reader:
-                part = "train" if SPLIT in reader else "all"
-            with Selection(
-                store, ESTIMATED, split=part, limit=MISSIONS, period=run.period
-            ) as selection:
-                assert selection.vehicle is not None  # estimated channels are read
-                yield FlightFilter(selection.vehicle, selection.period), selection.each()
-
-    return Familiarity.fit(known())
+    return Familiarity.fit(training_flights(run.stores, run.period, run.spread, MISSIONS))
 
 
 def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:

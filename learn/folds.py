@@ -24,6 +24,7 @@ from learn.training.resources import Resources
 from twin.cli.console import to_json
 from twin.errors import InputError, quoted
 from twin.navigation.features import channels_of
+from twin.navigation.flight_filter import HULLS
 from twin.records.reader import MissionStore
 
 Unit = Literal["dive", "deployment"]
@@ -186,7 +187,9 @@ def leave_out_each(
     """
     found = []
     every = [*channels_of(config.features), *_known_channels(config)]
-    missions = load_missions(config.store, every, split="all", period=config.period)
+    missions = load_missions(
+        config.store, every, split="all", period=config.period, spread=HULLS[config.hulls]
+    )
     starts = [
         TrainingStart(
             config=dataclasses.replace(config, held_out=tuple(rows)),

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.files import SEAL, check_seal, read_json, read_sealed, write_sealed
-from twin.errors import InputError, StoreError, quoted, shown
+from twin.errors import InputError, StoreError, quoted, shown, unknown_name
 from twin.records.attributes import SAMPLE_PERIOD
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.whole import whole_file
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from learn.networks.familiarity import Familiarity
     from learn.networks.predictor import Adapted, Ensemble, Prediction
     from learn.networks.tether import Tether
+    from twin.navigation.flight_filter import FlightSpread
     from twin.vehicle.vehicle import Vehicle
 
 RUNS = Path("runs")
@@ -127,6 +128,11 @@ class Run:
         return tuple(self.description["settings"]["features"])
 
     @property
+    def hulls(self) -> str:
+        """Those of its training, a name of `twin.navigation.flight_filter.HULLS`."""
+        return str(self.description["settings"].get("hulls", "any"))
+
+    @property
     def labels(self) -> LabelConfig:
         """What its networks learned from."""
         from learn.data.labels import label_config
@@ -197,9 +203,24 @@ class Run:
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
                     )
             found[target] = Ensemble(
-                tuple(members), self.adapted, self.familiar, intervals[target], self.tether(vehicle)
-            )
+                tuple(members), self.adapted, self.familiar, intervals[target],
+                self.tether(vehicle), self.spread,
+            )  # fmt: skip
         return found
+
+    @property
+    def spread(self) -> FlightSpread:
+        """How far hulls may be from their file, for the flight filter, by those of its training.
+
+        Raises:
+          StoreError: `run.json` has a word for it that is unknown.
+        """
+        from twin.navigation.flight_filter import HULLS
+
+        if self.hulls not in HULLS:
+            said = unknown_name("hulls", self.hulls, HULLS)
+            raise StoreError(f"{self.folder / DESCRIPTION}: {said}")
+        return HULLS[self.hulls]
 
     def tether(self, vehicle: Vehicle | None) -> Tether | None:
         """Of surge on a kind of vehicle that the training had none of; None: on any other.

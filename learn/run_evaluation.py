@@ -133,7 +133,9 @@ class Hulls:
 def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
     """None for networks that do not read the flight filter."""
     familiar = run.familiar
-    return None if familiar is None else Hulls(familiar, FlightFilter(vehicle, run.period))
+    if familiar is None:
+        return None
+    return Hulls(familiar, FlightFilter(vehicle, run.period, run.spread))
 
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from learn.data.logs import SPEED, filled, nearest
 from twin.errors import StoreError, unknown_name
 from twin.navigation.features import feature_matrix, leave_out
-from twin.navigation.flight_filter import FlightStart
+from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.settings import ESTIMATED, estimate, estimate_adapted, sources
 from twin.records.attributes import SPLIT, SPLITS
 from twin.records.logged import LogRow, LogStore
@@ -89,9 +89,12 @@ def load_missions(
     split: str = "all",
     limit: int | None = None,
     period: float | None = None,
+    spread: FlightSpread | None = None,
 ) -> list[MissionSequence]:
     """All missions of a part of a store at once; arguments and errors as of `Selection`."""
-    with Selection(store, channels, split=split, limit=limit, period=period) as selection:
+    with Selection(
+        store, channels, split=split, limit=limit, period=period, spread=spread
+    ) as selection:
         return selection.read(range(len(selection)))
 
 
@@ -110,6 +113,7 @@ class Selection:
         limit: int | None = None,
         period: float | None = None,
         start: FlightStart | None = None,
+        spread: FlightSpread | None = None,
         advise: Callable[[Iterable[str]], str] = leave_out,
     ) -> None:
         """Open the store; signals are read later.
@@ -121,6 +125,7 @@ class Selection:
           limit: take at most so many missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
           start: of the second flight filter of networks that adapted, whose ADAPTED come beside.
+          spread: how far hulls may be from their file, for the flight filter.
           advise: what else to do about channels that are missing or damaged, for errors.
 
         Raises:
@@ -131,7 +136,7 @@ class Selection:
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         with fast_reading(store_path(store)):
             self._reader = open_reader(store)
-        self._start, self._advise = start, advise
+        self._start, self._spread, self._advise = start, spread, advise
         try:
             self._open(tuple(dict.fromkeys(channels)), split, limit, period)
         except BaseException:
@@ -223,9 +228,14 @@ class Selection:
         if self.vehicle is not None:
             for place, found in enumerate(signals):
                 row = int(self.rows[places[place]])
-                own = estimate(found, self.vehicle, self.period, mission=row, advise=self._advise)
+                own = estimate(
+                    found, self.vehicle, self.period, mission=row, spread=self._spread,
+                    advise=self._advise,
+                )  # fmt: skip
                 if self._start is not None:
-                    own |= estimate_adapted(found, self.vehicle, self.period, self._start)
+                    own |= estimate_adapted(
+                        found, self.vehicle, self.period, self._start, self._spread
+                    )
                 found |= own
         return [
             MissionSequence(

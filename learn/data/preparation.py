@@ -18,6 +18,7 @@ from learn.data.several_stores import Stores, each_store, open_stores
 from learn.data.store_checks import no_doppler_labels, no_truth, parts_of
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
+from twin.navigation.flight_filter import FlightSpread
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 
@@ -69,6 +70,7 @@ def prepare(
     scales: Normalisation | None = None,
     held_out: Sequence[int] = (),
     labels: LabelConfig = TRUTH,
+    spread: FlightSpread | None = None,
     resident: bool = True,
 ) -> Prepared:
     """Training and validation data of one velocity, in one pass through the store or stores.
@@ -86,6 +88,7 @@ def prepare(
       held_out: rows of the store that are neither trained nor validated on. With any, the store's
         split is not asked: of the other rows every fourth validates, the rest train.
       labels: what is learned, the truth or what a Doppler log measured.
+      spread: how far hulls may be from their file, for the flight filter.
       resident: keep all sequences in memory; else they are read again whenever they are needed,
         with the same values.
 
@@ -99,7 +102,7 @@ def prepare(
         raise InputError(unknown_name("division", division, get_args(Division)))
     signs = mirror_signs(features, parts_of(store)) if mirror else None
     own = [TARGETS[target], *_speed(store)] if labels.source == "truth" else labels.channels()
-    selection = open_stores(store, [*channels_of(features), *own], period=period)
+    selection = open_stores(store, [*channels_of(features), *own], period=period, spread=spread)
     try:
         task = _Task(tuple(features), target, labels, signs, division, seed, tuple(held_out))
         return _one_pass(selection, task, scales, resident=resident)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from learn.data.dataset import MissionSequence, Selection
 from twin.errors import StoreError
+from twin.navigation.flight_filter import FlightSpread
 from twin.records.storage.store_path import StorePath
 
 Stores = Sequence[str | StorePath]
@@ -88,14 +89,18 @@ class SeveralStores(Selection):
 
 
 def open_stores(
-    stores: str | StorePath | Stores, channels: Iterable[str], *, period: float | None = None
+    stores: str | StorePath | Stores,
+    channels: Iterable[str],
+    *,
+    period: float | None = None,
+    spread: FlightSpread | None = None,
 ) -> Selection:
     """All missions of a store or of several ones; arguments and errors as of `Selection`."""
     names = tuple(channels)
     parts: list[Selection] = []
     try:
         for store in each_store(stores):
-            parts.append(Selection(store, names, period=period))
+            parts.append(Selection(store, names, period=period, spread=spread))
     except BaseException:
         for part in parts:
             part.close()

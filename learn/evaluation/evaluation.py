@@ -149,10 +149,11 @@ def evaluate(
         )  # fmt: skip
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
     beside_log: list[DvlComparison] = []
-    start = networks["surge"].start
+    surge = networks["surge"]
     with Selection(
-        store, wanted, split=split, limit=limit, period=period, start=start
-    ) as selection:
+        store, wanted, split=split, limit=limit, period=period, start=surge.start,
+        spread=surge.spread,
+    ) as selection:  # fmt: skip
         for group in selection.groups(GROUP):
             predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
             for k, mission in enumerate(group):
@@ -224,8 +225,10 @@ def _evaluate_logs(
     if split != "all":
         with Selection(store, any_channel(store), split=split):  # says which parts there are
             pass
-    start = networks["surge"].start
-    with Selection(store, channels, period=period, start=start) as selection:
+    surge = networks["surge"]
+    with Selection(
+        store, channels, period=period, start=surge.start, spread=surge.spread
+    ) as selection:
         judged = score_logs(
             selection.groups(GROUP),
             lambda mission: split in ("all", mission.split),

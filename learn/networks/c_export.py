@@ -34,7 +34,7 @@ from twin.navigation.c_math import number, table
 from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
 from twin.navigation.features import c_steps
 from twin.navigation.features.c_steps import CFeatures, c_features
-from twin.navigation.flight_filter import FlightFilter, FlightStart
+from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_c import NUMBERS, c_flight
 from twin.navigation.flight_filter_kernels import OUTPUTS
 from twin.navigation.settings import ESTIMATED, MIXED, estimate, estimate_adapted, sources
@@ -94,10 +94,10 @@ def c_header(
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
             raise InputError("these networks read the flight filter: give c_header the vehicle")
-        start = networks["surge"].start
-        filters = [FlightFilter(vehicle, period)]
+        start, spread = networks["surge"].start, networks["surge"].spread
+        filters = [FlightFilter(vehicle, period, spread)]
         if start is not None:
-            filters.append(FlightFilter(vehicle, period, start=start))
+            filters.append(FlightFilter(vehicle, period, spread, start))
         flight = c_flight(*filters)
         flight_state = f"    float flight[{len(filters)}][{NUMBERS}];\n"
         familiar = networks["surge"].familiar
@@ -256,7 +256,7 @@ def export_c(
         is as it was.
     """
     compiler, text = find_compiler(), c_header(networks, mission.period, vehicle)
-    mission = _as_given(mission, networks["surge"].start, vehicle)
+    mission = _as_given(mission, networks["surge"], vehicle)
     with whole_file(path) as place:
         place.write_text(text, encoding="utf-8")
         said, step_us = run_c(place, networks, mission, compiler)
@@ -276,14 +276,15 @@ def export_c(
 
 
 def _as_given(
-    mission: MissionSequence, start: FlightStart | None, vehicle: Vehicle | None
+    mission: MissionSequence, networks: Ensemble, vehicle: Vehicle | None
 ) -> MissionSequence:
     """A mission in the float32 that a sample has; stores of logs fill gaps with more digits."""
     signals = {n: v.astype(np.float32).astype(np.float64) for n, v in mission.signals.items()}
     if vehicle is not None:
-        signals |= estimate(signals, vehicle, mission.period, mission=mission.index)
-        if start is not None:
-            signals |= estimate_adapted(signals, vehicle, mission.period, start)
+        period, spread = mission.period, networks.spread
+        signals |= estimate(signals, vehicle, period, mission=mission.index, spread=spread)
+        if networks.start is not None:
+            signals |= estimate_adapted(signals, vehicle, period, networks.start, spread)
     return dataclasses.replace(mission, signals=signals)
 
 

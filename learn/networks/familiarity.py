@@ -8,22 +8,68 @@ do, since their spread over training missions says which hulls those were.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
 
-from learn.data.dataset import MissionSequence
+from learn.data.dataset import MissionSequence, Selection
+from learn.data.several_stores import Stores, each_store
 from twin.errors import StoreError
 from twin.navigation.c_math import table
-from twin.navigation.flight_filter import FlightFilter
+from twin.navigation.features import channels_of
+from twin.navigation.flight_filter import ANY, CLEAN, FlightFilter, FlightSpread
 from twin.navigation.flight_filter_kernels import CONSTANTS, GUESS
+from twin.navigation.settings import ESTIMATED
 from twin.numbers import Array
+from twin.records.attributes import SPLIT
+from twin.records.reader import MissionStore
 
 FAR = 3.0
 """Deviations from the training's mean that count as 1"""
 MISSIONS = 60
 """of the training from which the spread is known, to 10 %"""
+TRIED = 24
+"""of each store, from which the spread of the drag is known to 15 %"""
+CLEAN_MOST = 0.13
+"""of ln(factor) on the drag: hulls that are off by less are as their file. Between 0.06, hulls
+within 10 %, and 0.3, as growth makes them"""
+
+
+def training_flights(
+    stores: Stores, period: float | None, spread: FlightSpread | None, limit: int
+) -> Iterator[tuple[FlightFilter, Iterator[MissionSequence]]]:
+    """Of each store a filter of its vehicle, and up to `limit` missions that train."""
+    for store in each_store(stores):
+        with MissionStore(store) as reader:
+            trains = SPLIT in reader and "train" in reader.splits
+        part = "train" if trains else "all"
+        with Selection(store, ESTIMATED, split=part, limit=limit, period=period) as selection:
+            assert selection.vehicle is not None  # estimated channels are read
+            yield FlightFilter(selection.vehicle, selection.period, spread), selection.each()
+
+
+def training_hulls(stores: Stores, features: Sequence[str], period: float | None) -> str:
+    """Which of `twin.navigation.flight_filter.HULLS` those of a training are.
+
+    By the drag that the filter for any hull finds in the training missions. Networks that do not
+    read the filter have no use for it.
+
+    Raises:
+      StoreError: see `Selection`.
+    """
+    if not set(channels_of(features)) & set(ESTIMATED):
+        return ANY
+    clean = True
+    for flight, missions in training_flights(stores, period, None, TRIED):
+        squares = []
+        for mission in missions:
+            ended(flight, mission)
+            value, deviation = flight.constants["drag"]
+            squares.append(value**2 + deviation**2)
+        clean &= math.sqrt(np.mean(squares)) < CLEAN_MOST
+    return CLEAN if clean else ANY
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

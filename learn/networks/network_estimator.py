@@ -97,9 +97,10 @@ class NetworkVelocity(VelocityEstimator):
                     "these networks read the flight filter, which needs a vehicle: "
                     "NetworkVelocity(networks, period, vehicle)"
                 )
-            self._flight = FlightFilter(vehicle, period)
+            spread = networks["surge"].spread
+            self._flight = FlightFilter(vehicle, period, spread)
             if self._adapted is not None:
-                self._second = FlightFilter(vehicle, period, start=self._adapted.start)
+                self._second = FlightFilter(vehicle, period, spread, self._adapted.start)
         place = {name: k for k, name in enumerate(names)}
         self._columns = {
             name: [np.array([place[f] for f in one.features], int) for one in members]

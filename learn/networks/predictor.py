@@ -26,7 +26,7 @@ from learn.networks.tether import HELD_TO, Tether
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature
-from twin.navigation.flight_filter import FlightStart
+from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.settings import ADAPTED
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
@@ -250,6 +250,8 @@ class Ensemble:
     """[m/s] either way, as `ErrorModel.surge_interval`; 0: not known"""
     tether: Tether | None = None
     """Of surge, on a kind of vehicle that the training had none of"""
+    spread: FlightSpread | None = None
+    """How far hulls may be from their file, for the flight filter that the networks read"""
 
     def __post_init__(self) -> None:
         if not self.members:
@@ -320,8 +322,10 @@ def predict_missions(
     """Free runs over the missions of a part of a store; a few at a time; errors as `Selection`."""
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     results = []
-    start = networks["surge"].start
-    with Selection(store, channels, split=split, period=period, start=start) as selection:
+    surge = networks["surge"]
+    with Selection(
+        store, channels, split=split, period=period, start=surge.start, spread=surge.spread
+    ) as selection:
         for places in pieces(range(len(selection)), selection.lengths):
             missions = selection.read(places)
             found = {name: ensemble.predict(missions) for name, ensemble in networks.items()}

@@ -16,6 +16,7 @@ from learn.data.labels import LabelConfig
 from learn.data.several_stores import Stores, each_store
 from learn.data.store_checks import check_window, input_groups, parts_of
 from learn.networks.config import NetworkConfig
+from learn.networks.familiarity import training_hulls
 from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.schedule import TrainingConfig
@@ -26,6 +27,7 @@ from twin.navigation.features import (
     is_known,
     select_features,
 )
+from twin.navigation.flight_filter import ANY, HULLS
 from twin.records.storage.store_path import StorePath, store_path
 
 FREE = ("device", "threads")
@@ -59,12 +61,16 @@ class FitConfig:
     """What is learned: the truth, or what a Doppler log measured."""
     more_stores: tuple[str, ...] = ()
     """Paths of further stores, whose missions train too."""
+    hulls: str = ANY
+    """Of the training, as `twin.navigation.flight_filter.HULLS` knows them"""
 
     def __post_init__(self) -> None:
         if self.members < 1:
             raise InputError(f"members must be at least 1, not {self.members}")
         if self.period is not None and not (math.isfinite(self.period) and self.period > 0.0):
             raise InputError(f"period must be a finite number of seconds above 0: {self.period}")
+        if self.hulls not in HULLS:
+            raise InputError(unknown_name("hulls", self.hulls, HULLS))
         if not self.features:
             raise InputError("the networks need at least one input feature")
         places = [_absolute(one) for one in self.stores]
@@ -220,7 +226,7 @@ def fit_settings(
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
-    base = _resumed(resumed)
+    base = continued = _resumed(resumed)
     places = each_store((base.stores if base else DEFAULT_STORE) if store is None else store)
     if not places:
         raise InputError("no store is given: an empty list of stores trains nothing")
@@ -277,7 +283,11 @@ def fit_settings(
         period=period,
         start=None if start is None else str(start),
         labels=LabelConfig(**{**dataclasses.asdict(base.labels), **learned}),
+        hulls=base.hulls,
     )
+    if continued is None:
+        hulls = training_hulls(places, chosen, period) if start is None else first.hulls
+        config = dataclasses.replace(config, hulls=hulls)
     _check_uses(config, sizes, training, learned)
     if window is not None:
         check_window(config.stores, window, division=config.division, period=config.period)

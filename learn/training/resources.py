@@ -32,6 +32,7 @@ from learn.training.feed import recalled_columns
 from learn.training.fit_config import FitConfig, TrainingJob
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
+from twin.navigation.flight_filter import HULLS
 from twin.numbers import processors
 from twin.records.windows import buffers
 
@@ -267,6 +268,7 @@ def train(
         scales=None if start is None else start.normalisation,
         held_out=config.held_out,
         labels=config.labels,
+        spread=HULLS[config.hulls],
         resident=resident,
     ) as data:
         threads = torch.get_num_threads()

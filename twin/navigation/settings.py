@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
-from twin.navigation.flight_filter import FlightFilter, FlightStart
+from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
 from twin.navigation.flight_filter_kernels import CHANNELS, OUTPUTS
 from twin.numbers import number
 from twin.plugins import place_of
@@ -178,6 +178,7 @@ def estimate(
     period: float,
     *,
     mission: int,
+    spread: FlightSpread | None = None,
     advise: Callable[[Sequence[str]], str] = lambda _: "",
 ) -> dict[str, Array]:
     """All of ESTIMATED, each (time,), of one whole mission with one sample every `period` [s].
@@ -186,6 +187,7 @@ def estimate(
       signals: what the filter reads.
       vehicle: as its file says.
       mission: for errors.
+      spread: how far the hull may be from its file.
       advise: what else to do about such channels than to repair the store, for errors.
 
     Raises:
@@ -200,18 +202,22 @@ def estimate(
                 f"at {bad[0] * period:.1f} s, and the flight filter needs it: repair the store"
                 + advise([name])
             )
-    made = FlightFilter(vehicle, period).run(signals)
+    made = FlightFilter(vehicle, period, spread).run(signals)
     return {name: np.ascontiguousarray(made[:, k]) for k, name in enumerate(ESTIMATED)}
 
 
 def estimate_adapted(
-    signals: Mapping[str, Array], vehicle: Vehicle, period: float, start: FlightStart
+    signals: Mapping[str, Array],
+    vehicle: Vehicle,
+    period: float,
+    start: FlightStart,
+    spread: FlightSpread | None = None,
 ) -> dict[str, Array]:
     """All of ADAPTED, each (time,): what a second filter says that begins with earlier dives.
 
     Arguments as `estimate`, which has seen that the signals are finite.
     """
-    made = FlightFilter(vehicle, period, start=start).run(signals)
+    made = FlightFilter(vehicle, period, spread, start).run(signals)
     return {
         channel: np.ascontiguousarray(made[:, OUTPUTS.index(name)])
         for channel, name in zip(ADAPTED, MIXED, strict=True)
