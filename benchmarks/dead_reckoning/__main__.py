@@ -1,7 +1,8 @@
 """The benchmark's command.
 
     python -m benchmarks.dead_reckoning --tier family [--methods ema,EKF] [--method MINE.py]
-        [--predictions FILE.nc] [--folder WORK] [--seed 0] [--seconds 60] [--full] [--json]
+        [--predictions FILE.nc] [--folder WORK] [--logs LOGS] [--seed 0] [--seconds 60] [--full]
+        [--keep [RESULTS] --who NAME] [--json]
 
 One seed and at most 60 s of training a method; `--full` takes five seeds. Stores and runs are made
 once in the folder: remove it after a change of the code that trains. `--predictions` scores a file
@@ -12,33 +13,48 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.dead_reckoning import public, results
+from benchmarks.dead_reckoning.rival import Predicted
 from benchmarks.dead_reckoning.rivals import chosen
 from benchmarks.dead_reckoning.scoring import read_predictions, score
 from benchmarks.dead_reckoning.tiers import DIVES, TIERS
 from twin.cli.text_table import format_table
-from twin.errors import TwinError
+from twin.errors import InputError, TwinError
 
 SEEDS = 5
 """Of --full"""
+PUBLIC = "public"
+Figures = dict[str, dict[str, float]]
 
 
 def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--tier", choices=tuple(TIERS), default="family")
+    parser.add_argument("--tier", choices=(*TIERS, PUBLIC), default="family")
     parser.add_argument("--methods", default="", help="names, parted by commas; all without it")
     parser.add_argument("--method", type=Path, help="a Python file with predict()")
-    parser.add_argument("--predictions", type=Path, help="score this file alone, .nc or .csv")
+    parser.add_argument(
+        "--predictions", type=Path,
+        help="score this file alone, .nc or .csv; of tier public a folder with one a deployment",
+    )  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("data/dead_reckoning"))
+    parser.add_argument("--logs", type=Path, default=Path("data/public_logs"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--full", action="store_true", help=f"{SEEDS} seeds of training")
+    parser.add_argument(
+        "--keep", type=Path, nargs="?", const=results.FOLDER,
+        help="write the figures into the method's file of results, of which the page is made",
+    )  # fmt: skip
+    parser.add_argument("--who", default="", help="whose method it is, for --keep")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     try:
@@ -49,49 +65,92 @@ def main() -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    tier = TIERS[options.tier]
-    train, test = tier.make(options.folder / options.tier)
+    if options.keep is not None and not options.who:
+        raise InputError("--keep needs --who NAME: a file of results says whose method it is")
     methods: dict[str, Any] = {}
+    seeds = range(options.seed, options.seed + (SEEDS if options.full else 1))
     if options.predictions is not None:
-        said = read_predictions(options.predictions)
+        seeds = range(1)
         methods[options.predictions.stem] = {
-            "labels": "as its authors say", "dives": score(test, tier.dives, said)
-        }  # fmt: skip
+            "labels": "as its authors say",
+            "dives": _judged(options, lambda _, test: _read(options, test)),
+        }
     else:
-        seeds = range(options.seed, options.seed + (SEEDS if options.full else 1))
         for name, rival in chosen(options.methods, options.method).items():
             print(f"{name} ...", file=sys.stderr)
-            each = [
-                score(test, tier.dives, rival.predict(train, test, seed, options.seconds))
-                for seed in seeds
-            ]
-            methods[name] = {"labels": rival.labels, "dives": _mean(each)}
+            try:
+                each = [
+                    _judged(
+                        options,
+                        lambda *stores, r=rival, s=seed: r.predict(*stores, s, options.seconds),
+                    )
+                    for seed in (seeds if rival.trained else seeds[:1])
+                ]
+            except TwinError as error:
+                if options.methods or options.method:
+                    raise
+                print(f"  left out: {error}", file=sys.stderr)
+                continue
+            methods[name] = {"labels": rival.labels, "seeds": len(each), "dives": _mean(each)}
+    if not methods:
+        raise InputError(f"no method can be judged in tier {options.tier}")
+    if options.tier != PUBLIC:
+        for line in TIERS[options.tier].others(options.folder / options.tier):
+            print(f"not comparable with published figures: {line}", file=sys.stderr)
+    if options.keep is not None:
+        how = shlex.join(["python", "-m", "benchmarks.dead_reckoning", *sys.argv[1:]])
+        for name, found in methods.items():
+            results.keep(options.keep, name, options.tier, found, who=options.who, how=how)
     if options.json:
         print(json.dumps({"tier": options.tier, "methods": methods}))
         return 0
-    rows = [
-        {"method": name, "labels": found["labels"], "dives": dives,
-         "dead reckoning, %": f"{one['dr_velocity_percent']:.3f}",
-         "95 %": f"{one['low']:.3f} to {one['high']:.3f}", "surge MSE": f"{one['surge_mse']:.2e}",
-         "worse": f"{one['worse']:.0f}",
-         "within": f"{100.0 * one['within']:.0f} %" if "within" in one else ""}
-        for name, found in methods.items()
-        for dives, one in found["dives"].items()
-        if dives == "0" or found["labels"] != "none"
-    ]  # fmt: skip
-    print(format_table(rows))
+    print(format_table(results.rows(methods)))
     count = next(iter(methods.values()))["dives"]["0"]["missions"]
-    print(f"{count:.0f} missions, scored behind {tier.dives} dives; true attitude")
+    if options.tier == PUBLIC:
+        print(f"{count:.0f} dives, attitude and depth as logged")
+    else:
+        behind = TIERS[options.tier].dives
+        print(f"{count:.0f} missions, scored behind {behind} dives; true attitude")
     return 0
 
 
-def _mean(each: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
+def _judged(options: argparse.Namespace, predict: Callable[[Path, Path], Predicted]) -> Figures:
+    """Figures by the dives adapted on, of what `predict` says of a training and a test store."""
+    if options.tier != PUBLIC:
+        tier = TIERS[options.tier]
+        train, test = tier.make(options.folder / options.tier)
+        return score(test, tier.dives, predict(train, test))
+    found = {}
+    for one in public.deployments():
+        train, test = one.make(options.logs, options.folder / PUBLIC)
+        found[one.name] = public.dive_errors(one, options.logs, test, predict(train, test)[0])
+    return public.figures(found)
+
+
+def _read(options: argparse.Namespace, test: Path) -> Predicted:
+    """Predictions of a test store, as a file has them."""
+    path: Path = options.predictions
+    if options.tier != PUBLIC:
+        return read_predictions(path)
+    name = test.parent.name
+    if not path.is_dir():
+        raise InputError(f"--predictions {path}: give a folder with {name}.nc or {name}.csv")
+    own = next((f for f in (path / f"{name}.nc", path / f"{name}.csv") if f.exists()), None)
+    if own is None:
+        raise InputError(f"{path} has no {name}.nc or {name}.csv")
+    return read_predictions(own)
+
+
+def _mean(each: list[Figures]) -> Figures:
     """Means over the seeds; the interval spans theirs."""
     found = {}
     for key in map(str, DIVES):
         rows = [one[key] for one in each]
         mean = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
         mean |= {"low": min(r["low"] for r in rows), "high": max(r["high"] for r in rows)}
+        if len(rows) > 1:
+            percent = [row["dr_velocity_percent"] for row in rows]
+            mean |= {"least": min(percent), "most": max(percent)}
         found[key] = mean
     return found
 

@@ -14,39 +14,16 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from benchmarks.dead_reckoning.rival import Predicted, Rival, table
 from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
-
-Predicted = dict[int, xr.Dataset]
-
-
-class Rival(NamedTuple):
-    """A method."""
-
-    predict: Callable[..., Predicted]
-    labels: str = "none"
-    """what it adapts on, `none` or `dvl`"""
-
-
-def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:
-    """Surge, sway and its interval, if any, by mission; shorter missions end in NaN."""
-    longest = max(len(row["surge"]) for row in rows.values())
-    names = [name for name in (*VELOCITIES, INTERVAL) if all(name in row for row in rows.values())]
-    filled = {
-        name: np.stack([np.pad(np.asarray(row[name], np.float32), (0, longest - len(row[name])),
-                               constant_values=np.nan) for row in rows.values()])
-        for name in names
-    }  # fmt: skip
-    data = {name: (("mission", "time"), values) for name, values in filled.items()}
-    return xr.Dataset(data, coords={"mission": list(rows)})
 
 
 def baseline(name: str) -> Rival:
@@ -69,28 +46,50 @@ def baseline(name: str) -> Rival:
     return Rival(predict)
 
 
-def trained(train: Path, seed: int, seconds: float, network: str) -> Any:
-    """A run of `learn fit`, made once beside the training store for all methods with it."""
+def trained(train: Path, seed: int, seconds: float, network: str, test: Path | None = None) -> Any:
+    """A run of `learn fit`, made once beside the training store for all methods with it.
+
+    Args:
+      test: of logs: inputs and time between samples are those that these have.
+    """
     from learn.api import fit
     from learn.run import open_run
+    from twin.records.reader import MissionStore
+
+    alike: dict[str, Any] = {}
+    if test is not None:
+        with MissionStore(test) as reader:
+            alike = {"inputs": "glider", "period": reader.period} if reader.logged else {}
 
     folder = train.parent / "runs" / f"{network}-{seed}-{seconds:g}"
     with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
         return open_run(folder)
     return fit(
         train, folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
-        network=network,
+        network=network, **alike,
     )  # fmt: skip
+
+
+def flight(name: str) -> Rival:
+    """A model of `benchmarks.dead_reckoning.flight_rivals`."""
+
+    def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+        from benchmarks.dead_reckoning import flight_rivals
+
+        found: Predicted = getattr(flight_rivals, name)(train, test, seed, seconds)
+        return found
+
+    return Rival(predict)
 
 
 def network(kind: str) -> Rival:
     """Networks of `learn fit`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-        run = trained(train, seed, seconds, kind)
+        run = trained(train, seed, seconds, kind, test)
         return {0: table({one.mission: vars(one) for one in run.predict(test)})}
 
-    return Rival(predict)
+    return Rival(predict, trained=True)
 
 
 def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
@@ -99,7 +98,7 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         return adapt_each(trained(train, seed, seconds, kind), test, labels, whole)
 
-    return Rival(predict, labels)
+    return Rival(predict, labels, trained=True)
 
 
 def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predicted:
@@ -130,7 +129,7 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
     with Selection(test, wanted) as selection:
         vehicle = selection.vehicle
         assert vehicle is not None
-        flight = FlightFilter(vehicle, selection.period)
+        flight = FlightFilter(vehicle, selection.period, run.spread)
         for mission in selection.each():
             spans = dive_spans(mission, logged=False)
             log = labels == "dvl"
@@ -142,7 +141,9 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
                     start = adapt_flight(flight, first, log=log).start if first else None
                 one, adapted = [mission], None
                 if start is not None:
-                    second = estimate_adapted(mission.signals, vehicle, mission.period, start)
+                    second = estimate_adapted(
+                        mission.signals, vehicle, mission.period, start, run.spread
+                    )
                     one = [dataclasses.replace(mission, signals=mission.signals | second)]
                     adapted = Adapted(start=start, deviation=model.surge_sd)
                 said[dives][mission.index] = {
@@ -156,6 +157,8 @@ RIVALS: Mapping[str, Rival] = {
     "constant angle": baseline("pitch_plus_alpha"),
     "steady flight": baseline("steady_flight"),
     "EKF": baseline("ekf"),
+    "gliderflight": flight("gliderflight"),
+    "identified twin": flight("identified"),
     "flight filter": baseline("flight_filter"),
     "elman": network("elman"),
     "gru": network("gru"),
@@ -188,5 +191,5 @@ def chosen(names: str, own: Path | None) -> dict[str, Rival]:
         spec.loader.exec_module(module)
         if not callable(getattr(module, "predict", None)):
             raise InputError(f"{own} has no function predict(train, test, seed, seconds)")
-        found[own.stem] = Rival(module.predict, getattr(module, "LABELS", "none"))
+        found[own.stem] = Rival(module.predict, getattr(module, "LABELS", "none"), True)
     return found

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError
@@ -129,7 +130,8 @@ def mission_errors(
         if begin is None:
             continue
         for adapted in percent:
-            surge, sway = _of(mission, said[adapted])
+            samples = len(mission.signals["true_surge"])
+            surge, sway = velocities_of(said[adapted], mission.index, samples)
             off = surge[begin:] - mission.signals["true_surge"][begin:]
             squared[adapted].append((float(off @ off), off.size))
             percent[adapted].append(_percent(mission, surge, sway, begin))
@@ -139,17 +141,30 @@ def mission_errors(
     return {dives: np.array(each) for dives, each in percent.items()}, squared, within
 
 
-def _of(mission: TestMission, said: xr.Dataset) -> tuple[Array, Array]:
-    """Surge and sway of a mission, as many as it has samples."""
-    samples, found = len(mission.signals["true_surge"]), []
+def velocities_of(
+    said: xr.Dataset, mission: int, samples: int, needed: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
+    """Predicted surge and sway of a mission, as many as it has samples.
+
+    Args:
+      said: predictions.
+      mission: row of the test store.
+      samples: of the mission.
+      needed: samples that must be finite, (samples,); all without it.
+
+    Raises:
+      InputError: the mission is lacking, too short, or not finite where it must be.
+    """
+    found = []
     for name in VELOCITIES:
-        if mission.index not in said.mission.values or said.sizes["time"] < samples:
-            raise InputError(f"the predictions lack mission {mission.index} of {samples} samples")
-        values = np.asarray(said[name].sel(mission=mission.index).values, np.float64)[:samples]
-        if not np.isfinite(values).all():
-            bad = int(np.flatnonzero(~np.isfinite(values))[0])
+        if mission not in said.mission.values or said.sizes["time"] < samples:
+            raise InputError(f"the predictions lack mission {mission} of {samples} samples")
+        values = np.asarray(said[name].sel(mission=mission).values, np.float64)[:samples]
+        bad = ~np.isfinite(values) & (True if needed is None else needed)
+        if bad.any():
             raise InputError(
-                f"the predicted {name} of mission {mission.index} is not finite at sample {bad}"
+                f"the predicted {name} of mission {mission} is not finite at sample "
+                f"{np.flatnonzero(bad)[0]}"
             )
         found.append(values)
     return found[0], found[1]

@@ -10,9 +10,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 import factory
+from twin.records.reader import MissionStore
 
 HEAVY = {
     "vehicle.k_d0": "1.4", "vehicle.k_d": "1.4", "mission.duration_h": "6", "mission.yos": "1",
@@ -23,6 +26,34 @@ DIVES = (0, 1, 5)
 of them, on equal samples"""
 
 
+SAME = 1e-6
+"""Part of the metres by which two machines may differ: processors round differently"""
+
+
+class Checksum(NamedTuple):
+    """By what a store is known for the published one."""
+
+    missions: int
+    samples: int
+    metres: float
+    """through the water, of all missions along their hulls"""
+
+    @classmethod
+    def of(cls, store: Path) -> Checksum:
+        """That of a store."""
+        with MissionStore(store) as reader:
+            counts = reader.samples.tolist()
+            ways = [
+                float(np.abs(np.asarray(reader.row("true_surge", k), np.float64)[:n]).sum())
+                for k, n in enumerate(counts)
+            ]
+            return cls(len(counts), sum(counts), round(sum(ways) * reader.period, 3))
+
+    def same(self, other: Checksum) -> bool:
+        """Whether the other store is this one."""
+        return self[:2] == other[:2] and abs(self.metres - other.metres) < SAME * self.metres
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Tier:
     """Two recipes of `factory generate`."""
@@ -31,6 +62,8 @@ class Tier:
     test: Mapping[str, Any]
     dives: int = 0
     """that a test mission begins with before it is scored"""
+    checksums: Mapping[str, Checksum] = dataclasses.field(default_factory=dict)
+    """of `train` and `test`, with today's physics"""
 
     def make(self, folder: Path) -> tuple[Path, Path]:
         """Stores of training and test, made where they are missing."""
@@ -42,6 +75,14 @@ class Tier:
                 factory.generate(path, **getattr(self, name), resume=True)
             found.append(path)
         return found[0], found[1]
+
+    def others(self, folder: Path) -> list[str]:
+        """Which of the stores are not the published ones, and why, a line each."""
+        return [
+            f"{folder / name}.zarr has {found}, the published one {wanted}"
+            for name, wanted in self.checksums.items()
+            if not wanted.same(found := Checksum.of(folder / f"{name}.zarr"))
+        ]
 
 
 TIERS: Mapping[str, Tier] = {

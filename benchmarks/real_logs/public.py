@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,30 @@ class Through:
     """[m/s] downward"""
 
 
+class Dived(Protocol):
+    """What the depth of a dive is fitted to, each (time,); a `Log` is one."""
+
+    @property
+    def period(self) -> float:
+        """[s]"""
+
+    @property
+    def depth(self) -> Array:
+        """[m]"""
+
+    @property
+    def depth_rate(self) -> Array:
+        """[m/s] downward"""
+
+    @property
+    def pump(self) -> Array:
+        """[cm3]"""
+
+    @property
+    def use(self) -> Mask:
+        """Which samples are compared."""
+
+
 def kinematic(log: Log, pitch: Array, attack: float = ATTACK) -> Through:
     """Speed from depth rate and a constant angle of attack; bridged at inflections."""
     slope = uniform_filter1d(pitch, max(round(PITCH_WINDOW / log.period), 1))
@@ -78,22 +103,26 @@ class SteadyModel:
     """[m3] at pump 0"""
     drag: float
     """parasite drag coefficient on `AREA`"""
+    lift: float = LIFT
+    """[1/rad] of its slope"""
+    induced: float = INDUCED
+    """[1/rad2] of drag"""
 
-    def fly(self, log: Log, pitch: Array, density: Array) -> Through:
+    def fly(self, log: Dived, pitch: Array, density: Array) -> Through:
         """Velocities of one mission."""
         steep = np.abs(pitch)
         attack = np.zeros_like(pitch)
         for _ in range(ROUNDS):
             path = np.tan(np.maximum(steep + attack, 0.12))
-            attack = np.minimum((self.drag + INDUCED * attack**2) / (LIFT * path), 0.3)
+            attack = np.minimum((self.drag + self.induced * attack**2) / (self.lift * path), 0.3)
         path = steep + attack
         lift = 9.81 * (density * (self.volume + 1e-6 * log.pump) - self.mass)
         force = 2.0 * np.sign(pitch) * lift * np.sin(path)
-        power = density * AREA * (self.drag + INDUCED * attack**2)
+        power = density * AREA * (self.drag + self.induced * attack**2)
         speed = np.sqrt(np.maximum(force, 0.0) / power)
         return Through(speed, speed * np.cos(path), -np.sign(pitch) * speed * np.sin(path))
 
-    def bridged(self, log: Log, pitch: Array, density: Array) -> Through:
+    def bridged(self, log: Dived, pitch: Array, density: Array) -> Through:
         """As `fly`, with inflections bridged by straight lines."""
         raw = self.fly(log, pitch, density)
         good = raw.speed >= SLOWEST
@@ -108,28 +137,43 @@ def fit_steady(logs: Sequence[Log], calibration: Calibration) -> SteadyModel:
     Args:
       calibration: for the mass, and for what is known of the pitch sensor.
     """
-    mass = calibration.vehicle.mass
     pitches = [calibration.true_pitch(log.pitch) for log in logs]
     densities = [density_of(log, calibration) for log in logs]
+    start = SteadyModel(mass=calibration.vehicle.mass, volume=0.0, drag=0.15)
+    return fit_balance(logs, pitches, densities, start)
+
+
+def fit_balance(
+    dives: Sequence[Dived], pitches: Sequence[Array], densities: Sequence[Array], start: SteadyModel
+) -> SteadyModel:
+    """`start` with the volume and the drag that explain the depth rate.
+
+    Args:
+      dives: what was measured.
+      pitches: [rad] of each.
+      densities: [kg/m3] of each.
+      start: mass, lift and induced drag, and the drag to begin with; its volume has no say.
+    """
     masks = [
-        (log.depth > DEEP) & (np.abs(pitch) > STEEP) & log.use
-        for log, pitch in zip(logs, pitches, strict=True)
+        (dive.depth > DEEP) & (np.abs(pitch) > STEEP) & dive.use
+        for dive, pitch in zip(dives, pitches, strict=True)
     ]
     middle = float(np.median(np.concatenate(densities)))
 
     def model(x: Array) -> SteadyModel:
-        return SteadyModel(mass=mass, volume=mass / middle + 1e-3 * x[0], drag=math.exp(x[1]))
+        volume = start.mass / middle + 1e-3 * x[0]
+        return dataclasses.replace(start, volume=volume, drag=math.exp(x[1]))
 
     def residual(x: Array) -> Array:
         found = model(x)
         return np.concatenate(
             [
-                (found.fly(log, pitch, density).sink - log.depth_rate)[mask]
-                for log, pitch, density, mask in zip(logs, pitches, densities, masks, strict=True)
+                (found.fly(dive, pitch, density).sink - dive.depth_rate)[mask]
+                for dive, pitch, density, mask in zip(dives, pitches, densities, masks, strict=True)
             ]
         )
 
-    return model(least_squares(residual, [0.0, math.log(0.15)]).x)
+    return model(least_squares(residual, [0.0, math.log(start.drag)]).x)
 
 
 def _bridged(values: Array, good: Mask) -> Array:

@@ -135,3 +135,31 @@ def test_a_method_that_adapts_says_more_after_more_dives(made, monkeypatch):
     )
     assert figures["ema adapted"]["1"]["surge_mse"] < figures["ema"]["0"]["surge_mse"]
     assert figures["flight filter"]["0"]["missions"] == figures["ema"]["0"]["missions"]
+
+
+def test_a_balance_of_forces_is_fitted_to_the_first_dives(made):
+    """40 % more drag: without a dive the file's hull is too fast by a sixth."""
+    from benchmarks.dead_reckoning.rivals import RIVALS
+    from benchmarks.dead_reckoning.scoring import score
+
+    train, test, dives = made
+    found = score(test, dives, RIVALS["gliderflight"].predict(train, test, 0, 1.0))
+    assert found["5"]["surge_mse"] < 0.7 * found["0"]["surge_mse"]
+    assert found["1"]["dr_velocity_percent"] < 0.7 * found["0"]["dr_velocity_percent"]
+    with pytest.raises(InputError, match="an identified twin needs logs"):
+        RIVALS["identified twin"].predict(train, test, 0, 1.0)
+
+
+def test_a_store_of_another_physics_is_not_taken_for_the_published_one(made):
+    from benchmarks.dead_reckoning.tiers import TIERS, Checksum
+
+    _, test, _ = made
+    found = Checksum.of(test)
+    assert found.samples > 1000 * found.missions
+    assert found.same(found._replace(metres=found.metres * (1.0 + 1e-8)))
+    assert not found.same(found._replace(metres=found.metres * (1.0 + 1e-5)))
+    tier = dataclasses.replace(TIERS["family"], checksums={"test": found})
+    assert tier.others(test.parent) == []
+    tier = dataclasses.replace(tier, checksums={"test": found._replace(samples=1)})
+    (line,) = tier.others(test.parent)
+    assert "the published one" in line

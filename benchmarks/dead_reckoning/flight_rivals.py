@@ -1,0 +1,134 @@
+"""Flight rivals: flight models that are fitted to the depth rate, as glider groups fit them.
+
+`gliderflight`: the steady balance of forces with two parameters, volume and drag, fitted to the
+depth rate (Merckelbach et al. 2010 and 2019); on simulated missions to that of the first dives,
+with the other coefficients of the vehicle's file, on logs to all dives of a deployment, with
+published ones. `identified twin`: what `twin identify` finds in a deployment's depth rate and
+fixes; it needs logs. Neither sees a velocity.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.dead_reckoning.rival import Predicted, table
+from benchmarks.dead_reckoning.tiers import DIVES
+from benchmarks.real_logs.folds import Fitted, FoldJob, fit_fold, thinned
+from benchmarks.real_logs.public import AREA, SteadyModel, fit_balance
+from learn.adaptation import dive_spans
+from learn.data.dataset import Selection
+from twin.errors import InputError
+from twin.identify import Log, density_of, load_logs, motion_of
+from twin.navigation.dead_reckoning import Array, depth_rate
+from twin.records.reader import MissionStore
+from twin.vehicle.vehicle import Vehicle
+
+SMOOTHED_S = 10.0
+"""[s] that the depth rate is averaged over"""
+CHANNELS = (
+    "measured_depth", "measured_pitch", "measured_pump", "measured_density",
+    "measured_gps_north", "measured_gps_east",
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class SimulatedDives:
+    """Dives of a simulated mission, as `benchmarks.real_logs.public` fits them."""
+
+    period: float
+    depth: Array
+    depth_rate: Array
+    pump: Array
+
+    @property
+    def use(self) -> np.ndarray:
+        """All of them."""
+        return np.ones(self.depth.size, bool)
+
+
+def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+    """Surge by the balance of forces; sway is none."""
+    with MissionStore(test) as reader:
+        if reader.logged:
+            return _logged(test, lambda fitted, log: _balance_surge(fitted.steady, fitted, log))
+        vehicle = reader.vehicle
+    said: dict[int, dict[int, dict[str, Array]]] = {dives: {} for dives in DIVES}
+    nominal = published(vehicle)
+    with Selection(test, CHANNELS) as selection:
+        for mission in selection.each():
+            signals, period = mission.signals, mission.period
+            pitch, density = np.deg2rad(signals["measured_pitch"]), signals["measured_density"]
+            rate = depth_rate(signals["measured_depth"], period)
+            wide = max(round(SMOOTHED_S / period), 1)
+            rate = np.convolve(rate, np.ones(wide) / wide, "same")
+            whole = SimulatedDives(
+                period, signals["measured_depth"], rate, signals["measured_pump"]
+            )
+            spans = dive_spans(mission, logged=False)
+            for dives in DIVES:
+                first = spans[:dives]
+                model = nominal
+                if first:
+                    model = fit_balance(
+                        [
+                            SimulatedDives(
+                                period, whole.depth[s], whole.depth_rate[s], whole.pump[s]
+                            )
+                            for s in first
+                        ],
+                        [pitch[s] for s in first],
+                        [density[s] for s in first],
+                        nominal,
+                    )
+                level = model.bridged(whole, pitch, density).level
+                level = np.where(whole.depth < 1.0, 0.0, level)
+                surge = level * np.cos(pitch) - rate * np.sin(pitch)
+                said[dives][mission.index] = {"surge": surge, "sway": np.zeros_like(surge)}
+    return {dives: table(rows) for dives, rows in said.items()}
+
+
+def published(vehicle: Vehicle) -> SteadyModel:
+    """The balance with the coefficients of a vehicle's file, before anything is fitted."""
+    law, per = vehicle.flow_frame, 0.5 * vehicle.reference_density * AREA
+    return SteadyModel(
+        mass=vehicle.mass,
+        volume=vehicle.neutral_volume,
+        drag=law.drag[0] / per,
+        lift=law.lift[1] / per,
+        induced=law.drag[1] / per,
+    )
+
+
+def identified(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+    """Surge and sway of the twin that is identified on the test dives' depth rate and fixes."""
+
+    def motion(fitted: Fitted, log: Log) -> tuple[Array, Array]:
+        found = motion_of(log, fitted.calibration)
+        return found.surge, found.sway
+
+    return _logged(test, motion)
+
+
+def _balance_surge(model: SteadyModel, fitted: Fitted, log: Log) -> tuple[Array, Array]:
+    through = model.bridged(log, log.pitch, density_of(log, fitted.calibration))
+    surge = through.level * np.cos(log.pitch) - log.depth_rate * np.sin(log.pitch)
+    return surge, np.zeros_like(surge)
+
+
+def _logged(test: Path, velocities: Callable[[Fitted, Log], tuple[Array, Array]]) -> Predicted:
+    """Of every dive, by models that are fitted to all."""
+    with MissionStore(test) as reader:
+        if not reader.logged:
+            raise InputError("an identified twin needs logs: it is a rival of tier public alone")
+    logs = load_logs(test)
+    rows = [log.index for log in logs]
+    fitted = fit_fold(FoldJob(store=test, block=tuple(rows), train=tuple(thinned(rows))))
+    said = {
+        log.index: dict(zip(("surge", "sway"), velocities(fitted, log), strict=True))
+        for log in logs
+    }
+    return {0: table(said)}

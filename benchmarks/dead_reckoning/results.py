@@ -1,0 +1,126 @@
+"""Results: files of figures, one a method, and the page that is made of them.
+
+python -m benchmarks.dead_reckoning --tier family --methods ema --keep --who "the authors"
+python -m benchmarks.dead_reckoning.results              # writes the tables into the page
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+
+FOLDER = Path(__file__).with_name("results")
+PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
+TIERS = ("paper", "field", "family", "public")
+MARK = "<!-- figures: dead_reckoning.{} -->"
+"""Before a tier's table on the page"""
+
+
+def keep(
+    folder: Path, method: str, tier: str, found: Mapping[str, Any], *, who: str, how: str
+) -> Path:
+    """Write a method's figures of a tier into its file; those of other tiers stay."""
+    path = folder / (re.sub(r"[^a-z0-9]+", "_", method.lower()) + ".json")
+    kept = read(path) if path.exists() else {"method": method, "tiers": {}}
+    kept["who"] = who
+    kept["tiers"][tier] = {**found, "how": how, "commit": commit()}
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def commit() -> str:
+    """Of the code that made the figures, with + where it is changed; empty outside of git."""
+    said = subprocess.run(
+        ["git", "describe", "--always", "--dirty=+", "--abbrev=8", "--exclude=*"],
+        cwd=Path(__file__).parent, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return said.stdout.strip() if said.returncode == 0 else ""
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A file of results.
+
+    Raises:
+      InputError: it is none.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not (isinstance(found["method"], str) and isinstance(found["tiers"], dict)):
+            raise TypeError
+        for tier in found["tiers"].values():
+            rows({found["method"]: tier})
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is no file of results ({error!r}): `--keep` of the benchmark writes one"
+        ) from None
+    return dict(found)
+
+
+def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Rows of a table, a method once without adapting and once for each number of dives."""
+    return [
+        {
+            "method": name, "labels": found["labels"], "dives": dives,
+            "dead reckoning, %": f"{one['dr_velocity_percent']:.3f}",
+            "95 %": f"{one['low']:.3f} to {one['high']:.3f}",
+            "seeds": f"{one['least']:.3f} to {one['most']:.3f}" if "least" in one else "",
+            "surge MSE": f"{one['surge_mse']:.2e}",
+            "worse": f"{one['worse']:.0f}" if dives != "0" else "",
+            "within": f"{100.0 * one['within']:.0f} %" if "within" in one else "",
+        }
+        for name, found in methods.items()
+        for dives, one in found["dives"].items()
+        if dives == "0" or one != found["dives"]["0"]
+    ]  # fmt: skip
+
+
+def tables(folder: Path = FOLDER) -> dict[str, str]:
+    """The table of each tier that some method has figures of, best first, in Markdown."""
+    kept = [read(path) for path in sorted(folder.glob("*.json"))]
+    found = {}
+    for tier in TIERS:
+        own = sorted(
+            ((one["tiers"][tier], one) for one in kept if tier in one["tiers"]),
+            key=lambda pair: pair[0]["dives"]["0"]["dr_velocity_percent"],
+        )
+        lines = [
+            {**row, "by": one["who"], "code": f"`{figures['commit']}`"}
+            for figures, one in own
+            for row in rows({one["method"]: figures})
+        ]
+        if lines:
+            used = [name for name in lines[0] if any(line[name] for line in lines)]
+            found[tier] = "\n".join(
+                f"| {' | '.join(cells)} |"
+                for cells in (used, ["---"] * len(used), *([x[n] for n in used] for x in lines))
+            )
+    return found
+
+
+def page(text: str, folder: Path = FOLDER) -> str:
+    """The page with its tables made anew."""
+    for tier, table in tables(folder).items():
+        head, found, rest = text.partition(MARK.format(tier))
+        if not found:
+            raise InputError(f"the page has no place for tier {tier}: {MARK.format(tier)}")
+        rest = re.sub(r"\A\n*(?:\|.*\n)*", "", rest)
+        text = f"{head}{found}\n\n{table}\n{rest}"
+    return text
+
+
+def main() -> int:
+    """Write the page."""
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    print(f"tables: {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
