@@ -1,8 +1,8 @@
 """The benchmark's command.
 
     python -m benchmarks.dead_reckoning --tier family [--methods ema,EKF] [--method MINE.py]
-        [--predictions FILE.nc] [--folder WORK] [--logs LOGS] [--seed 0] [--seconds 60] [--full]
-        [--keep [RESULTS] --who NAME] [--json]
+        [--predictions FILE.nc [--labels dvl]] [--folder WORK] [--logs LOGS] [--seed 0]
+        [--seconds 60] [--full] [--test-seed N] [--make] [--keep [RESULTS] --who NAME] [--json]
 
 One seed and at most 60 s of training a method; `--full` takes five seeds. Stores and runs are made
 once in the folder: remove it after a change of the code that trains. `--predictions` scores a file
@@ -15,17 +15,17 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.dead_reckoning import public, results
+from benchmarks.dead_reckoning import public_logs, results
 from benchmarks.dead_reckoning.rival import Predicted
 from benchmarks.dead_reckoning.rivals import chosen
 from benchmarks.dead_reckoning.scoring import read_predictions, score
-from benchmarks.dead_reckoning.tiers import DIVES, TIERS
+from benchmarks.dead_reckoning.tiers import TIERS, Tier
 from twin.cli.text_table import format_table
 from twin.errors import InputError, TwinError
 
@@ -54,6 +54,13 @@ def main() -> int:
         "--keep", type=Path, nargs="?", const=results.FOLDER,
         help="write the figures into the method's file of results, of which the page is made",
     )  # fmt: skip
+    parser.add_argument("--make", action="store_true", help="make the stores, and end")
+    parser.add_argument(
+        "--test-seed",
+        type=int,
+        help="other test missions, which nobody has seen",
+    )
+    parser.add_argument("--labels", default="none", help="of --predictions: none or dvl")
     parser.add_argument("--who", default="", help="whose method it is, for --keep")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
@@ -67,64 +74,106 @@ def main() -> int:
 def _run(options: argparse.Namespace) -> int:
     if options.keep is not None and not options.who:
         raise InputError("--keep needs --who NAME: a file of results says whose method it is")
-    methods: dict[str, Any] = {}
-    seeds = range(options.seed, options.seed + (SEEDS if options.full else 1))
-    if options.predictions is not None:
-        seeds = range(1)
-        methods[options.predictions.stem] = {
-            "labels": "as its authors say",
-            "dives": _judged(options, lambda _, test: _read(options, test)),
-        }
-    else:
-        for name, rival in chosen(options.methods, options.method).items():
-            print(f"{name} ...", file=sys.stderr)
-            try:
-                each = [
-                    _judged(
-                        options,
-                        lambda *stores, r=rival, s=seed: r.predict(*stores, s, options.seconds),
-                    )
-                    for seed in (seeds if rival.trained else seeds[:1])
-                ]
-            except TwinError as error:
-                if options.methods or options.method:
-                    raise
-                print(f"  left out: {error}", file=sys.stderr)
-                continue
-            methods[name] = {"labels": rival.labels, "seeds": len(each), "dives": _mean(each)}
+    if options.keep is not None and options.test_seed is not None:
+        raise InputError("--keep is for the tier's own test missions: leave --test-seed out")
+    if options.tier == PUBLIC and options.test_seed is not None:
+        raise InputError("tier public has no other test missions: leave --test-seed out")
+    if options.make:
+        for train, test in _stores(options, ("train", "test")):
+            print(f"train on {train}, predict {test}")
+        return 0
+    methods = _methods(options)
     if not methods:
         raise InputError(f"no method can be judged in tier {options.tier}")
-    if options.tier != PUBLIC:
-        for line in TIERS[options.tier].others(options.folder / options.tier):
-            print(f"not comparable with published figures: {line}", file=sys.stderr)
+    others = [] if options.tier == PUBLIC else _tier(options).others(_folder(options))
+    for line in others:
+        print(f"not comparable with published figures: {line}", file=sys.stderr)
     if options.keep is not None:
+        if others:
+            raise InputError("figures of other stores than the published ones are not kept")
         how = shlex.join(["python", "-m", "benchmarks.dead_reckoning", *sys.argv[1:]])
+        own, code = options.method, results.commit()
         for name, found in methods.items():
-            results.keep(options.keep, name, options.tier, found, who=options.who, how=how)
+            if own is None or name == own.stem:
+                results.keep(
+                    options.keep, name, options.tier, found, who=options.who, how=how, code=code
+                )
     if options.json:
         print(json.dumps({"tier": options.tier, "methods": methods}))
         return 0
     print(format_table(results.rows(methods)))
     count = next(iter(methods.values()))["dives"]["0"]["missions"]
     if options.tier == PUBLIC:
-        print(f"{count:.0f} dives, attitude and depth as logged")
+        print(f"{count:.0f} dives, depth and attitude as logged, pitch as the owner corrects it")
     else:
         behind = TIERS[options.tier].dives
         print(f"{count:.0f} missions, scored behind {behind} dives; true attitude")
     return 0
 
 
-def _judged(options: argparse.Namespace, predict: Callable[[Path, Path], Predicted]) -> Figures:
+def _methods(options: argparse.Namespace) -> dict[str, Any]:
+    """Figures by method: those that are chosen, or of a file of predictions."""
+    if options.predictions is not None:
+        found = _judged(options, ("test",), lambda _, test: _read(options, test))
+        return {options.predictions.stem: {"labels": options.labels, "seeds": 1, "dives": found}}
+    methods: dict[str, Any] = {}
+    seeds = range(options.seed, options.seed + (SEEDS if options.full else 1))
+    for name, rival in chosen(options.methods, options.method).items():
+        print(f"{name} ...", file=sys.stderr)
+        parts = ("train", "test") if rival.trained else ("test",)
+        try:
+            each = [
+                _judged(
+                    options,
+                    parts,
+                    lambda *stores, r=rival, s=seed: r.predict(*stores, s, options.seconds),
+                )
+                for seed in (seeds if rival.trained else seeds[:1])
+            ]
+        except TwinError as error:
+            if options.methods or options.method:
+                raise
+            print(f"  left out: {error}", file=sys.stderr)
+            continue
+        methods[name] = {"labels": rival.labels, "seeds": len(each), "dives": _mean(each)}
+    return methods
+
+
+def _tier(options: argparse.Namespace) -> Tier:
+    tier = TIERS[options.tier]
+    return tier if options.test_seed is None else tier.of_seed(options.test_seed)
+
+
+def _folder(options: argparse.Namespace) -> Path:
+    """Of the stores; those with another test have one of their own, with its training's."""
+    folder: Path = options.folder / options.tier
+    return folder if options.test_seed is None else folder / f"test-{options.test_seed}"
+
+
+def _stores(options: argparse.Namespace, parts: Sequence[str]) -> list[tuple[Path, Path]]:
+    """Stores of training and test; those of `parts` are there afterwards."""
+    if options.tier == PUBLIC:
+        work = options.folder / PUBLIC
+        return [one.make(options.logs, work, parts) for one in public_logs.deployments()]
+    tier, folder = _tier(options), _folder(options)
+    train, _ = tier.make(options.folder / options.tier, [p for p in parts if p == "train"])
+    _, test = tier.make(folder, [p for p in parts if p == "test"])
+    return [(train, test)]
+
+
+def _judged(
+    options: argparse.Namespace, parts: Sequence[str], predict: Callable[[Path, Path], Predicted]
+) -> Figures:
     """Figures by the dives adapted on, of what `predict` says of a training and a test store."""
+    stores = _stores(options, parts)
     if options.tier != PUBLIC:
-        tier = TIERS[options.tier]
-        train, test = tier.make(options.folder / options.tier)
-        return score(test, tier.dives, predict(train, test))
-    found = {}
-    for one in public.deployments():
-        train, test = one.make(options.logs, options.folder / PUBLIC)
-        found[one.name] = public.dive_errors(one, options.logs, test, predict(train, test)[0])
-    return public.figures(found)
+        return score(stores[0][1], TIERS[options.tier].dives, predict(*stores[0]))
+    return public_logs.figures(
+        {
+            one.name: public_logs.dive_errors(one, options.logs, test, predict(train, test)[0])
+            for one, (train, test) in zip(public_logs.deployments(), stores, strict=True)
+        }
+    )
 
 
 def _read(options: argparse.Namespace, test: Path) -> Predicted:
@@ -142,12 +191,11 @@ def _read(options: argparse.Namespace, test: Path) -> Predicted:
 
 
 def _mean(each: list[Figures]) -> Figures:
-    """Means over the seeds; the interval spans theirs."""
+    """Means over the seeds, of the interval's ends too, with the lowest and the highest figure."""
     found = {}
-    for key in map(str, DIVES):
+    for key in each[0]:
         rows = [one[key] for one in each]
         mean = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
-        mean |= {"low": min(r["low"] for r in rows), "high": max(r["high"] for r in rows)}
         if len(rows) > 1:
             percent = [row["dr_velocity_percent"] for row in rows]
             mean |= {"least": min(percent), "most": max(percent)}

@@ -57,7 +57,7 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
             return _logged(test, lambda fitted, log: _balance_surge(fitted.steady, fitted, log))
         vehicle = reader.vehicle
     said: dict[int, dict[int, dict[str, Array]]] = {dives: {} for dives in DIVES}
-    nominal = published(vehicle)
+    nominal = balance_of(vehicle)
     with Selection(test, CHANNELS) as selection:
         for mission in selection.each():
             signals, period = mission.signals, mission.period
@@ -91,7 +91,7 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
     return {dives: table(rows) for dives, rows in said.items()}
 
 
-def published(vehicle: Vehicle) -> SteadyModel:
+def balance_of(vehicle: Vehicle) -> SteadyModel:
     """The balance with the coefficients of a vehicle's file, before anything is fitted."""
     law, per = vehicle.flow_frame, 0.5 * vehicle.reference_density * AREA
     return SteadyModel(

@@ -9,39 +9,58 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from benchmarks.dead_reckoning.rival import ALL_DIVES
 from twin.errors import InputError
 
 FOLDER = Path(__file__).with_name("results")
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
 TIERS = ("paper", "field", "family", "public")
-MARK = "<!-- figures: dead_reckoning.{} -->"
+CODE = ("benchmarks/dead_reckoning", "benchmarks/real_logs", "factory", "learn", "twin", "assets")
+"""What figures depend on"""
+MARK = "<!-- results: {} -->"
 """Before a tier's table on the page"""
 
 
 def keep(
-    folder: Path, method: str, tier: str, found: Mapping[str, Any], *, who: str, how: str
+    folder: Path, method: str, tier: str, found: Mapping[str, Any], *, who: str, how: str, code: str
 ) -> Path:
-    """Write a method's figures of a tier into its file; those of other tiers stay."""
+    """Write a method's figures of a tier into its file; those of other tiers stay.
+
+    Args:
+      who: whose method it is.
+      how: the command.
+      code: `commit` of the code that made them.
+
+    Raises:
+      InputError: the file is another one's.
+    """
     path = folder / (re.sub(r"[^a-z0-9]+", "_", method.lower()) + ".json")
-    kept = read(path) if path.exists() else {"method": method, "tiers": {}}
-    kept["who"] = who
-    kept["tiers"][tier] = {**found, "how": how, "commit": commit()}
+    kept = read(path) if path.exists() else {"method": method, "who": who, "tiers": {}}
+    if kept["who"] != who:
+        raise InputError(f"{path} is of {kept['who']}: give your method's file another name")
+    kept["tiers"][tier] = {**found, "how": how, "commit": code}
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return path
 
 
 def commit() -> str:
-    """Of the code that made the figures, with + where it is changed; empty outside of git."""
-    said = subprocess.run(
-        ["git", "describe", "--always", "--dirty=+", "--abbrev=8", "--exclude=*"],
-        cwd=Path(__file__).parent, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return said.stdout.strip() if said.returncode == 0 else ""
+    """Of the code, with + where it is changed; empty outside of git."""
+    root = Path(__file__).parents[2]
+
+    def git(*words: str) -> str:
+        said = subprocess.run(
+            ["git", *words], cwd=root, capture_output=True, text=True, check=False
+        )
+        return said.stdout.strip() if said.returncode == 0 else ""
+
+    changed = git("status", "--porcelain", "--", *CODE, f":!{FOLDER.relative_to(root)}")
+    return git("rev-parse", "--short=8", "HEAD") + "+" * bool(changed)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -52,10 +71,13 @@ def read(path: Path) -> dict[str, Any]:
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        if not (isinstance(found["method"], str) and isinstance(found["tiers"], dict)):
-            raise TypeError
-        for tier in found["tiers"].values():
-            rows({found["method"]: tier})
+        if not (isinstance(found["method"], str) and isinstance(found["who"], str)):
+            raise TypeError("its method and who are no texts")
+        for tier, figures in found["tiers"].items():
+            if tier not in TIERS:
+                raise KeyError(tier)
+            rows({found["method"]: figures})
+            str(figures["commit"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path} is no file of results ({error!r}): `--keep` of the benchmark writes one"
@@ -76,19 +98,23 @@ def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
             "within": f"{100.0 * one['within']:.0f} %" if "within" in one else "",
         }
         for name, found in methods.items()
-        for dives, one in found["dives"].items()
+        for dives, one in {"0": found["dives"]["0"], **found["dives"]}.items()
         if dives == "0" or one != found["dives"]["0"]
     ]  # fmt: skip
 
 
 def tables(folder: Path = FOLDER) -> dict[str, str]:
-    """The table of each tier that some method has figures of, best first, in Markdown."""
+    """The table of each tier that some method has figures of, in Markdown: best first, and those
+    that have seen the scored dives last."""
     kept = [read(path) for path in sorted(folder.glob("*.json"))]
     found = {}
     for tier in TIERS:
         own = sorted(
             ((one["tiers"][tier], one) for one in kept if tier in one["tiers"]),
-            key=lambda pair: pair[0]["dives"]["0"]["dr_velocity_percent"],
+            key=lambda pair: (
+                pair[0]["labels"] == ALL_DIVES,
+                pair[0]["dives"]["0"]["dr_velocity_percent"],
+            ),
         )
         lines = [
             {**row, "by": one["who"], "code": f"`{figures['commit']}`"}
@@ -110,14 +136,18 @@ def page(text: str, folder: Path = FOLDER) -> str:
         head, found, rest = text.partition(MARK.format(tier))
         if not found:
             raise InputError(f"the page has no place for tier {tier}: {MARK.format(tier)}")
-        rest = re.sub(r"\A\n*(?:\|.*\n)*", "", rest)
-        text = f"{head}{found}\n\n{table}\n{rest}"
+        rest = re.sub(r"\A\n*(?:\|.*\n)*\n*", "", rest)
+        text = f"{head}{found}\n\n{table}\n\n{rest}"
     return text
 
 
 def main() -> int:
     """Write the page."""
-    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    try:
+        PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    except InputError as error:
+        print(f"results: error: {error}", file=sys.stderr)
+        return 2
     print(f"tables: {PAGE}")
     return 0
 

@@ -11,6 +11,8 @@ import xarray as xr
 from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
 
 Predicted = dict[int, xr.Dataset]
+ALL_DIVES = "all dives"
+"""What a method adapts on that has seen the depths and fixes of the scored dives too"""
 
 
 class Rival(NamedTuple):
@@ -18,7 +20,7 @@ class Rival(NamedTuple):
 
     predict: Callable[..., Predicted]
     labels: str = "none"
-    """what it adapts on, `none` or `dvl`"""
+    """what it adapts on beside the glider's own sensors: `none`, `dvl`, or ALL_DIVES"""
     trained: bool = False
     """whether it depends on the seed"""
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.dead_reckoning.rival import Predicted, Rival, table
+from benchmarks.dead_reckoning.rival import ALL_DIVES, Predicted, Rival, table
 from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
@@ -70,7 +70,7 @@ def trained(train: Path, seed: int, seconds: float, network: str, test: Path | N
     )  # fmt: skip
 
 
-def flight(name: str) -> Rival:
+def flight(name: str, labels: str = "none") -> Rival:
     """A model of `benchmarks.dead_reckoning.flight_rivals`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
@@ -79,7 +79,7 @@ def flight(name: str) -> Rival:
         found: Predicted = getattr(flight_rivals, name)(train, test, seed, seconds)
         return found
 
-    return Rival(predict)
+    return Rival(predict, labels)
 
 
 def network(kind: str) -> Rival:
@@ -96,9 +96,17 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
     """Networks of `learn fit`, adapted to each test mission: see `adapt_each`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+        from twin.records.reader import MissionStore
+
+        with MissionStore(test) as reader:
+            if reader.logged:
+                raise InputError(
+                    "networks adapt through the flight filter, which reads rates and accelerations "
+                    "that these logs lack: it is no rival of this tier"
+                )
         return adapt_each(trained(train, seed, seconds, kind), test, labels, whole)
 
-    return Rival(predict, labels, trained=True)
+    return Rival(predict, ALL_DIVES if whole else labels, trained=True)
 
 
 def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predicted:
@@ -126,7 +134,7 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
     familiar = networks["surge"].familiar
     wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
     said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
-    with Selection(test, wanted) as selection:
+    with Selection(test, wanted, spread=run.spread) as selection:
         vehicle = selection.vehicle
         assert vehicle is not None
         flight = FlightFilter(vehicle, selection.period, run.spread)
@@ -158,7 +166,7 @@ RIVALS: Mapping[str, Rival] = {
     "steady flight": baseline("steady_flight"),
     "EKF": baseline("ekf"),
     "gliderflight": flight("gliderflight"),
-    "identified twin": flight("identified"),
+    "identified twin": flight("identified", ALL_DIVES),
     "flight filter": baseline("flight_filter"),
     "elman": network("elman"),
     "gru": network("gru"),
@@ -168,18 +176,18 @@ RIVALS: Mapping[str, Rival] = {
     "ema adapted by DVL": adapted("ema", "dvl"),
     "ema by all dives": adapted("ema", "none", whole=True),
 }
-"""`elman` is the paper's; `gru` and `tcn` are what later work takes; `ema` is the default here. The
-last is no method but a floor: its hull is fitted to the scored dives too."""
+"""`elman` is the paper's; `gru` and `tcn` are what later work takes; `ema` is the default here.
+Those of ALL_DIVES are no methods under way: their hull is fitted to the scored dives too."""
 
 
 def chosen(names: str, own: Path | None) -> dict[str, Rival]:
-    """The methods of a list of names, and one of a file.
+    """The methods of a list of names, and one of a file; all of RIVALS without either.
 
     Raises:
       InputError: no such method, or a file without `predict`.
     """
     found = {}
-    for name in names.split(",") if names else RIVALS:
+    for name in names.split(",") if names else (RIVALS if own is None else ()):
         if name not in RIVALS:
             raise InputError(unknown_name("method", name, RIVALS))
         found[name] = RIVALS[name]
@@ -189,6 +197,8 @@ def chosen(names: str, own: Path | None) -> dict[str, Rival]:
             raise InputError(f"--method {own}: give a Python file")
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
+        if own.stem in RIVALS:
+            raise InputError(f"--method {own}: {own.stem} is the name of a rival; rename the file")
         if not callable(getattr(module, "predict", None)):
             raise InputError(f"{own} has no function predict(train, test, seed, seconds)")
         found[own.stem] = Rival(module.predict, getattr(module, "LABELS", "none"), True)

@@ -5,7 +5,7 @@ A method's predictions are a netCDF file or a table of CSV:
     netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
              of those that it adapted on, as many samples as the store; NaN behind a mission's end;
              surge_interval likewise, where a method says within how much of surge 68 % are
-    CSV      mission, time_s, surge, sway [, surge_interval] [, dives]
+    CSV      mission, time_s, surge, sway [, surge_interval] [, dives], a line for every sample
 
 Scored are `dr_velocity_percent`, the error of the track through the water at the end over the path,
 with the true attitude so that surge and sway alone count, and `surge_mse`; from where the dives
@@ -78,10 +78,10 @@ def missions(store: Path) -> Iterator[TestMission]:
 
 
 def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, dict[str, float]]:
-    """Figures by the dives that a method adapted on.
+    """Figures by the dives that a method adapted on, of which none is scored.
 
     Args:
-      dives: that a mission begins with before it is scored.
+      dives: that a mission begins with before it is scored; more are not adapted on.
       said: predictions by those dives, as `read_predictions` gives them.
 
     Raises:
@@ -100,7 +100,7 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
         if adapted in within:
             found[str(adapted)]["within"] = float(np.mean(within[adapted]))
     # what did not adapt says the same after any dives
-    return {str(adapted): found.get(str(adapted), found["0"]) for adapted in DIVES}
+    return {str(d): found.get(str(d), found["0"]) for d in DIVES if d <= dives}
 
 
 def interval(each: Array, over: Array | None = None) -> tuple[float, float]:
@@ -110,10 +110,14 @@ def interval(each: Array, over: Array | None = None) -> tuple[float, float]:
       each: figure of each mission.
       over: of the other method, of the same missions.
     """
-    drawn = np.random.default_rng(0).integers(0, each.size, (DRAWS, each.size))
-    means = each[drawn].mean(1) / (1.0 if over is None else over[drawn].mean(1))
-    low, high = np.percentile(means, (2.5, 97.5))
+    low, high = np.percentile(drawn(each) / (1.0 if over is None else drawn(over)), (2.5, 97.5))
     return float(low), float(high)
+
+
+def drawn(each: Array, seed: int = 0) -> Array:
+    """Means over missions, (DRAWS,), of a bootstrap: of as many missions always the same ones."""
+    places = np.random.default_rng(seed).integers(0, each.size, (DRAWS, each.size))
+    return np.asarray(each[places].mean(1))
 
 
 def mission_errors(
@@ -122,7 +126,7 @@ def mission_errors(
     """By the dives that a method adapted on, of each mission that has more than `dives`: the error
     at its end in %, the squared errors of surge with their number, and the share within what the
     method says of 68 %, if it does; arguments and errors as of `score`."""
-    percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said}
+    percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said and d <= dives}
     squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
     within: dict[int, list[float]] = {d: [] for d in percent if INTERVAL in said[d]}
     for mission in missions(store):
@@ -194,9 +198,17 @@ def read_predictions(path: Path) -> dict[int, xr.Dataset]:
         gone = {"mission", "time_s", *VELOCITIES} - set(table.columns)
         if gone:
             raise InputError(f"{path} lacks the column {sorted(gone)[0]}")
-        table["time"] = table.groupby(
-            ["mission", *(["dives"] if "dives" in table else [])]
-        ).cumcount()
+        parts = ["mission", *(["dives"] if "dives" in table else [])]
+        table = table.sort_values([*parts, "time_s"])
+        steps = table.groupby(parts)["time_s"].diff().dropna()
+        if not np.allclose(steps, steps.median(), rtol=0.01) or (table["time_s"] < 0.0).any():
+            raise InputError(
+                f"{path}: the times of a mission are not equally spaced; give a line for every "
+                "sample of the test store"
+            )
+        if (table.groupby(parts)["time_s"].first() > 0.5 * steps.median()).any():
+            raise InputError(f"{path}: a mission does not begin at time_s 0")
+        table["time"] = table.groupby(parts).cumcount()
         index = [name for name in ("dives", "mission", "time") if name in table]
         names = [name for name in (*VELOCITIES, INTERVAL) if name in table]
         data = table.set_index(index)[names].to_xarray()

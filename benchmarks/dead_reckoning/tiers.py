@@ -8,7 +8,7 @@ missions of several dives, so that a method may adapt.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,23 +65,26 @@ class Tier:
     checksums: Mapping[str, Checksum] = dataclasses.field(default_factory=dict)
     """of `train` and `test`, with today's physics"""
 
-    def make(self, folder: Path) -> tuple[Path, Path]:
-        """Stores of training and test, made where they are missing."""
-        found = []
-        for name in ("train", "test"):
+    def make(self, folder: Path, parts: Sequence[str] = ("train", "test")) -> tuple[Path, Path]:
+        """Stores of training and test; those of `parts` are made where they are missing."""
+        for name in parts:
             path = folder / f"{name}.zarr"
             if not path.exists():
                 folder.mkdir(parents=True, exist_ok=True)
                 factory.generate(path, **getattr(self, name), resume=True)
-            found.append(path)
-        return found[0], found[1]
+        return folder / "train.zarr", folder / "test.zarr"
+
+    def of_seed(self, seed: int) -> Tier:
+        """The tier with other test missions, which nobody has seen; they have no checksum."""
+        return dataclasses.replace(self, test={**self.test, "seed": seed}, checksums={})
 
     def others(self, folder: Path) -> list[str]:
         """Which of the stores are not the published ones, and why, a line each."""
         return [
             f"{folder / name}.zarr has {found}, the published one {wanted}"
             for name, wanted in self.checksums.items()
-            if not wanted.same(found := Checksum.of(folder / f"{name}.zarr"))
+            if (folder / f"{name}.zarr").exists()
+            and not wanted.same(found := Checksum.of(folder / f"{name}.zarr"))
         ]
 
 

@@ -17,6 +17,7 @@ ELSEWHERE = {
     "real_logs.md": "tests/docs/test_real_figures.py",
     "health_real.md": "tests/benchmarks/test_health_real.py",
     "validation.md": "tests/docs/test_site.py",
+    "dead_reckoning.md": "tests/benchmarks/test_public_tier.py",
 }
 """Pages of results that another test compares with what was measured or is computed"""
 PAGES = [page for page in sorted(RESULTS.glob("*.md")) if page.name not in ELSEWHERE]

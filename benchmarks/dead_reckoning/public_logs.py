@@ -1,11 +1,11 @@
 """Tier `public`: real dives whose velocity through the water somebody measured and published.
 
-    python -m benchmarks.dead_reckoning.public > files.curl       # what is to be fetched
+    python -m benchmarks.dead_reckoning.public_logs > files.curl       # what is to be fetched
     curl --create-dirs --output-dir LOGS -K files.curl
     python -m benchmarks.dead_reckoning --tier public --logs LOGS
 
-The files, whose they are and their checksums stand in `public.toml`; none is shipped. A method may
-train on anything but these two deployments; those here train on the family of the same vehicle.
+The files, whose they are and their checksums stand in `public_logs.toml`; none is shipped. A method
+may train on anything but these two deployments; those here train on the family of the same vehicle.
 
 Scored is the horizontal speed through the water along the heading: what a method's surge and sway
 make of it with the depth rate and the attitude as logged, the pitch as the log's owner corrects it.
@@ -20,14 +20,15 @@ import dataclasses
 import functools
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from benchmarks.dead_reckoning.scoring import interval, velocities_of
-from benchmarks.dead_reckoning.tiers import DIVES
+from benchmarks.dead_reckoning.scoring import drawn, velocities_of
+from benchmarks.real_logs.adcp import LEAST_DEPTH
+from benchmarks.real_logs.samples import level_speed
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
     Array,
@@ -36,14 +37,12 @@ from twin.navigation.dead_reckoning import (
 )
 from twin.records.logged import LogStore
 
-FILE = Path(__file__).with_name("public.toml")
+FILE = Path(__file__).with_name("public_logs.toml")
 PERIOD = 5.0
 """[s] between samples of the imported dives"""
 HOURS = 100.0
 """[h] of preset `family` of the vehicle, to train on"""
 SEED = 9031
-SHALLOWEST = 5.0
-"""[m] above which a profiler's solution is held by its condition at the surface"""
 MINUTE = 60.0
 LEAST_S = 120.0
 """[s] of truth that a dive is scored from"""
@@ -83,8 +82,8 @@ class Deployment:
             if not path.is_file():
                 raise InputError(
                     f"no file {path}: tier public scores logs that you fetch, from {self.address} "
-                    f"({self.licence}); `python -m benchmarks.dead_reckoning.public` lists them for"
-                    " curl"
+                    f"({self.licence}); `python -m benchmarks.dead_reckoning.public_logs` lists "
+                    "them for curl"
                 )
             if hashlib.sha256(path.read_bytes()).hexdigest() != wanted:
                 raise InputError(
@@ -93,20 +92,23 @@ class Deployment:
                 )
         return folder
 
-    def make(self, logs: Path, work: Path) -> tuple[Path, Path]:
-        """Stores of training and test, made where they are missing; errors as of `check`."""
+    def make(
+        self, logs: Path, work: Path, parts: Sequence[str] = ("train", "test")
+    ) -> tuple[Path, Path]:
+        """Stores of training and test; those of `parts` are made where they are missing. Errors as
+        of `check`."""
         import factory
         from factory.importing import import_logs
         from twin.records.store import write_store
 
         folder, test = self.check(logs), work / self.name / "test.zarr"
         train = work / self.name / "train.zarr"
-        if not test.exists():
+        if "test" in parts and not test.exists():
             test.parent.mkdir(parents=True, exist_ok=True)
             places = sorted({(folder / name).parent for name in self.files if name != self.truth})
             dataset, _ = import_logs(self.kind, places, period=PERIOD)
             write_store(dataset, test)
-        if not train.exists():
+        if "train" in parts and not train.exists():
             factory.generate(
                 train, preset="family", hours=HOURS, seed=SEED, vehicle=self.vehicle,
                 engine="lanes", resume=True,
@@ -117,20 +119,18 @@ class Deployment:
         """Horizontal speed [m/s] along the heading at a dive's samples; NaN without truth."""
         if self.truth == "store":
             known = dive.level(*(dive.signals[name] for name in TRUTH))
-            return np.where(dive.signals["measured_depth"] > SHALLOWEST, known, np.nan)
+            return np.where(dive.signals["measured_depth"] > LEAST_DEPTH, known, np.nan)
         rows = np.load(logs / self.name / self.truth)
         known = np.isfinite(rows[[0, -1]]).all(0)
         time, speed = rows[0, known], rows[-1, known]
         at = np.interp(dive.time, time, speed)
-        near = np.abs(time[np.searchsorted(time, dive.time).clip(0, time.size - 1)] - dive.time)
-        near = np.minimum(near, _before(time, dive.time))
+        after = np.searchsorted(time, dive.time)
+        near = np.minimum(
+            np.abs(time[after.clip(0, time.size - 1)] - dive.time),
+            np.abs(time[(after - 1).clip(0)] - dive.time),
+        )
         level = np.sqrt(np.maximum(at**2 - dive.rate**2, 0.0))
         return np.where(near < 0.5 * PERIOD, level, np.nan)
-
-
-def _before(time: Array, at: Array) -> Array:
-    """[s] since the last of these times."""
-    return np.abs(at - time[(np.searchsorted(time, at) - 1).clip(0)])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,13 +155,12 @@ class LoggedDive:
         pitch = self.pitch[0] * pitch + self.pitch[1]
         if heave is None:
             heave = heave_from_depth_rate(self.rate, surge, sway, roll, pitch)
-        across = sway * np.sin(roll) + heave * np.cos(roll)
-        return np.asarray(surge * np.cos(pitch) + across * np.sin(pitch))
+        return level_speed(surge, sway, heave, roll, pitch)
 
 
 @functools.cache
 def deployments() -> tuple[Deployment, ...]:
-    """Those of `public.toml`."""
+    """Those of `public_logs.toml`."""
     found = tomllib.loads(FILE.read_text(encoding="utf-8"))["deployment"]
     return tuple(Deployment(**one) for one in found)
 
@@ -170,13 +169,11 @@ def dives_of(deployment: Deployment, test: Path) -> list[LoggedDive]:
     """The dives of a deployment's imported store."""
     found = []
     with LogStore(test) as store:
-        names = [name for name in (*ATTITUDE, *TRUTH) if name in store]
-        for index, samples in enumerate(store.samples.tolist()):
-            signals = {n: np.asarray(store.row(n, index), np.float64)[:samples] for n in names}
+        for index in range(len(store)):
+            signals = {name: store.signal(name, index) for name in (*ATTITUDE, *TRUTH)}
             for name in ATTITUDE:
                 signals[name] = _bridged(signals[name], angle=name == "measured_heading")
-            time = store.starts[index] + PERIOD * np.arange(samples)
-            found.append(LoggedDive(index, time, signals, deployment.pitch))
+            found.append(LoggedDive(index, store.time(index), signals, deployment.pitch))
     return found
 
 
@@ -218,19 +215,20 @@ def dive_errors(
 
 
 def figures(found: Mapping[str, tuple[Array, Array]]) -> dict[str, dict[str, float]]:
-    """Figures by the dives that a method adapted on, all the same, of each deployment's
-    `dive_errors`; deployments weigh the same."""
-    ends = [interval(percent) for percent, _ in found.values()]
+    """Figures of each deployment's `dive_errors`; deployments weigh the same, and their draws are
+    independent."""
+    means = np.mean([drawn(p, seed) for seed, (p, _) in enumerate(found.values())], axis=0)
+    low, high = np.percentile(means, (2.5, 97.5))
     one = {
         "dr_velocity_percent": float(np.mean([p.mean() for p, _ in found.values()])),
-        "low": float(np.mean([low for low, _ in ends])),
-        "high": float(np.mean([high for _, high in ends])),
+        "low": float(low),
+        "high": float(high),
         "surge_mse": float(np.mean([s.mean() for _, s in found.values()])),
         "missions": float(sum(p.size for p, _ in found.values())),
         "worse": 0.0,
         **{name: float(p.mean()) for name, (p, _) in found.items()},
     }
-    return {str(dives): one for dives in DIVES}
+    return {"0": one}
 
 
 def main() -> int:
