@@ -96,10 +96,18 @@ TIERS: Mapping[str, Tier] = {
     "field": Tier(
         train={"preset": "field", "hours": 400.0, "seed": 9011, "engine": "lanes"},
         test={"preset": "field", "hours": 130.0, "seed": 9012},
+        checksums={
+            "train": Checksum(199, 2880199, 552864.399),
+            "test": Checksum(69, 936069, 176612.096),
+        },
     ),
     "family": Tier(
         train={"preset": "family", "hours": 400.0, "seed": 9021, "engine": "lanes"},
         test={"preset": "field", "hours": 384.0, "seed": 9022, "engine": "lanes", "changes": HEAVY},
         dives=DIVES[-1],
+        checksums={
+            "train": Checksum(101, 2880101, 526757.046),
+            "test": Checksum(64, 2764864, 408602.865),
+        },
     ),
 }

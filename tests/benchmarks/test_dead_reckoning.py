@@ -27,6 +27,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
         tier,
         train={**tier.train, "hours": 4.0},
         test={**tier.test, "hours": 4.0, "changes": changes},
+        checksums={},
     )
     train, test = small.make(tmp_path_factory.mktemp("tier"))
     assert small.make(train.parent) == (train, test)  # made once
