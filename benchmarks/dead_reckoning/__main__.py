@@ -191,11 +191,12 @@ def _read(options: argparse.Namespace, test: Path) -> Predicted:
 
 
 def _mean(each: list[Figures]) -> Figures:
-    """Means over the seeds, of the interval's ends too, with the lowest and the highest figure."""
+    """Means over the seeds, with the lowest and the highest figure; the interval spans theirs."""
     found = {}
     for key in each[0]:
         rows = [one[key] for one in each]
         mean = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+        mean |= {"low": min(r["low"] for r in rows), "high": max(r["high"] for r in rows)}
         if len(rows) > 1:
             percent = [row["dr_velocity_percent"] for row in rows]
             mean |= {"least": min(percent), "most": max(percent)}
