@@ -1,8 +1,9 @@
 """The benchmark's command.
 
     python -m benchmarks.dead_reckoning --tier family [--methods ema,EKF] [--method MINE.py]
-        [--predictions FILE.nc [--labels dvl]] [--folder WORK] [--logs LOGS] [--seed 0]
-        [--seconds 60] [--full] [--test-seed N] [--make] [--keep [RESULTS] --who NAME] [--json]
+        [--predictions FILE.nc [--labels dvl] [--name NAME]] [--folder WORK] [--logs LOGS]
+        [--seed 0] [--seconds 60] [--full] [--test-seed N] [--make [test]]
+        [--keep [RESULTS] --who NAME] [--json]
 
 One seed and at most 60 s of training a method; `--full` takes five seeds. Stores and runs are made
 once in the folder: remove it after a change of the code that trains. `--predictions` scores a file
@@ -22,12 +23,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.dead_reckoning import public_logs, results
-from benchmarks.dead_reckoning.rival import Predicted
-from benchmarks.dead_reckoning.rivals import chosen
-from benchmarks.dead_reckoning.scoring import read_predictions, score
+from benchmarks.dead_reckoning.predictions import Predicted, checked, read_predictions
+from benchmarks.dead_reckoning.rival import LABELS
+from benchmarks.dead_reckoning.rivals import RIVALS, chosen
+from benchmarks.dead_reckoning.scoring import score
 from benchmarks.dead_reckoning.tiers import TIERS, Tier
 from twin.cli.text_table import format_table
 from twin.errors import InputError, TwinError
+from twin.records.reader import MissionStore
 
 SEEDS = 5
 """Of --full"""
@@ -39,8 +42,12 @@ def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--tier", choices=(*TIERS, PUBLIC), default="family")
-    parser.add_argument("--methods", default="", help="names, parted by commas; all without it")
-    parser.add_argument("--method", type=Path, help="a Python file with predict()")
+    parser.add_argument(
+        "--methods", default="", help="names, parted by commas; all, unless --method is given"
+    )
+    parser.add_argument(
+        "--method", type=Path, help="a Python file with predict(), alone or beside --methods"
+    )
     parser.add_argument(
         "--predictions", type=Path,
         help="score this file alone, .nc or .csv; of tier public a folder with one a deployment",
@@ -54,19 +61,28 @@ def main() -> int:
         "--keep", type=Path, nargs="?", const=results.FOLDER,
         help="write the figures into the method's file of results, of which the page is made",
     )  # fmt: skip
-    parser.add_argument("--make", action="store_true", help="make the stores, and end")
+    parser.add_argument(
+        "--make",
+        choices=("all", "test"),
+        nargs="?",
+        const="all",
+        help="make the stores, or those of the test alone, and end",
+    )
     parser.add_argument(
         "--test-seed",
         type=int,
         help="other test missions, which nobody has seen",
     )
-    parser.add_argument("--labels", default="none", help="of --predictions: none or dvl")
+    parser.add_argument(
+        "--labels", choices=LABELS, default="none", help="what --predictions adapted on"
+    )
+    parser.add_argument("--name", default="", help="of the method of --predictions")
     parser.add_argument("--who", default="", help="whose method it is, for --keep")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     try:
         return _run(options)
-    except TwinError as error:
+    except (TwinError, OSError) as error:
         print(f"dead_reckoning: error: {error}", file=sys.stderr)
         return 2
 
@@ -74,13 +90,17 @@ def main() -> int:
 def _run(options: argparse.Namespace) -> int:
     if options.keep is not None and not options.who:
         raise InputError("--keep needs --who NAME: a file of results says whose method it is")
+    if options.who and options.keep is None:
+        raise InputError("--who is for --keep")
+    if options.predictions is not None and (options.method or options.methods):
+        raise InputError("--predictions is scored alone: leave --method and --methods out")
     if options.keep is not None and options.test_seed is not None:
         raise InputError("--keep is for the tier's own test missions: leave --test-seed out")
     if options.tier == PUBLIC and options.test_seed is not None:
         raise InputError("tier public has no other test missions: leave --test-seed out")
     if options.make:
-        for train, test in _stores(options, ("train", "test")):
-            print(f"train on {train}, predict {test}")
+        for train, test in _stores(options, ("train", "test")[options.make == "test" :]):
+            print(f"predict {test}" if options.make == "test" else f"train on {train}, {test}")
         return 0
     methods = _methods(options)
     if not methods:
@@ -114,8 +134,13 @@ def _run(options: argparse.Namespace) -> int:
 def _methods(options: argparse.Namespace) -> dict[str, Any]:
     """Figures by method: those that are chosen, or of a file of predictions."""
     if options.predictions is not None:
+        name = options.name or options.predictions.stem
+        if name in RIVALS:
+            raise InputError(f"{name} is the name of a rival: give your method's by --name")
         found = _judged(options, ("test",), lambda _, test: _read(options, test))
-        return {options.predictions.stem: {"labels": options.labels, "seeds": 1, "dives": found}}
+        for _, test in _stores(options, ()):
+            print(f"scored as predictions of {test}", file=sys.stderr)
+        return {name: {"labels": options.labels, "seeds": 1, "dives": found}}
     methods: dict[str, Any] = {}
     seeds = range(options.seed, options.seed + (SEEDS if options.full else 1))
     for name, rival in chosen(options.methods, options.method).items():
@@ -126,7 +151,9 @@ def _methods(options: argparse.Namespace) -> dict[str, Any]:
                 _judged(
                     options,
                     parts,
-                    lambda *stores, r=rival, s=seed: r.predict(*stores, s, options.seconds),
+                    lambda *stores, r=rival, s=seed, n=name: checked(
+                        r.predict(*stores, s, options.seconds), n
+                    ),
                 )
                 for seed in (seeds if rival.trained else seeds[:1])
             ]
@@ -179,15 +206,17 @@ def _judged(
 def _read(options: argparse.Namespace, test: Path) -> Predicted:
     """Predictions of a test store, as a file has them."""
     path: Path = options.predictions
+    with MissionStore(test) as reader:
+        period = reader.period
     if options.tier != PUBLIC:
-        return read_predictions(path)
+        return read_predictions(path, period)
     name = test.parent.name
     if not path.is_dir():
         raise InputError(f"--predictions {path}: give a folder with {name}.nc or {name}.csv")
     own = next((f for f in (path / f"{name}.nc", path / f"{name}.csv") if f.exists()), None)
     if own is None:
         raise InputError(f"{path} has no {name}.nc or {name}.csv")
-    return read_predictions(own)
+    return read_predictions(own, period)
 
 
 def _mean(each: list[Figures]) -> Figures:

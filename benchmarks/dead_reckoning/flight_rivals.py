@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.dead_reckoning.rival import Predicted, table
+from benchmarks.dead_reckoning.predictions import Predicted
+from benchmarks.dead_reckoning.rival import table
 from benchmarks.dead_reckoning.tiers import DIVES
 from benchmarks.real_logs.folds import Fitted, FoldJob, fit_fold, thinned
 from benchmarks.real_logs.public import AREA, SteadyModel, fit_balance

@@ -26,7 +26,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from benchmarks.dead_reckoning.scoring import drawn, velocities_of
+from benchmarks.dead_reckoning.predictions import velocities_of
+from benchmarks.dead_reckoning.scoring import drawn
 from benchmarks.real_logs.adcp import LEAST_DEPTH
 from benchmarks.real_logs.samples import level_speed
 from twin.errors import InputError
@@ -233,10 +234,13 @@ def figures(found: Mapping[str, tuple[Array, Array]]) -> dict[str, dict[str, flo
 
 def main() -> int:
     """What is to be fetched, as curl reads it."""
+    lines = []
     for one in deployments():
-        print(f"# {one.name}: {one.about}\n# {one.licence}")
-        for name in one.files:
-            print(f'url = "{one.address}{name}"\noutput = "{one.name}/{name}"')
+        lines.append(f"# {one.name}: {one.about}\n# {one.licence}")
+        lines += [
+            f'url = "{one.address}{name}"\noutput = "{one.name}/{name}"' for name in one.files
+        ]
+    print("\n".join(lines))
     return 0
 
 

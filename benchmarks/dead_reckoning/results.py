@@ -6,6 +6,7 @@ python -m benchmarks.dead_reckoning.results              # writes the tables int
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import subprocess
@@ -20,6 +21,8 @@ from twin.errors import InputError
 FOLDER = Path(__file__).with_name("results")
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
 TIERS = ("paper", "field", "family", "public")
+DEPLOYMENTS = ("sg171", "comet")
+"""Of tier public, each with a figure of its own"""
 CODE = ("benchmarks/dead_reckoning", "benchmarks/real_logs", "factory", "learn", "twin", "assets")
 """What figures depend on"""
 MARK = "<!-- results: {} -->"
@@ -44,6 +47,8 @@ def keep(
     if kept["who"] != who:
         raise InputError(f"{path} is of {kept['who']}: give your method's file another name")
     kept["tiers"][tier] = {**found, "how": how, "commit": code}
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--keep {folder}: give a folder")
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return path
@@ -96,6 +101,7 @@ def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
             "surge MSE": f"{one['surge_mse']:.2e}",
             "worse": f"{one['worse']:.0f}" if dives != "0" else "",
             "within": f"{100.0 * one['within']:.0f} %" if "within" in one else "",
+            **{f"{key}, %": f"{one[key]:.1f}" for key in DEPLOYMENTS if key in one},
         }
         for name, found in methods.items()
         for dives, one in {"0": found["dives"]["0"], **found["dives"]}.items()
@@ -124,7 +130,7 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
         if lines:
             used = [name for name in lines[0] if any(line[name] for line in lines)]
             found[tier] = "\n".join(
-                f"| {' | '.join(cells)} |"
+                f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
                 for cells in (used, ["---"] * len(used), *([x[n] for n in used] for x in lines))
             )
     return found
@@ -143,8 +149,19 @@ def page(text: str, folder: Path = FOLDER) -> str:
 
 def main() -> int:
     """Write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER, help="files of results")
+    parser.add_argument("--print", action="store_true", help="print the tables, write no page")
+    options = parser.parse_args()
     try:
-        PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+        found = tables(options.folder)
+        if not found:
+            raise InputError(f"there are no files of results in {options.folder}")
+        if options.print:
+            print("\n\n".join(f"{tier}\n\n{table}" for tier, table in found.items()))
+            return 0
+        text = page(PAGE.read_text(encoding="utf-8"), options.folder)
+        PAGE.write_text(text, encoding="utf-8")
     except InputError as error:
         print(f"results: error: {error}", file=sys.stderr)
         return 2

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
+from benchmarks.dead_reckoning.predictions import INTERVAL, VELOCITIES, Predicted
 
-Predicted = dict[int, xr.Dataset]
 ALL_DIVES = "all dives"
 """What a method adapts on that has seen the depths and fixes of the scored dives too"""
+LABELS = ("none", "dvl", ALL_DIVES)
 
 
 class Rival(NamedTuple):
@@ -20,9 +20,9 @@ class Rival(NamedTuple):
 
     predict: Callable[..., Predicted]
     labels: str = "none"
-    """what it adapts on beside the glider's own sensors: `none`, `dvl`, or ALL_DIVES"""
+    """what it adapts on beside the glider's own sensors, of LABELS"""
     trained: bool = False
-    """whether it depends on the seed"""
+    """whether it reads the training store, and depends on the seed"""
 
 
 def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:

@@ -2,7 +2,8 @@
 
 A method of one's own is a file with
 
-    LABELS = "none"        # or "dvl": what it adapts on in a test mission's first dives
+    LABELS = "none"        # what it adapts on in a test mission's first dives: `rival.LABELS`
+    TRAINED = True         # False: it reads no training store, and there need be none
     def predict(train, test, seed, seconds):
         "Path of the training and of the test store -> predictions by dives adapted on."
 
@@ -14,14 +15,15 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib.util
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.dead_reckoning.rival import ALL_DIVES, Predicted, Rival, table
-from benchmarks.dead_reckoning.scoring import INTERVAL, VELOCITIES
+from benchmarks.dead_reckoning.predictions import INTERVAL, VELOCITIES, Predicted
+from benchmarks.dead_reckoning.rival import ALL_DIVES, LABELS, Rival, table
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
 
@@ -192,14 +194,29 @@ def chosen(names: str, own: Path | None) -> dict[str, Rival]:
             raise InputError(unknown_name("method", name, RIVALS))
         found[name] = RIVALS[name]
     if own is not None:
-        spec = importlib.util.spec_from_file_location(own.stem, own)
-        if spec is None or spec.loader is None or not own.exists():
-            raise InputError(f"--method {own}: give a Python file")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        if own.stem in RIVALS:
-            raise InputError(f"--method {own}: {own.stem} is the name of a rival; rename the file")
-        if not callable(getattr(module, "predict", None)):
-            raise InputError(f"{own} has no function predict(train, test, seed, seconds)")
-        found[own.stem] = Rival(module.predict, getattr(module, "LABELS", "none"), True)
+        found[own.stem] = _own(own)
     return found
+
+
+def _own(file: Path) -> Rival:
+    """The method of a file."""
+    if file.stem in RIVALS:
+        raise InputError(f"--method {file}: {file.stem} is the name of a rival; rename the file")
+    if file.suffix != ".py" or not file.is_file():
+        raise InputError(f"--method {file}: there is no such Python file")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{file} cannot be run: {type(error).__name__}: {error}") from error
+    predict, labels = getattr(module, "predict", None), getattr(module, "LABELS", "none")
+    try:
+        inspect.signature(predict).bind(file, file, 0, 1.0)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InputError(f"{file} has no function predict(train, test, seed, seconds)") from None
+    if labels not in LABELS:
+        raise InputError(f"{file}: {unknown_name('LABELS', labels, LABELS)}")
+    return Rival(predict, labels, bool(getattr(module, "TRAINED", True)))  # type: ignore[arg-type]

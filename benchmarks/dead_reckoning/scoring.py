@@ -1,11 +1,4 @@
-"""Scoring: surge and sway of test missions beside the truth. It needs no torch.
-
-A method's predictions are a netCDF file or a table of CSV:
-
-    netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
-             of those that it adapted on, as many samples as the store; NaN behind a mission's end;
-             surge_interval likewise, where a method says within how much of surge 68 % are
-    CSV      mission, time_s, surge, sway [, surge_interval] [, dives], a line for every sample
+"""Scoring: predicted surge and sway of test missions beside the truth. It needs no torch.
 
 Scored are `dr_velocity_percent`, the error of the track through the water at the end over the path,
 with the true attitude so that surge and sway alone count, and `surge_mse`; from where the dives
@@ -22,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from benchmarks.dead_reckoning.predictions import INTERVAL, velocities_of
 from benchmarks.dead_reckoning.tiers import DIVES
-from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
     Array,
     AttitudeSeries,
@@ -44,8 +36,6 @@ CHANNELS = (
     "measured_depth", "measured_gps_north", "measured_gps_east",
 )  # fmt: skip
 DRAWS = 2000
-VELOCITIES = ("surge", "sway")
-INTERVAL = "surge_interval"
 WORSE = 1.05
 """times the error without adaptation"""
 
@@ -82,7 +72,7 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
 
     Args:
       dives: that a mission begins with before it is scored; more are not adapted on.
-      said: predictions by those dives, as `read_predictions` gives them.
+      said: predictions by those dives, as `predictions` has them.
 
     Raises:
       InputError: they are of other missions or samples, or not finite.
@@ -145,35 +135,6 @@ def mission_errors(
     return {dives: np.array(each) for dives, each in percent.items()}, squared, within
 
 
-def velocities_of(
-    said: xr.Dataset, mission: int, samples: int, needed: NDArray[np.bool_] | None = None
-) -> tuple[Array, Array]:
-    """Predicted surge and sway of a mission, as many as it has samples.
-
-    Args:
-      said: predictions.
-      mission: row of the test store.
-      samples: of the mission.
-      needed: samples that must be finite, (samples,); all without it.
-
-    Raises:
-      InputError: the mission is lacking, too short, or not finite where it must be.
-    """
-    found = []
-    for name in VELOCITIES:
-        if mission not in said.mission.values or said.sizes["time"] < samples:
-            raise InputError(f"the predictions lack mission {mission} of {samples} samples")
-        values = np.asarray(said[name].sel(mission=mission).values, np.float64)[:samples]
-        bad = ~np.isfinite(values) & (True if needed is None else needed)
-        if bad.any():
-            raise InputError(
-                f"the predicted {name} of mission {mission} is not finite at sample "
-                f"{np.flatnonzero(bad)[0]}"
-            )
-        found.append(values)
-    return found[0], found[1]
-
-
 def _percent(mission: TestMission, surge: Array, sway: Array, begin: int) -> float:
     """Error at the end of the scored part over its path, %."""
     signals, period = mission.signals, mission.period
@@ -183,46 +144,3 @@ def _percent(mission: TestMission, surge: Array, sway: Array, begin: int) -> flo
     moved = track[-1] - track[begin]
     truth, path = true_water_track(signals, period), true_water_path(signals, period)
     return float(100.0 * np.hypot(*(moved - (truth[-1] - truth[begin]))) / (path[-1] - path[begin]))
-
-
-def read_predictions(path: Path) -> dict[int, xr.Dataset]:
-    """Predictions of a file by the dives that the method adapted on; 0 is always there.
-
-    Raises:
-      InputError: a format, a variable or a column is missing.
-    """
-    if path.suffix == ".csv":
-        import pandas as pd
-
-        table = pd.read_csv(path)
-        gone = {"mission", "time_s", *VELOCITIES} - set(table.columns)
-        if gone:
-            raise InputError(f"{path} lacks the column {sorted(gone)[0]}")
-        parts = ["mission", *(["dives"] if "dives" in table else [])]
-        table = table.sort_values([*parts, "time_s"])
-        steps = table.groupby(parts)["time_s"].diff().dropna()
-        if not np.allclose(steps, steps.median(), rtol=0.01) or (table["time_s"] < 0.0).any():
-            raise InputError(
-                f"{path}: the times of a mission are not equally spaced; give a line for every "
-                "sample of the test store"
-            )
-        if (table.groupby(parts)["time_s"].first() > 0.5 * steps.median()).any():
-            raise InputError(f"{path}: a mission does not begin at time_s 0")
-        table["time"] = table.groupby(parts).cumcount()
-        index = [name for name in ("dives", "mission", "time") if name in table]
-        names = [name for name in (*VELOCITIES, INTERVAL) if name in table]
-        data = table.set_index(index)[names].to_xarray()
-    elif path.suffix == ".nc":
-        data = xr.load_dataset(path)
-    else:
-        raise InputError(f"{path}: give predictions as .nc or .csv")
-    if gone := set(VELOCITIES) - set(map(str, data.data_vars)):
-        raise InputError(f"{path} lacks the variable {sorted(gone)[0]}")
-    if "mission" not in data.coords:
-        data = data.assign_coords(mission=np.arange(data.sizes["mission"]))
-    if "dives" not in data.dims:
-        return {0: data}
-    found = {int(d): data.sel(dives=d) for d in data.dives.values}
-    if 0 not in found:
-        raise InputError(f"{path} has no predictions without adaptation (dives 0)")
-    return found

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import factory
+from twin.errors import InputError
 from twin.records.reader import MissionStore
 
 HEAVY = {
@@ -75,7 +76,13 @@ class Tier:
         return folder / "train.zarr", folder / "test.zarr"
 
     def of_seed(self, seed: int) -> Tier:
-        """The tier with other test missions, which nobody has seen; they have no checksum."""
+        """The tier with other test missions, which nobody has seen; they have no checksum.
+
+        Raises:
+          InputError: its test missions are the same ones with every seed.
+        """
+        if "seed" not in self.test:
+            raise InputError("this tier has no other test missions: leave --test-seed out")
         return dataclasses.replace(self, test={**self.test, "seed": seed}, checksums={})
 
     def others(self, folder: Path) -> list[str]:

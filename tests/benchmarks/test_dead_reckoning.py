@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -34,6 +35,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
     return train, test, 1
 
 
+PERIOD = 0.5
+
+
 def truth(test: Path) -> xr.Dataset:
     with xr.open_zarr(test, decode_times=False) as store:
         return xr.Dataset(
@@ -42,15 +46,16 @@ def truth(test: Path) -> xr.Dataset:
 
 
 def test_the_truth_has_no_error_and_a_scale_error_is_seen(made, tmp_path):
-    from benchmarks.dead_reckoning.scoring import read_predictions, score
+    from benchmarks.dead_reckoning.predictions import read_predictions
+    from benchmarks.dead_reckoning.scoring import score
 
     _, test, dives = made
     data = truth(test)
     data.to_netcdf(tmp_path / "truth.nc")
-    said = read_predictions(tmp_path / "truth.nc")
+    said = read_predictions(tmp_path / "truth.nc", PERIOD)
     figures = score(test, dives, said)
-    assert set(figures) == {"0", "1", "5"}
-    assert figures["0"] == figures["5"]  # it adapts on nothing
+    assert set(figures) == {"0", "1"}  # nothing is adapted on that is scored
+    assert figures["0"] == figures["1"]  # it adapts on nothing
     assert figures["0"]["dr_velocity_percent"] < 0.3
     assert figures["0"]["surge_mse"] == 0.0
     scaled = score(test, dives, {0: data * 1.05, 1: data * 1.02})
@@ -70,12 +75,17 @@ def test_the_truth_has_no_error_and_a_scale_error_is_seen(made, tmp_path):
     broken["surge"][0, 7] = np.nan
     with pytest.raises(InputError, match="not finite at sample 7"):
         score(test, dives, {0: broken})
-    with pytest.raises(InputError, match="lack mission 1"):
-        score(test, dives, {0: data.isel(mission=[0])})
+    with pytest.raises(InputError, match="lack mission 1; they have 1, 0 to 0, and a mission is"):
+        score(test, dives, {0: data.isel(mission=[0]).assign_coords(mission=[0])})
+    counts = np.isfinite(data["surge"].values).sum(1)
+    longer = data.fillna(0.3) if counts.min() < counts.max() else data.pad(time=(0, 3)).fillna(0.3)
+    with pytest.raises(InputError, match=r"mission \d has \d+ samples, the store \d+"):
+        score(test, dives, {0: longer.assign_coords(mission=data.mission)})
 
 
 def test_a_table_says_the_same_as_netcdf(made, tmp_path):
-    from benchmarks.dead_reckoning.scoring import read_predictions, score
+    from benchmarks.dead_reckoning.predictions import read_predictions
+    from benchmarks.dead_reckoning.scoring import score
 
     _, test, dives = made
     data = truth(test) * 1.03
@@ -86,11 +96,11 @@ def test_a_table_says_the_same_as_netcdf(made, tmp_path):
         surge, sway = (data[n].values[k] for n in ("surge", "sway"))
         lines += [f"{k},{i * period},{surge[i]!s},{sway[i]!s}" for i in range(count)]
     (tmp_path / "mine.csv").write_text("\n".join(lines) + "\n")
-    table = score(test, dives, read_predictions(tmp_path / "mine.csv"))
+    table = score(test, dives, read_predictions(tmp_path / "mine.csv", PERIOD))
     assert table["0"]["surge_mse"] == pytest.approx(score(test, dives, {0: data})["0"]["surge_mse"])
     (tmp_path / "bad.csv").write_text("mission,time_s,surge\n0,0,0.3\n")
     with pytest.raises(InputError, match="lacks the column sway"):
-        read_predictions(tmp_path / "bad.csv")
+        read_predictions(tmp_path / "bad.csv", PERIOD)
 
 
 def test_a_method_of_ones_own_is_a_file(made, tmp_path):
@@ -145,7 +155,7 @@ def test_a_balance_of_forces_is_fitted_to_the_first_dives(made):
 
     train, test, dives = made
     found = score(test, dives, RIVALS["gliderflight"].predict(train, test, 0, 1.0))
-    assert found["5"]["surge_mse"] < 0.7 * found["0"]["surge_mse"]
+    assert found["1"]["surge_mse"] < 0.8 * found["0"]["surge_mse"]
     assert found["1"]["dr_velocity_percent"] < 0.7 * found["0"]["dr_velocity_percent"]
     with pytest.raises(InputError, match="an identified twin needs logs"):
         RIVALS["identified twin"].predict(train, test, 0, 1.0)
@@ -164,3 +174,88 @@ def test_a_store_of_another_physics_is_not_taken_for_the_published_one(made):
     tier = dataclasses.replace(tier, checksums={"test": found._replace(samples=1)})
     (line,) = tier.others(test.parent)
     assert "the published one" in line
+
+
+COLUMNS = "mission,time_s,surge,sway\n"
+MISTAKES = {
+    "times from 1": (COLUMNS + "0,1.0,0.3,0\n0,1.5,0.3,0\n", "begin at 1 s with a sample"),
+    "another period": (COLUMNS + "0,0,0.3,0\n0,0.25,0.3,0\n", "a sample every 0.25 s; the store"),
+    "a line twice": (COLUMNS + "0,0,0.3,0\n0,0,0.3,0\n0,0.5,0.3,0\n", "mission 0: times begin"),
+    "text": (COLUMNS + "0,0,fast,0\n", "cannot be read: Unable to parse string .fast."),
+    "nothing": ("", "cannot be read: No columns"),
+    "an interval below 0": (
+        "mission,time_s,surge,sway,surge_interval\n0,0,0.3,0,-1\n", "surge_interval is below 0"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_table_that_is_none_is_told(mistake, tmp_path):
+    from benchmarks.dead_reckoning.predictions import read_predictions
+
+    text, message = MISTAKES[mistake]
+    (tmp_path / "mine.csv").write_text(text)
+    with pytest.raises(InputError, match=rf"mine\.csv.*{message}"):
+        read_predictions(tmp_path / "mine.csv", PERIOD)
+    with pytest.raises(InputError, match="there is no such file"):
+        read_predictions(tmp_path / "other.csv", PERIOD)
+    (tmp_path / "mine.nc").write_text(text or "x")
+    with pytest.raises(InputError, match=r"mine\.nc cannot be read"):
+        read_predictions(tmp_path / "mine.nc", PERIOD)
+
+
+def test_what_a_method_gives_back_is_looked_at():
+    from benchmarks.dead_reckoning.predictions import checked
+
+    good = xr.Dataset({n: (("mission", "time"), np.zeros((1, 2))) for n in ("surge", "sway")})
+    assert checked({0: good.transpose("time", "mission")}, "mine")[0]["surge"].shape == (1, 2)
+    for said, message in (
+        (good, r"mine gives Dataset; wanted is \{0: Dataset"),
+        (None, "mine gives NoneType"),
+        ({5: good}, r"mine gives the keys \[5\]"),
+        ({0: 0.3}, "mine gives float for 0 dives"),
+        ({0: good.drop_vars("sway")}, "mine lacks the variable sway"),
+        ({0: good.rename(time="t")}, "mine: surge has the dimensions mission, t; wanted are"),
+    ):
+        with pytest.raises(InputError, match=message):
+            checked(said, "mine")
+
+
+def test_a_file_that_is_no_method_is_told(tmp_path):
+    from benchmarks.dead_reckoning.rivals import chosen
+
+    for text, message in (
+        ("import nowhere", "mine.py cannot be run: ModuleNotFoundError"),
+        ("def predict(:", "mine.py cannot be run: SyntaxError"),
+        ("def predict(test):\n    return {}", "mine.py has no function predict"),
+        ("x = 1", "mine.py has no function predict"),
+        ("LABELS = 'gps'\ndef predict(*_):\n    return {}", "mine.py: unknown LABELS 'gps'"),
+    ):
+        (tmp_path / "mine.py").write_text(text)
+        with pytest.raises(InputError, match=message):
+            chosen("", tmp_path / "mine.py")
+    (tmp_path / "mine.py").write_text("TRAINED = False\ndef predict(*_):\n    return {}\n")
+    alone = chosen("", tmp_path / "mine.py")
+    assert list(alone) == ["mine"]
+    assert not alone["mine"].trained
+    (tmp_path / "ema.py").write_text("def predict(*_):\n    return {}\n")
+    with pytest.raises(InputError, match="ema is the name of a rival"):
+        chosen("", tmp_path / "ema.py")
+    with pytest.raises(InputError, match="there is no such Python file"):
+        chosen("", tmp_path / "nope.py")
+
+
+def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, monkeypatch):
+    from benchmarks.dead_reckoning.__main__ import main
+
+    for words, message in (
+        (["--keep", str(tmp_path)], "--keep needs --who NAME"),
+        (["--who", "me"], "--who is for --keep"),
+        (["--predictions", "x.nc", "--method", "y.py"], "--predictions is scored alone"),
+        (["--tier", "paper", "--test-seed", "7"], "has no other test missions"),
+        (["--tier", "public", "--test-seed", "7"], "has no other test missions"),
+        (["--tier", "public", "--logs", str(tmp_path), "--make"], "no file .*p1710100.nc"),
+    ):
+        monkeypatch.setattr(sys, "argv", ["dead_reckoning", *words, "--folder", str(tmp_path)])
+        assert main() == 2
+        assert re.search(message, capsys.readouterr().err)

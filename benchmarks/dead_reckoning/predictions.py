@@ -1,0 +1,159 @@
+"""Predictions: surge and sway of test missions as a method says them, read and checked.
+
+    netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
+             of those that it adapted on; NaN behind a mission's end; surge_interval likewise, where
+             a method says within how much of surge 68 % of its errors are
+    CSV      mission, time_s, surge, sway [, surge_interval] [, dives], a line for every sample
+
+A mission is its row in the test store, from 0. It needs no torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.numbers import Array
+
+Predicted = dict[int, xr.Dataset]
+VELOCITIES = ("surge", "sway")
+INTERVAL = "surge_interval"
+AXES = ("mission", "time")
+SAME_STEP = 1e-3
+"""Part of the store's time between samples by which that of a table may differ"""
+
+
+def read_predictions(path: Path, period: float) -> Predicted:
+    """Predictions of a file by the dives that the method adapted on; 0 is always there.
+
+    Args:
+      path: .nc or .csv.
+      period: [s] between samples of the test store.
+
+    Raises:
+      InputError: it cannot be read, a variable or a column is missing, or its times are others.
+    """
+    if path.suffix not in (".nc", ".csv") or not path.is_file():
+        why = "there is no such file" if path.suffix in (".nc", ".csv") else "give .nc or .csv"
+        raise InputError(f"--predictions {path}: {why}")
+    try:
+        data = _table(path, period) if path.suffix == ".csv" else xr.load_dataset(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
+    if path.suffix == ".nc" and "time" in data.coords:
+        _check_times(np.asarray(data["time"].values), period, path)
+    if "dives" not in data.dims:
+        return checked({0: data}, str(path))
+    return checked({int(d): data.sel(dives=d) for d in data.dives.values}, str(path))
+
+
+def _table(path: Path, period: float) -> xr.Dataset:
+    import pandas as pd
+
+    table = pd.read_csv(path)
+    if gone := {"mission", "time_s", *VELOCITIES} - set(table.columns):
+        raise InputError(f"{path} lacks the column {sorted(gone)[0]}")
+    parts = ["mission", *(["dives"] if "dives" in table else [])]
+    for name in (*parts, "time_s", *VELOCITIES):
+        table[name] = pd.to_numeric(table[name])
+    table = table.sort_values([*parts, "time_s"], kind="stable")
+    for which, own in table.groupby(parts)["time_s"]:
+        name = ", ".join(f"{p} {w:g}" for p, w in zip(parts, which, strict=True))
+        _check_times(own.to_numpy(float), period, f"{path}, {name}")
+    table["time"] = table.groupby(parts).cumcount()
+    names = [name for name in (*VELOCITIES, INTERVAL) if name in table]
+    index = [name for name in ("dives", *AXES) if name in table]
+    return table.set_index(index)[names].to_xarray()
+
+
+def _check_times(times: NDArray[Any], period: float, place: object) -> None:
+    """Seconds from 0 on, one every `period`; a netCDF may count samples instead."""
+    if not np.issubdtype(times.dtype, np.number):
+        raise InputError(f"{place}: time is no seconds since the mission's first sample")
+    counted = np.arange(times.size)
+    steps = (period, 1.0) if np.issubdtype(times.dtype, np.integer) else (period,)
+    if any(np.allclose(times, step * counted, rtol=SAME_STEP, atol=0.1 * step) for step in steps):
+        return
+    begins, step = float(times[0]), float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    raise InputError(
+        f"{place}: times begin at {begins:g} s with a sample every {step:g} s; the store has one "
+        f"every {period:g} s from 0 on, each once"
+    )
+
+
+def checked(said: object, source: str) -> Predicted:
+    """Predictions that a method gives back, or a file holds, if they are such.
+
+    Raises:
+      InputError: they are something else; `source` is named.
+    """
+    wanted = "{0: Dataset with surge and sway over mission and time}, by dives adapted on"
+    keyed = isinstance(said, Mapping) and not isinstance(said, xr.Dataset)
+    if not isinstance(said, Mapping) or not keyed or 0 not in said:
+        held = f"the keys {[*said]}" if isinstance(said, Mapping) and keyed else type(said).__name__
+        raise InputError(f"{source} gives {held}; wanted is {wanted}")
+    found: Predicted = {}
+    for dives, data in said.items():
+        if not isinstance(data, xr.Dataset):
+            raise InputError(f"{source} gives {type(data).__name__} for {dives} dives: {wanted}")
+        if gone := set(VELOCITIES) - set(map(str, data.data_vars)):
+            raise InputError(f"{source} lacks the variable {sorted(gone)[0]}")
+        for name in (*VELOCITIES, *([INTERVAL] if INTERVAL in data else [])):
+            if set(data[name].dims) != set(AXES):
+                raise InputError(
+                    f"{source}: {name} has the dimensions {', '.join(map(str, data[name].dims))}; "
+                    "wanted are mission and time"
+                )
+        if INTERVAL in data and float(data[INTERVAL].min()) < 0.0:
+            raise InputError(f"{source}: surge_interval is below 0 somewhere")
+        if "mission" not in data.coords:
+            data = data.assign_coords(mission=np.arange(data.sizes["mission"]))
+        found[int(dives)] = data.transpose(*AXES)
+    return found
+
+
+def velocities_of(
+    said: xr.Dataset, mission: int, samples: int, needed: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
+    """Predicted surge and sway of a mission, as many as it has samples.
+
+    Args:
+      said: predictions.
+      mission: row of the test store.
+      samples: of the mission.
+      needed: samples that must be finite, (samples,); all without it.
+
+    Raises:
+      InputError: the mission is lacking, of another length, or not finite where it must be.
+    """
+    known = said.mission.values
+    if mission not in known:
+        raise InputError(
+            f"the predictions lack mission {mission}; they have {len(known)}, {known.min()} to "
+            f"{known.max()}, and a mission is its row in the test store, from 0"
+        )
+    found = []
+    for name in VELOCITIES:
+        values = np.asarray(said[name].sel(mission=mission).values, np.float64)
+        given = int(np.flatnonzero(np.isfinite(values)).max(initial=-1)) + 1
+        ends = needed is None and given != samples
+        if ends or values.size < samples or np.isfinite(values[samples:]).any():
+            raise InputError(
+                f"the predicted {name} of mission {mission} has {given} samples, the store "
+                f"{samples}"
+            )
+        values = values[:samples]
+        bad = ~np.isfinite(values) & (True if needed is None else needed)
+        if bad.any():
+            raise InputError(
+                f"the predicted {name} of mission {mission} is not finite at sample "
+                f"{np.flatnonzero(bad)[0]}"
+            )
+        found.append(values)
+    return found[0], found[1]
