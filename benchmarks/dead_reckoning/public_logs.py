@@ -28,8 +28,7 @@ import xarray as xr
 
 from benchmarks.dead_reckoning.predictions import velocities_of
 from benchmarks.dead_reckoning.scoring import drawn
-from benchmarks.real_logs.adcp import LEAST_DEPTH
-from benchmarks.real_logs.samples import level_speed
+from benchmarks.real_logs.samples import LEAST_DEPTH, level_speed
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
     Array,

@@ -18,7 +18,7 @@ from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
 from benchmarks.real_logs.published import published_rows
 from benchmarks.real_logs.ridge import ridge
 from benchmarks.real_logs.row import Row, rmse
-from benchmarks.real_logs.samples import Samples, level_speed, sample
+from benchmarks.real_logs.samples import LEAST_DEPTH, Samples, level_speed, sample
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
 from twin.identify import load_logs, motion_of
@@ -26,8 +26,6 @@ from twin.navigation.dead_reckoning import Array
 
 TASK = "surge against ADCP"
 COLUMNS = ("u_ttw", "v_ttw", "depth_m")
-LEAST_DEPTH = 5.0
-"""[m] shallower the inverse solution is pulled to the constraint at the surface"""
 FACTORY = "fm_hspeed_ms"
 """[m/s] horizontal speed by the factory's model"""
 LEAST_DIVES = 4

@@ -18,6 +18,8 @@ from twin.navigation.features import feature_matrix, select_features
 
 AVERAGE = 60.0
 """[s] that inputs are averaged over"""
+LEAST_DEPTH = 5.0
+"""[m] shallower a profiler's inverse solution is pulled to the constraint at the surface"""
 GLIDER = select_features(
     ("attitude", "depth_rate", "depth_rate_slow", "glide_speed", "glide_speed_slow", "pump")
 )
