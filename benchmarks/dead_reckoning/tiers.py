@@ -99,6 +99,10 @@ TIERS: Mapping[str, Tier] = {
     "paper": Tier(
         train={"preset": "paper", "hours": 10.0, "seed": 9001},
         test={"preset": "paper-test"},
+        checksums={
+            "train": Checksum(13, 72013, 14948.292),
+            "test": Checksum(3, 60003, 14896.21),
+        },
     ),
     "field": Tier(
         train={"preset": "field", "hours": 400.0, "seed": 9011, "engine": "lanes"},
