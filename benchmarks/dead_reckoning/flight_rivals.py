@@ -2,8 +2,8 @@
 
 `gliderflight`: the steady balance of forces with two parameters, volume and drag, fitted to the
 depth rate (Merckelbach et al. 2010 and 2019); on simulated missions to that of the first dives,
-with the other coefficients of the vehicle's file, on logs to all dives of a deployment, with
-published ones. `identified twin`: what `twin identify` finds in a deployment's depth rate and
+with the other coefficients of the vehicle's file, on logs (`gliderflight by all dives`) to all
+dives of a deployment, with published ones. `identified twin`: what `twin identify` finds in a deployment's depth rate and
 fixes; it needs logs. Neither sees a velocity.
 """
 
@@ -55,7 +55,7 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
     """Surge by the balance of forces; sway is none."""
     with MissionStore(test) as reader:
         if reader.logged:
-            return _logged(test, lambda fitted, log: _balance_surge(fitted.steady, fitted, log))
+            raise InputError("on logs it is the rival `gliderflight by all dives`")
         vehicle = reader.vehicle
     said: dict[int, dict[int, dict[str, Array]]] = {dives: {} for dives in DIVES}
     nominal = balance_of(vehicle)
@@ -92,6 +92,11 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
     return {dives: table(rows) for dives, rows in said.items()}
 
 
+def gliderflight_of_all(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
+    """The same of logs, with published coefficients, fitted to all dives."""
+    return _logged(test, lambda fitted, log: _balance_surge(fitted.steady, fitted, log))
+
+
 def balance_of(vehicle: Vehicle) -> SteadyModel:
     """The balance with the coefficients of a vehicle's file, before anything is fitted."""
     law, per = vehicle.flow_frame, 0.5 * vehicle.reference_density * AREA
@@ -124,7 +129,7 @@ def _logged(test: Path, velocities: Callable[[Fitted, Log], tuple[Array, Array]]
     """Of every dive, by models that are fitted to all."""
     with MissionStore(test) as reader:
         if not reader.logged:
-            raise InputError("an identified twin needs logs: it is a rival of tier public alone")
+            raise InputError("what is fitted to all dives needs logs: a rival of tier public alone")
     logs = load_logs(test)
     rows = [log.index for log in logs]
     fitted = fit_fold(FoldJob(store=test, block=tuple(rows), train=tuple(thinned(rows))))

@@ -168,6 +168,7 @@ RIVALS: Mapping[str, Rival] = {
     "steady flight": baseline("steady_flight"),
     "EKF": baseline("ekf"),
     "gliderflight": flight("gliderflight"),
+    "gliderflight by all dives": flight("gliderflight_of_all", ALL_DIVES),
     "identified twin": flight("identified", ALL_DIVES),
     "flight filter": baseline("flight_filter"),
     "elman": network("elman"),

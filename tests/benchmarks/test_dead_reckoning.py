@@ -157,7 +157,7 @@ def test_a_balance_of_forces_is_fitted_to_the_first_dives(made):
     found = score(test, dives, RIVALS["gliderflight"].predict(train, test, 0, 1.0))
     assert found["1"]["surge_mse"] < 0.8 * found["0"]["surge_mse"]
     assert found["1"]["dr_velocity_percent"] < 0.7 * found["0"]["dr_velocity_percent"]
-    with pytest.raises(InputError, match="an identified twin needs logs"):
+    with pytest.raises(InputError, match="fitted to all dives needs logs"):
         RIVALS["identified twin"].predict(train, test, 0, 1.0)
 
 
