@@ -3,8 +3,8 @@
 `gliderflight`: the steady balance of forces with two parameters, volume and drag, fitted to the
 depth rate (Merckelbach et al. 2010 and 2019); on simulated missions to that of the first dives,
 with the other coefficients of the vehicle's file, on logs (`gliderflight by all dives`) to all
-dives of a deployment, with published ones. `identified twin`: what `twin identify` finds in a deployment's depth rate and
-fixes; it needs logs. Neither sees a velocity.
+dives of a deployment, with published ones. `identified twin`: what `twin identify` finds in a
+deployment's depth rate and fixes; it needs logs. Neither sees a velocity.
 """
 
 from __future__ import annotations
