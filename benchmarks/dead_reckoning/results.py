@@ -21,6 +21,7 @@ from twin.errors import InputError
 FOLDER = Path(__file__).with_name("results")
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
 TIERS = ("paper", "field", "family", "public")
+PERCENT = "dead reckoning, %"
 DEPLOYMENTS = ("sg171", "comet")
 """Of tier public, each with a figure of its own"""
 CODE = ("benchmarks/dead_reckoning", "benchmarks/real_logs", "factory", "learn", "twin", "assets")
@@ -95,7 +96,7 @@ def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
     return [
         {
             "method": name, "labels": found["labels"], "dives": dives,
-            "dead reckoning, %": f"{one['dr_velocity_percent']:.3f}",
+            PERCENT: f"{one['dr_velocity_percent']:.3f}",
             "95 %": f"{one['low']:.3f} to {one['high']:.3f}",
             "seeds": f"{one['least']:.3f} to {one['most']:.3f}" if "least" in one else "",
             "surge MSE": f"{one['surge_mse']:.2e}",
@@ -123,7 +124,7 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
             ),
         )
         lines = [
-            {**row, "by": one["who"], "code": f"`{figures['commit']}`"}
+            {**_on_page(row), "by": f"{one['who']}, `{figures['commit']}`"}
             for figures, one in own
             for row in rows({one["method"]: figures})
         ]
@@ -133,6 +134,17 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
                 f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
                 for cells in (used, ["---"] * len(used), *([x[n] for n in used] for x in lines))
             )
+    return found
+
+
+def _on_page(row: Mapping[str, str]) -> dict[str, str]:
+    """A row with the interval in brackets behind the figure."""
+    found = {}
+    for name, cell in row.items():
+        if name == PERCENT:
+            found[f"{name} (95 %)"] = f"{cell} ({row['95 %']})"
+        elif name != "95 %":
+            found[name] = cell
     return found
 
 
