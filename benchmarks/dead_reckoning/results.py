@@ -18,7 +18,7 @@ from typing import Any
 from benchmarks.dead_reckoning.rival import ALL_DIVES
 from twin.errors import InputError
 
-FOLDER = Path(__file__).with_name("results")
+FOLDER = Path(__file__).with_name("methods")
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
 TIERS = ("paper", "field", "family", "public")
 PERCENT = "dead reckoning, %"
