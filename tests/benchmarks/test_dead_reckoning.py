@@ -140,7 +140,7 @@ def test_a_method_that_adapts_says_more_after_more_dives(made, monkeypatch):
         name: score(test, dives, one.predict(train, test, 0, 1.0)) for name, one in found.items()
     }
     assert (train.parent / "runs" / "ema-0-1" / "run.json").is_file()  # trained once for both
-    assert figures["ema"]["0"] == figures["ema"]["5"]
+    assert figures["ema"]["0"] == figures["ema"]["1"]
     assert figures["ema adapted"]["0"]["dr_velocity_percent"] == pytest.approx(
         figures["ema"]["0"]["dr_velocity_percent"], rel=1e-6
     )

@@ -37,6 +37,7 @@ class Oracle:
     """Stands for an ensemble: the truth of each mission, scaled and shifted."""
 
     start = None
+    spread = None
 
     def __init__(self, target, truth, scale=1.0, shift=0.0, spread=0.0):
         self.members = (SimpleNamespace(features=("sin_pitch", "depth_rate")),)

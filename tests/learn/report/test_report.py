@@ -32,6 +32,7 @@ class Constant:
     """Stands for an ensemble that always says the same."""
 
     start = None
+    spread = None
 
     def __init__(self, value):
         self.members = (SimpleNamespace(features=("sin_pitch",)),)
