@@ -22,7 +22,13 @@ import numpy as np
 
 from learn.data.dataset import MissionSequence, Selection
 from twin.identify.start_values import balance
-from twin.navigation.flight_filter import TYPICAL_COMPRESSIBILITY, FlightFilter, FlightSpread
+from twin.navigation.flight_filter import (
+    CLEAN,
+    HULLS,
+    TYPICAL_COMPRESSIBILITY,
+    FlightFilter,
+    FlightSpread,
+)
 from twin.navigation.flight_filter_kernels import CHANNELS, STANDARD_OCEAN
 from twin.records.reader import MissionStore
 from twin.vehicle.parts.pump import CUBIC_CM
@@ -36,8 +42,6 @@ STEADY_S = 20.0
 NEVER = {
     "coefficient": 1e-6, "drag": 1e-6, "pitch": 1e-8, "ballast": 1e-7, "compressibility": 1e-17
 }  # fmt: skip
-EXACT = {"drag": FlightSpread().coefficient, "depth_rate": 3e-3}
-"""What is right here, of what the filter believes otherwise: no growth, and nothing that lasts"""
 ERRORS = ("drag", "lift slope", "induced drag", "accelerometers", "compressibility")
 TRUE = ("depth", "roll", "pitch", "heading", "roll_rate", "pitch_rate", "yaw_rate", "pump")
 
@@ -138,8 +142,8 @@ def main() -> None:
     with Selection(options.store, channels) as selection:
         missions = list(selection.each())
     cases: dict[str, tuple[tuple[str, ...], FlightSpread]] = {
-        "nothing learned": ((), FlightSpread(**EXACT | NEVER)),
-        "learned": ((), FlightSpread(**EXACT)),
+        "nothing learned": ((), dataclasses.replace(HULLS[CLEAN], **NEVER)),
+        "learned": ((), HULLS[CLEAN]),
         **{f"learned, no error of {name}": ((name,), _without(name)) for name in ERRORS},
         "learned, no error of any coefficient": (ERRORS[:3], _without("coefficients")),
     }
@@ -162,7 +166,7 @@ def _without(name: str) -> FlightSpread:
         "accelerometers": ("pitch",), "coefficients": ("coefficient", "drag"),
         "compressibility": ("compressibility",),
     }.get(name, ())  # fmt: skip
-    return FlightSpread(**EXACT | {field: NEVER[field] for field in known})
+    return dataclasses.replace(HULLS[CLEAN], **{field: NEVER[field] for field in known})
 
 
 assert set(CHANNELS) <= {f"measured_{n}" for n in TRUE} | {

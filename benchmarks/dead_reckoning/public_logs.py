@@ -29,6 +29,7 @@ import xarray as xr
 from benchmarks.dead_reckoning.predictions import velocities_of
 from benchmarks.dead_reckoning.scoring import drawn
 from benchmarks.real_logs.samples import LEAST_DEPTH, level_speed
+from learn.data.logs import filled
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
     Array,
@@ -172,18 +173,9 @@ def dives_of(deployment: Deployment, test: Path) -> list[LoggedDive]:
         for index in range(len(store)):
             signals = {name: store.signal(name, index) for name in (*ATTITUDE, *TRUTH)}
             for name in ATTITUDE:
-                signals[name] = _bridged(signals[name], angle=name == "measured_heading")
+                signals[name] = filled(name, signals[name])
             found.append(LoggedDive(index, store.time(index), signals, deployment.pitch))
     return found
-
-
-def _bridged(values: Array, angle: bool) -> Array:
-    """Holes by straight lines, of a heading along the shorter way."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not known.size:
-        return values
-    own = np.rad2deg(np.unwrap(np.deg2rad(values[known]))) if angle else values[known]
-    return np.interp(np.arange(values.size), known, own)
 
 
 def dive_errors(

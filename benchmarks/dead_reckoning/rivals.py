@@ -135,7 +135,7 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
         networks, model = run.networks(reader.vehicle), run.error_model()
     familiar = networks["surge"].familiar
     wanted = [*ESTIMATED, *channels_of(run.features), "measured_heading", *FIXES, *LOG_CHANNELS]
-    said: dict[int, dict[int, Any]] = {dives: {} for dives in DIVES}
+    said: dict[int, dict[int, Any]] = {dives: {} for dives in (DIVES[:1] if whole else DIVES)}
     with Selection(test, wanted, spread=run.spread) as selection:
         vehicle = selection.vehicle
         assert vehicle is not None
@@ -145,7 +145,7 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
             log = labels == "dvl"
             outside = familiar.outside(np.array(ended(flight, mission)))[0]
             glides = steady_glides(flight, mission.signals, spans, log=log)
-            for dives in DIVES:
+            for dives in said:
                 first, start = glides if whole else glides[:dives], None
                 with contextlib.suppress(InputError):
                     start = adapt_flight(flight, first, log=log).start if first else None
