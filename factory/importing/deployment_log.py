@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.tally import OtherKind, Tally, by_reason
+from factory.importing.tally import Doubt, OtherKind, Tally, by_reason
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -138,6 +138,8 @@ class DeploymentLog:
     """Channels that keep their last value between samples."""
     said: str | None = None
     """What people said of the deployment, as the text of a pyglider `deployment.yml`."""
+    doubts: tuple[Doubt, ...] = ()
+    """Stretches whose rows are suspect."""
     model: str | None = None
     """Vehicle file that stands for the vehicle; None: the one of its kind of log."""
 
@@ -169,7 +171,8 @@ def each_file(
 ) -> list[tuple[Path, Result]]:
     """What `read` makes of each file that it can read, in order.
 
-    Files with the same reason are reported together.
+    A file at which `read` raises anything else than an error of the machine (`OF_THE_MACHINE`) is
+    left out and reported, files with the same reason together.
 
     Raises:
       InputError: why, when none can be read.
@@ -181,6 +184,10 @@ def each_file(
             found.append((path, read(path)))
         except InputError as error:
             refused.append((path, error))
+        except OF_THE_MACHINE:
+            raise
+        except Exception as error:
+            refused.append((path, failed_reading(path, error)))
     _tell(refused, len(paths), tally)
     if refused and not found:
         first = refused[0][1]
@@ -189,6 +196,19 @@ def each_file(
         reasons = [(path.name, _reason(path, error)) for path, error in refused]
         raise InputError("; ".join(by_reason(reasons, len(paths))))
     return found
+
+
+OF_THE_MACHINE = (MemoryError, ModuleNotFoundError, RecursionError)
+"""Errors that say nothing of a file: memory is short, a package is missing."""
+
+
+def failed_reading(path: Path, error: Exception) -> InputError:
+    """The error of a file at which its reader raised what no reader should."""
+    why = " ".join(str(error).split())[:160]
+    return InputError(
+        f"{path.name} is damaged, or of a kind that its reader does not know: "
+        f"{type(error).__name__}{f': {why}' if why else ''}"
+    )
 
 
 def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:

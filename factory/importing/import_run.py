@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import shlex
 from collections.abc import Sequence
@@ -133,7 +134,7 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        logs = _read(importer, paths, options, tally)
+        logs = _with_doubts(_read(importer, paths, options, tally), tally)
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:
@@ -174,6 +175,16 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f'pip install "glider-twin[{importer.extra}]"'
         ) from error
+
+
+def _with_doubts(logs: Sequence[DeploymentLog], tally: Tally) -> list[DeploymentLog]:
+    """The logs with what their reader doubts of them."""
+    return [
+        dataclasses.replace(
+            log, doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment))
+        )
+        for log in logs
+    ]
 
 
 def _expect_most(read: int, tally: Tally) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -37,11 +38,29 @@ class Entry:
     """Why, in words."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Doubt:
+    """A stretch of a log that holds what no ocean or no vehicle allows."""
+
+    subject: str
+    """The channel or variable."""
+    why: str
+    """Reason, in words without a time or a place that differs from dive to dive."""
+    deployment: str = ""
+    """Deployment that it concerns; empty: all that are read together."""
+    start: float = -math.inf
+    """[s] unix."""
+    end: float = math.inf
+    """[s] unix."""
+
+
 class Tally:
     """Collects entries; equal ones are added up, in the order in which they first appeared."""
 
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str, str], int] = {}
+        self.doubts: list[Doubt] = []
+        """Stretches whose rows become suspect."""
         self.names: dict[str, dict[str, str]] = {}
         """What became of each name in the files, by kind of file (`unread_names`)."""
         self.unreadable: list[tuple[str, str]] = []
@@ -52,6 +71,23 @@ class Tally:
         if count:
             key = (action, subject, detail)
             self._counts[key] = self._counts.get(key, 0) + int(count)
+
+    def doubt(
+        self,
+        subject: str,
+        why: str,
+        count: int = 1,
+        *,
+        deployment: str = "",
+        start: float = -math.inf,
+        end: float = math.inf,
+    ) -> None:
+        """Mark a stretch of a log as suspect: the rows in it say so, and the store is not sound.
+
+        Args: as of `Doubt`; count: samples or files that it concerns.
+        """
+        self.add("suspect", subject, count, why)
+        self.doubts.append(Doubt(subject, why, deployment, start, end))
 
     def named(self) -> dict[str, dict[str, tuple[str, ...]]]:
         """Every name in the files by kind of file and by what became of it."""
