@@ -41,6 +41,7 @@ from twin.records.attributes import (
     SPLIT,
     SPLITS,
     START_TIME,
+    SUSPECT,
     VEHICLE_MJCF,
     VEHICLE_SHA256,
 )
@@ -108,7 +109,9 @@ def verify_store(
 
 def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
     """As `verify_missions`, of a store of logs."""
-    parts = ("metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth")
+    parts = (
+        "metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth", SUSPECT,
+    )  # fmt: skip
     checks = {name: StoreCheck(name) for name in parts}
     check = checks["metadata"]
     check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
@@ -122,6 +125,8 @@ def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1)
     if not check.problems:
         _check_order(logs, checks["order"])
         _check_fixes(logs, checks["fixes"])
+        for dive, why in enumerate(logs.suspect):
+            checks[SUSPECT].expect(not why, f"dive {dive}: {why}")
     return _read(logs, checks, _check_dive, watch, workers)
 
 

@@ -1,6 +1,11 @@
-"""Versions: of the distribution, and of the physics that its results depend on."""
+"""Versions: of the distribution, of the physics and of the readers of logs."""
 
 __version__ = "0.1.0"
+IMPORT_VERSION = 2
+"""Of the readers of logs, counted up when the same files give other values.
+
+1: up to the stores that name none; 2: declared units, clocks of samples and flags of fixes are
+read, and doubtful rows are marked."""
 PHYSICS_VERSION = 3
 """Of what every vehicle shares; a hull law or a kind of part that flies otherwise since has a later
 `physics` of its own, and a vehicle has the latest of all (`Vehicle.physics_version`).

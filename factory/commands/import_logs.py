@@ -10,6 +10,7 @@ import tyro
 
 from factory.importing import IMPORTERS
 from twin.cli.console import Console, JsonOption
+from twin.cli.text_table import counted
 
 CHOICES = "{" + ",".join(IMPORTERS.names()) + "}"
 FILES = "logs, or folders of them (folders below with --recursive). " + "; ".join(
@@ -107,5 +108,10 @@ class ImportLogs(JsonOption):
             },
             title="\nstore",
         )
+        if report.suspect:
+            console.warn(
+                f"{report.suspect} of {counted(report.rows, 'row')} suspect: see `suspect` of the "
+                "store, or `factory verify`"
+            )
         console.answer(store=self.out, report=report.to_dict())
         return 0

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel
+from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.plausibility import (
     FASTEST,
     SLOWEST,
@@ -19,6 +20,7 @@ from factory.importing.plausibility import (
 )
 from factory.importing.tally import Tally
 from twin.errors import InputError
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 
@@ -55,6 +57,7 @@ LIMITS = {
     "measured_pump_power": Limits(low=0.0, high=1e4),
     "measured_thruster_power": Limits(low=0.0, high=1e4),
     "measured_vacuum": Limits(low=-5e4, high=101_000.0),
+    "variation": Limits(low=-180.0, high=180.0),
     "latitude": Limits(low=-90.0, high=90.0),
     "longitude": Limits(low=-180.0, high=360.0),
 }
@@ -81,12 +84,7 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
     limits = LIMITS.get(name)
     if limits is not None:
         possible = (values >= limits.low) & (values <= limits.high)
-        tally.add(
-            "removed",
-            subject,
-            int((there & ~possible).sum()),
-            f"outside {limits.low:g} to {limits.high:g}",
-        )
+        _remove(subject, time[there], values[there], (limits.low, limits.high), tally)
         there &= possible
     time, values = time[there], values[there]
     if limits is not None and np.isfinite(limits.rate):
@@ -102,7 +100,12 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
             why = f"changes faster than {limits.rate:g} m/s"
             if bad.sum() > _MOST * len(bad):
                 long = bad & ~short_runs(bad, _SHORT)
-                tally.add("suspect", subject, int(long.sum()), f"{why}; too many to be removed")
+                ends = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(np.int8), [0]])))
+                for first, last in ends.reshape(-1, 2):
+                    tally.doubt(
+                        subject, f"{why}; too many to be removed", int(last - first),
+                        start=float(time[first]), end=float(time[last - 1]),
+                    )  # fmt: skip
                 bad &= ~long
         else:
             bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
@@ -110,6 +113,78 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
         tally.add("removed", subject, int(bad.sum()), why)
         time, values = time[~bad], values[~bad]
     return Channel(time, values)
+
+
+AUXILIARY_LIMITS = {
+    "dive": (-1.0, 1e6), "onboard_north": (-1e7, 1e7), "onboard_east": (-1e7, 1e7),
+    "dac_north": (-10.0, 10.0), "dac_east": (-10.0, 10.0), "velocity_north": (-10.0, 10.0),
+    "velocity_east": (-10.0, 10.0), "velocity_down": (-10.0, 10.0),
+    "current_north": (-10.0, 10.0), "current_east": (-10.0, 10.0),
+}  # fmt: skip
+"""Limits of what rows are made from [m, m/s]."""
+
+
+def limits_of(name: str) -> tuple[float, float]:
+    """Lowest and highest value that a channel of a log can have, in its unit."""
+    ending = name.rpartition("_")[2]
+    if name in LIMITS or ending in ("latitude", "longitude"):
+        limits = LIMITS.get(name) or LIMITS[ending]
+        return limits.low, limits.high
+    if name in AUXILIARY_LIMITS:
+        return AUXILIARY_LIMITS[name]
+    try:
+        return recorded_limits(name)
+    except LookupError:  # times, codes and switches
+        return -np.inf, np.inf
+
+
+def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log without values that none of its channels can have, counted.
+
+    Readers clean what they know to be noisy; here every channel of every format passes.
+    """
+
+    def inside(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+        kept = {}
+        for name, channel in channels.items():
+            low, high = limits_of(name)
+            good = (channel.values >= low) & (channel.values <= high) & np.isfinite(channel.values)
+            if not good.all():
+                _remove(name, channel.time, channel.values, (low, high), tally)
+                channel = Channel(channel.time[good], channel.values[good])
+            kept[name] = channel
+        return kept
+
+    fixes = log.fixes
+    good = (np.abs(fixes.latitude) <= 90.0) & (np.abs(fixes.longitude) <= 360.0)
+    tally.add("removed", "GPS fixes", int((~good).sum()), "no position on Earth")
+    return dataclasses.replace(
+        log,
+        channels={name: one for name, one in inside(log.channels).items() if len(one)},
+        auxiliary=inside(log.auxiliary),
+        magnetic_variation=inside({"variation": log.magnetic_variation})["variation"],
+        fixes=fixes if good.all() else fixes.keep(good),
+    )
+
+
+def _remove(
+    name: str, time: Array, values: Array, limits: tuple[float, float], tally: Tally
+) -> None:
+    """Count the values outside limits; doubt a channel that is nearly always outside them."""
+    low, high = limits
+    out = ~((values >= low) & (values <= high))
+    why = f"outside {low:g} to {high:g}"
+    tally.add("removed", name, int(out.sum()), why)
+    # a sensor that is off says one value, a wrong unit many
+    if out.sum() > _NEARLY_ALL * len(out) and len(np.unique(values[out])) > _FEW_WORDS:
+        tally.doubt(
+            name, f"nearly all {why}; wrong unit or column?", int(out.sum()),
+            start=float(time[0]), end=float(time[-1]),
+        )  # fmt: skip
+
+
+_FEW_WORDS = 3
+"""Values by which sensors say that they have none"""
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:

@@ -5,9 +5,10 @@ One file after the other: what cannot be read is reported and left out, the rest
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -209,6 +210,30 @@ def failed_reading(path: Path, error: Exception) -> InputError:
         f"{path.name} is damaged, or of a kind that its reader does not know: "
         f"{type(error).__name__}{f': {why}' if why else ''}"
     )
+
+
+@contextlib.contextmanager
+def naming(log: DeploymentLog) -> Iterator[None]:
+    """Make an InputError that names the log of whatever is raised while dives are cut of it.
+
+    Raises:
+      InputError: of those that were raised, and in place of others.
+    """
+    try:
+        yield
+    except (InputError, *OF_THE_MACHINE):
+        raise
+    except Exception as error:
+        why = " ".join(str(error).split())[:160]
+        raise InputError(
+            f"{log.deployment} ({by_number(log.files)}) holds what cannot be cut into dives: "
+            f"{type(error).__name__}{f': {why}' if why else ''}"
+        ) from error
+
+
+def by_number(files: Sequence[str]) -> str:
+    """The only file's name, or the first one's and how many there are."""
+    return files[0] if len(files) == 1 else f"{len(files)} files, {', '.join(files[:1])} first"
 
 
 def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:

@@ -137,7 +137,7 @@ def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) 
             coasted += int(keep[i])
     wet = int((~keep).sum())
     if wet > _SHARE * near.sum() and wet >= _LEAST:
-        tally.add("suspect", FIXES, wet, _clocks(fixes.time, depth, rules))
+        tally.doubt(FIXES, _clocks(fixes.time, depth, rules), wet)
     tally.add(
         "removed", FIXES, int((~keep).sum()),
         f"under water: deeper than {rules.fix_depth:g} m",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import difflib
 import shlex
@@ -9,13 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.deployment_log import UNREADABLE
+from factory.importing.cleaning import within_limits
+from factory.importing.deployment_log import OF_THE_MACHINE, UNREADABLE, each_file, failed_reading
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
     IMPORTERS,
     LONGEST,
     SHORTEST,
     Importer,
+    Reader,
     ReadOptions,
     WrongFormat,
     likely_kind,
@@ -23,7 +26,7 @@ from factory.importing.formats.base import (
 from factory.importing.given_files import expand
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
-from factory.importing.tally import ImportReport, Tally, summarise
+from factory.importing.tally import ImportReport, OtherKind, Tally, summarise
 from twin.errors import InputError
 from twin.plugins import imported
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY, made_at
@@ -134,7 +137,7 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        logs = _with_doubts(_read(importer, paths, options, tally), tally)
+        logs = _limited(_read(importer, paths, options, tally), tally)
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:
@@ -164,9 +167,17 @@ def _beside(paths: Sequence[Path]) -> str | None:
 def _read(
     importer: Importer, paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
+    read: Reader = imported(importer.read) if isinstance(importer.read, str) else importer.read
     try:
-        read = imported(importer.read) if isinstance(importer.read, str) else importer.read
-        logs: list[DeploymentLog] = read(paths, options, tally)
+        trial = copy.deepcopy(tally)
+        try:
+            logs = read(paths, options, trial)
+        except (InputError, *OF_THE_MACHINE):
+            tally.take(trial)
+            raise
+        except Exception as error:
+            return _read_others(importer, read, paths, options, tally, error)
+        tally.take(trial)
         return logs
     except ModuleNotFoundError as error:
         if importer.extra is None:
@@ -177,11 +188,40 @@ def _read(
         ) from error
 
 
-def _with_doubts(logs: Sequence[DeploymentLog], tally: Tally) -> list[DeploymentLog]:
-    """The logs with what their reader doubts of them."""
+def _read_others(
+    importer: Importer, read: Reader, paths: Sequence[Path], options: ReadOptions, tally: Tally,
+    error: Exception,
+) -> list[DeploymentLog]:  # fmt: skip
+    """Read what is left when the files are left out at which the reader fails alone.
+
+    Raises:
+      InputError: none is left, or the reader fails at no file alone.
+    """
+
+    def alone(path: Path) -> None:
+        try:
+            read([path], options, Tally())
+        except OtherKind:
+            raise
+        except InputError:
+            return  # it needs another file beside it
+
+    good = [path for path, _ in each_file(paths, alone, tally)]
+    if len(good) == len(paths):
+        names = summarise([path.name for path in paths], 3)
+        raise InputError(
+            f"{names}: the {importer.name} reader fails at them together, and at none alone "
+            f"({failed_reading(paths[0], error)}); import them in smaller groups to find the pair"
+        ) from error
+    return _read(importer, good, options, tally)
+
+
+def _limited(logs: Sequence[DeploymentLog], tally: Tally) -> list[DeploymentLog]:
+    """The logs within the limits of each channel, with what their reader doubts of them."""
     return [
         dataclasses.replace(
-            log, doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment))
+            within_limits(log, tally),
+            doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment)),
         )
         for log in logs
     ]

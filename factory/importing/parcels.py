@@ -253,6 +253,7 @@ def write_rows(rows: Sequence[DiveRow], said: Mapping[str, Any], path: Path) -> 
                 "numbers": {n: float(v) for n, v in row.numbers.items() if np.isfinite(v)},
                 "signals": list(signals),
                 "method": row.positions.method,
+                "suspect": row.suspect,
                 "made_of": row.made_of,
                 "told": [dataclasses.astuple(one) for one in row.told],
             }
@@ -300,6 +301,7 @@ def read_rows(path: Path, chosen: Collection[int] | None = None) -> list[DiveRow
                         longitude=file[f"{k}/longitude"],
                         method=head["method"],
                     ),
+                    suspect=head["suspect"],
                     made_of=head["made_of"],
                     told=tuple(Entry(*one) for one in head["told"]),
                 )

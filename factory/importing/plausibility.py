@@ -65,10 +65,11 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
     if len(roll) and below.sum() > _ENOUGH:
         usual = float(np.median(np.abs(roll.at(depth.time[below]))))
         if usual > _ROLLED:
-            tally.add(
-                "suspect", "measured_roll", len(roll),
+            tally.doubt(
+                "measured_roll",
                 f"{log.deployment} rolls by {usual:.0f} degree: wrong unit or column",
-            )  # fmt: skip
+                len(roll),
+            )
     down, up = below & (rate > _MOVING), below & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
         return
@@ -76,24 +77,27 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
     if len(pitch):
         angle = pitch.at(depth.time)
         if np.median(angle[down]) > np.median(angle[up]):
-            tally.add(
-                "suspect", "measured_pitch", len(pitch),
+            tally.doubt(
+                "measured_pitch",
                 f"{log.deployment} sinks nose up: wrong sign or column",
-            )  # fmt: skip
+                len(pitch),
+            )
         speed = speed_along_pitch(depth, pitch)
         if speed > FASTEST or speed < SLOWEST:
-            tally.add(
-                "suspect", "measured_depth", len(depth),
+            tally.doubt(
+                "measured_depth",
                 f"{log.deployment} would move at {speed:.2g} m/s: wrong unit of depth or pitch",
-            )  # fmt: skip
+                len(depth),
+            )
     propelled = len(log.channel("thruster")) and np.mean(log.channel("thruster").values) > 0.0
     if len(pump) and not propelled:
         volume = pump.at(depth.time)
         if np.median(volume[down]) > np.median(volume[up]):
-            tally.add(
-                "suspect", "measured_pump", len(pump),
+            tally.doubt(
+                "measured_pump",
                 f"{log.deployment} sinks with more volume than it rises with: wrong sign or column",
-            )  # fmt: skip
+                len(pump),
+            )
 
 
 _BESIDE = 2

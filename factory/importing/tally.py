@@ -89,6 +89,10 @@ class Tally:
         self.add("suspect", subject, count, why)
         self.doubts.append(Doubt(subject, why, deployment, start, end))
 
+    def take(self, other: Tally) -> None:
+        """Become what another one is, such as a copy that counted on."""
+        self.__dict__.update(other.__dict__)
+
     def named(self) -> dict[str, dict[str, tuple[str, ...]]]:
         """Every name in the files by kind of file and by what became of it."""
         return {
@@ -121,6 +125,8 @@ class ImportReport:
     """Dives or GPS-to-GPS segments in the store."""
     rows_with_fixes: int
     """Rows that begin and end with a GPS fix."""
+    suspect: int
+    """Rows that hold what no ocean or vehicle allows; the store says why."""
     samples: int
     """Samples of all rows on the grid."""
     hours: float

@@ -23,6 +23,8 @@ from twin.records.schema import SIMULATED
 from twin.records.store import read_trajectory
 from twin.vehicle.vehicle import load_vehicle
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*imported by version 1 of the readers")
+
 KEPT = Path(__file__).resolve().parents[1] / "data" / "e2ff189"
 SIMULATED_STORE, LOG_STORE, RUN = KEPT / "simulated.zarr", KEPT / "logged.zarr", KEPT / "run"
 

@@ -38,6 +38,8 @@ IMPORT_REPORT, PLATFORM, FILES = "import_report", "platform", "files"
 DEPLOYMENT_METADATA = "deployment_metadata"
 """Text of the YAML file that lay beside the logs: what people said of the deployment."""
 PROGRAM_VERSION = "glider_twin_version"
+READER_VERSION = "import_version"
+"""Which readers made a store of logs (`twin.version.IMPORT_VERSION`); 1 where it does not say"""
 
 N_SAMPLES, SPLIT, DURATION, ATTEMPT = "n_samples", "split", "duration", "attempt"
 """Arrays over missions."""
@@ -58,6 +60,8 @@ OF_MISSIONS: Mapping[str, Mapping[str, Any]] = {
 """CF attributes of its arrays over missions"""
 DEPLOYMENT, START_TIME, DIVE_DURATION, DIVE = "deployment", "start_time", "dive_duration", "dive"
 """Arrays over the dives of a store of logs."""
+SUSPECT = "suspect"
+"""Array over them: why a dive holds what no ocean or vehicle allows; empty where it does not."""
 
 SPLITS = ("train", "validation", "test")
 """Parts of a store, by their flag. A mission belongs to exactly one."""

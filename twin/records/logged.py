@@ -23,6 +23,7 @@ from twin.records.attributes import (
     IMPORT_REPORT,
     PLATFORM,
     START_TIME,
+    SUSPECT,
     says_simulated,
 )
 from twin.records.coordinates import (
@@ -161,6 +162,11 @@ class LogStore(MissionStore):
     def deployments(self) -> list[str]:
         """Name of each dive's deployment."""
         return [str(name) for name in self.array(DEPLOYMENT)]
+
+    @functools.cached_property
+    def suspect(self) -> list[str]:
+        """Why each dive holds what no ocean or vehicle allows; empty where it does not."""
+        return [str(why) for why in self.array(SUSPECT)] if SUSPECT in self else [""] * len(self)
 
     @functools.cached_property
     def starts(self) -> Array:

@@ -8,6 +8,7 @@ and the mission.
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -21,6 +22,7 @@ from twin.records.attributes import (
     CONVENTIONS,
     HISTORY,
     N_SAMPLES,
+    READER_VERSION,
     SAMPLE_PERIOD,
     SCENARIO,
     SCHEMA,
@@ -47,6 +49,7 @@ from twin.records.store import open_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption, needed_signals
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.version import IMPORT_VERSION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,6 +93,8 @@ class MissionStore:
                 f"expected is {CONVENTIONS[SCHEMA]!r}: `factory generate`, `factory import` and "
                 "`twin simulate --out` write such stores"
             )
+        if self.logged:
+            self._tell_outdated()
 
     def __enter__(self) -> Self:
         return self
@@ -122,6 +127,18 @@ class MissionStore:
             time = [k * self.period for k in range(len(first))]
             picture = line(time, first, "depth of mission 0 [m]", down=True)
         return card(str(self.path), rows, picture)
+
+    def _tell_outdated(self) -> None:
+        """Warn where older readers imported the logs, which could take them wrongly."""
+        made = self.attributes.get(READER_VERSION, 1)
+        if made == IMPORT_VERSION:
+            return
+        warnings.warn(
+            f"{self.path} was imported by version {made} of the readers, and this is version "
+            f"{IMPORT_VERSION}: units, clocks and fixes may have been taken otherwise; import its "
+            "logs again",
+            stacklevel=1,  # one place, so that a process says it once
+        )
 
     def close(self) -> None:
         """Let go of the files."""

@@ -1,4 +1,5 @@
-"""Checks of one dive: a log that does not hold it to its end, and sensors that stood still.
+"""Checks of one dive: a log that does not hold it to its end, sensors that stood still, and what no
+ocean and no vehicle allows.
 
 And of a log: what it holds from before its clock was set.
 """
@@ -7,14 +8,17 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from factory.importing.deployment_log import Channel, DeploymentLog
-from factory.importing.dives.segments import LogSegment
+from factory.importing.deployment_log import Array, Channel, DeploymentLog
+from factory.importing.dives.segments import CLIMB, DESCENT, LogSegment
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.records.coordinates import utc_minute
+from twin.records.logged import DRIVEN
 
 _SILENT = 120.0
 """[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
@@ -131,3 +135,65 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
                 f"{log.deployment}: one depth for more than {_STANDS:g} s while pitched; stuck?"
                 " (dives counted)",
             )  # fmt: skip
+
+
+Reason = tuple[str, str]
+"""Channel, and what is wrong with it"""
+STRONGEST_CURRENT = 3.0
+"""[m/s] Averaged over a dive no ocean current is faster: the core of the Gulf Stream has 2.5."""
+FASTEST_OVER_GROUND = 6.0
+"""[m/s] The fastest vehicles here swim 3 m/s, and the current adds as much."""
+FARTHEST = 1e6
+"""[m] A vehicle is sent to a place that it reaches in its deployment."""
+_ELSEWHERE = {"commanded_waypoint": "its waypoint", "measured_onboard": "its own track"}
+_NOTHING = np.zeros(0)
+FLAT, FALLS = 2.0, 0.14
+"""[degree, m/s] A hull that lies flat falls more slowly than that: 0.5 kg of net mass over 0.5 m2
+of its side and a drag coefficient of 1 give 0.13 m/s. Who sinks faster is pitched."""
+
+
+def doubts_of(
+    log: DeploymentLog,
+    segment: LogSegment,
+    signals: Mapping[str, Array],
+    numbers: Mapping[str, float],
+    period: float,
+) -> list[Reason]:
+    """Find what a dive says that no ocean and no vehicle allows.
+
+    Args:
+      signals: of the row, on its grid, (time,) each.
+      numbers: of the row, such as its currents.
+      period: [s] of the grid.
+    """
+    found: list[Reason] = []
+    for whose in ("vehicle_dac", "dac"):
+        speed = math.hypot(*(numbers.get(f"{whose}_{axis}", 0.0) for axis in ("north", "east")))
+        if speed > STRONGEST_CURRENT:
+            found.append((whose, f"a current of more than {STRONGEST_CURRENT:g} m/s"))
+    if math.hypot(*segment.displacement) > FASTEST_OVER_GROUND * segment.duration:
+        why = f"faster over ground than {FASTEST_OVER_GROUND:g} m/s between its fixes"
+        found.append(("GPS fixes", why))
+    for name, what in _ELSEWHERE.items():
+        away = np.hypot(*(signals.get(f"{name}_{axis}", _NOTHING) for axis in ("north", "east")))
+        known = away[np.isfinite(away)]
+        if known.size and np.median(known) > FARTHEST:
+            why = f"more than {FARTHEST / 1e3:g} km from {what}; minutes for degrees?"
+            found.append(("GPS fixes", why))
+    if log.pieces is None and numbers.get("thruster_fraction", 0.0) <= DRIVEN:
+        found += _too_flat(signals, period)
+    return found
+
+
+def _too_flat(signals: Mapping[str, Array], period: float) -> list[Reason]:
+    """Pitch of a glide that cannot make its vertical velocity."""
+    needed = ("measured_depth", "measured_pitch", "measured_gap", "measured_phase")
+    if any(name not in signals for name in needed):
+        return []
+    depth, pitch, gap, phase = (signals[name] for name in needed)
+    glide = (gap < 0.5) & (depth > _BELOW) & np.isin(phase, (DESCENT, CLIMB)) & np.isfinite(pitch)
+    if glide.sum() < _FEWEST or np.median(np.abs(pitch[glide])) > FLAT:
+        return []
+    if np.median(np.abs(np.gradient(depth, period))[glide]) < FALLS:
+        return []
+    return [("measured_pitch", f"below {FLAT:g} degree at {FALLS:g} m/s of sinking; wrong unit?")]

@@ -21,9 +21,11 @@ from twin.records.attributes import (
     DIVE_DURATION,
     N_SAMPLES,
     PROGRAM_VERSION,
+    READER_VERSION,
     SAMPLE_PERIOD,
     SPLIT,
     SPLITS,
+    SUSPECT,
     TITLE,
 )
 from twin.records.coordinates import (
@@ -43,7 +45,7 @@ from twin.records.coordinates import (
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.trajectory import sample_times
-from twin.version import __version__
+from twin.version import IMPORT_VERSION, __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,6 +74,8 @@ class DiveRow:
     """Per-row numbers besides those of the segment: vehicle_dac_north ...; dive, where the log has
     the vehicle's own"""
     positions: Positions
+    suspect: str = ""
+    """Why it holds what no ocean or vehicle allows; empty where it does not"""
     made_of: str = ""
     """Digest of the part of a log that says all of it; empty where nobody asked for it"""
     told: tuple[Entry, ...] = ()
@@ -105,6 +109,10 @@ OF_ROWS: Mapping[str, Mapping[str, Any]] = {
     },
     DIVE: {"units": "1", "long_name": "number of the dive: the vehicle's own, or counted from 0"},
     DEPLOYMENT: {"long_name": "deployment that the row belongs to"},
+    SUSPECT: {
+        "long_name": "why the row holds what no ocean or vehicle allows",
+        "comment": "empty where it does not",
+    },
     SPLIT: {
         "flag_values": np.arange(len(SPLITS), dtype=np.int8),
         "flag_meanings": " ".join(SPLITS),
@@ -163,6 +171,7 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
         COMMENT: f"Recorded by vehicles at sea. {FRAMES}",
         SAMPLE_PERIOD: period,
         PROGRAM_VERSION: __version__,
+        READER_VERSION: IMPORT_VERSION,
     }
     return xr.Dataset(variables, coordinates, {**common, **attributes})
 
@@ -286,6 +295,11 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
         MISSION,
         np.array([row.deployment for row in rows], dtype=object),  # a fixed width warns
         dict(OF_ROWS[DEPLOYMENT]),
+    )
+    variables[SUSPECT] = (
+        MISSION,
+        np.array([row.suspect for row in rows], dtype=object),
+        dict(OF_ROWS[SUSPECT]),
     )
     variables[SPLIT] = (
         MISSION,

@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.dive_checks import complete, since_clock, standing
+from factory.importing.deployment_log import (
+    UNREADABLE,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+    naming,
+)
+from factory.importing.dives.dive_checks import complete, doubts_of, since_clock, standing
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
@@ -133,7 +139,7 @@ def build(
       lacks: channels that no such vehicle has: their absence is not reported.
 
     Raises:
-      InputError: no log holds a dive.
+      InputError: no log holds a dive, or none can be cut into dives.
     """
     for log in logs:
         if not log.channels:
@@ -144,9 +150,15 @@ def build(
     tell_read(logs, tally)
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
+    failed: list[InputError] = []
     deepest = 0
     for log in sorted(logs, key=lambda one: (one.span[0], one.deployment)):
-        found, samples = rows_of(log, period=period, rules=rules, tally=tally, held=held)
+        try:
+            found, samples = rows_of(log, period=period, rules=rules, tally=tally, held=held)
+        except InputError as error:
+            failed.append(error)
+            tally.add("left out", UNREADABLE, len(log.files), str(error))
+            continue
         rows += found
         deepest = max(deepest, samples)
         if not len(log.fixes):
@@ -156,6 +168,8 @@ def build(
                 lacking.setdefault(name, []).append(log.deployment)
     by_depth = any(log.pieces is None for log in logs)
     tell_lacking(lacking, tally, by_depth=by_depth)
+    if not rows and failed:
+        raise failed[0]
     if not rows and not by_depth:
         raise InputError(
             f"no row of {rules.min_duration:g} s or longer in {summarise(files)}; rows end at holes"
@@ -213,12 +227,13 @@ def rows_of(
     Raises:
       InputError: it has neither pressure nor depth.
     """
-    log, segments = segmented(log, rules, tally)
-    rows = [
-        row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
-        for number, segment in enumerate(segments)
-        if own(segment)
-    ]
+    with naming(log):
+        log, segments = segmented(log, rules, tally)
+        rows = [
+            row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
+            for number, segment in enumerate(segments)
+            if own(segment)
+        ]
     return rows, len(log.channel("measured_depth"))
 
 
@@ -230,6 +245,7 @@ def segmented(
     Raises:
       InputError: it has neither pressure nor depth.
     """
+    before = len(tally.doubts)
     log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
     depth = log.channel("measured_depth")
     check_signs(log, tally)
@@ -250,7 +266,8 @@ def segmented(
         truth = log.channel(name)
         outside = int(_outside(truth, segments).sum())
         tally.add("left out", name, outside, "truth samples outside rows")
-    return log, segments
+    doubts = (*log.doubts, *tally.doubts[before:])
+    return dataclasses.replace(log, doubts=doubts), segments
 
 
 def row_of(
@@ -275,7 +292,6 @@ def row_of(
     )  # fmt: skip
     numbers = _numbers(log, segment, segments, number)
     whole = complete(log, segment, tally)
-    standing(log, segment, tally)
     driven = numbers.get("thruster_fraction", 0.0)
     numbers["dac_north"], numbers["dac_east"] = averaged_current(
         signals, segment, period,
@@ -283,12 +299,22 @@ def row_of(
         complete=whole and log.pieces is None,
         driven=driven,
     )  # fmt: skip
+    standing(log, segment, tally)
+    found = doubts_of(log, segment, signals, numbers, period)
+    for subject, why in found:
+        tally.add("suspect", subject, 1, f"{log.deployment}: {why} (dives counted)")
+    found += [
+        (one.subject, one.why)
+        for one in log.doubts
+        if one.start <= segment.end and segment.start <= one.end
+    ]
     return DiveRow(
         deployment=log.deployment,
         platform=log.platform,
         segment=segment,
         signals=signals,
         numbers=numbers,
+        suspect="; ".join(dict.fromkeys(f"{subject}: {why}" for subject, why in found)),
         positions=row_positions(signals, frame_origin(log, segment), period, driven=driven),
     )
 
@@ -325,6 +351,7 @@ def dataset_of_rows(
         rows_with_fixes=sum(
             1 for r in rows if r.segment.start_fix is not None and r.segment.end_fix is not None
         ),
+        suspect=sum(1 for row in rows if row.suspect),
         samples=samples,
         hours=samples * period / 3600.0,
         period=period,

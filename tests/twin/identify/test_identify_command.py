@@ -11,8 +11,9 @@ import xarray as xr
 
 from twin.__main__ import PROGRAM
 from twin.cli.progress import Progress
-from twin.records.attributes import CONVENTIONS
+from twin.records.attributes import CONVENTIONS, READER_VERSION
 from twin.records.store import write_store
+from twin.version import IMPORT_VERSION
 
 
 def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) -> None:
@@ -29,7 +30,7 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(
     data = xr.Dataset(
         {"n_samples": ("mission", [3])},
         {"time": [0.0, 0.5, 1.0]},
-        {**CONVENTIONS, "source_format": "slocum"},
+        {**CONVENTIONS, "source_format": "slocum", READER_VERSION: IMPORT_VERSION},
     )
     path = write_store(data, tmp_path / "real.zarr")
     assert PROGRAM.main(["identify", str(path), "--vehicle", vehicle]) == 2

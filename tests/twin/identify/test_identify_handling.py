@@ -32,8 +32,10 @@ from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.stiffness import file_timestep
+from twin.records.attributes import READER_VERSION
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.version import IMPORT_VERSION
 
 _SPEC = importlib.util.spec_from_file_location(
     "identify_logs", Path(__file__).with_name("identify_logs.py")
@@ -387,12 +389,15 @@ def test_the_start_is_the_shipped_vehicle_of_the_logs_kind(tmp_path, store, said
     dataset = xr.open_zarr(store).load()
     dataset["measured_depth"] = deeper * dataset["measured_depth"]
     dataset["measured_pump"] = 0.5 * dataset["measured_pump"]
-    path = write_store(dataset.assign_attrs(said), tmp_path / "log.zarr")
+    path = write_store(
+        dataset.assign_attrs({**said, READER_VERSION: IMPORT_VERSION}), tmp_path / "log.zarr"
+    )
     assert start_vehicle(path).path.stem == vehicle
 
 
 def test_a_log_of_no_known_kind_asks_for_the_vehicle(tmp_path, store):
-    dataset = xr.open_zarr(store).load().assign_attrs({"source_format": "lrauv"})
+    said = {"source_format": "lrauv", READER_VERSION: IMPORT_VERSION}
+    dataset = xr.open_zarr(store).load().assign_attrs(said)
     with pytest.raises(InputError, match="give --vehicle"):
         start_vehicle(write_store(dataset, tmp_path / "log.zarr"))
 

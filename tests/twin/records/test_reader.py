@@ -13,11 +13,12 @@ import xarray as xr
 
 from twin.errors import StoreError
 from twin.physics.scenario import Scenario
-from twin.records.attributes import CONVENTIONS, SPLITS
+from twin.records.attributes import CONVENTIONS, READER_VERSION, SPLITS
 from twin.records.logged import LogRow, LogStore, log_rows
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory, write_store
 from twin.vehicle.vehicle import load_vehicle
+from twin.version import IMPORT_VERSION
 
 
 def written(path: Path, attributes: dict[str, object] | None = None, **arrays: object) -> Path:
@@ -30,7 +31,7 @@ def written(path: Path, attributes: dict[str, object] | None = None, **arrays: o
             **arrays,
         },  # type: ignore[arg-type]
         {"time": [0.0, 0.5, 1.0]},
-        {**CONVENTIONS, **(attributes or {})},
+        {**CONVENTIONS, READER_VERSION: IMPORT_VERSION, **(attributes or {})},
     )
     return write_store(data, path)
 

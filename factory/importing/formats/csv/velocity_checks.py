@@ -110,10 +110,11 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
     for name in (*FORWARD, *SIDEWAYS):
         channel = log.channel(name)
         if len(channel) >= _FEWEST and np.ptp(channel.values) == 0.0:
-            tally.add(
-                "suspect", name, len(channel),
+            tally.doubt(
+                name,
                 f"{log.deployment}: {channel.values[0]:g} in every sample; was the sensor off?",
-            )  # fmt: skip
+                len(channel),
+            )
     ahead = next((n for n in FORWARD if len(log.channel(n)) > 1), None)
     heading = log.channel("measured_heading")
     if ahead is None or not len(heading):
@@ -139,11 +140,12 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
             continue
         agrees = float(np.corrcoef(aside[both], starboard[both])[0, 1])
         if agrees < -_AGREES:
-            tally.add(
-                "suspect", name, len(log.channel(name)),
+            tally.doubt(
+                name,
                 f"{log.deployment}: the track moves to the other side (correlation {agrees:.2f}): "
                 "wrong sign or frame",
-            )  # fmt: skip
+                len(log.channel(name)),
+            )
 
 
 def _check_scale(
@@ -166,7 +168,7 @@ def _check_scale(
     elif abs(moved - size) > _CURRENT:
         what = "a distance, or another unit?"
     else:  # what a current can do to a velocity through the water
-        tally.add("suspect", name, len(log.channel(name)), f"{log.deployment}: {found}")
+        tally.doubt(name, f"{log.deployment}: {found}", len(log.channel(name)))
         return
     raise InputError(
         f"{', '.join(log.files)}: {name} has {found}, not a velocity in m/s: {what} Correct the "

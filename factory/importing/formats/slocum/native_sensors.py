@@ -201,10 +201,11 @@ def _shift_unit(positions_: Sequence[Array], tally: Tally) -> float:
                     )  # fmt: skip
                 return factor
         if travel > _TRAVELS[-1][1]:
-            tally.add(
-                "suspect", "measured_shift", good.size,
+            tally.doubt(
+                "measured_shift",
                 f"the battery travels {travel:.3g}, in no unit that of a glider",
-            )  # fmt: skip
+                good.size,
+            )
         return INCH
     return INCH
 
