@@ -230,15 +230,19 @@ class WatchDeployment(JsonOption):
         import time
 
         from factory.watching import WatchedDeployment
-        from twin.errors import InputError
+        from twin.cli.endings import interruption
+        from twin.cli.program import describe_error
 
         console.note(f"watching {self.deployment}; Ctrl-C ends it")
         while True:
             try:
                 if passed := self._pass(console, WatchedDeployment.read(self.deployment), None):
                     show(passed.page)
-            except InputError as error:
-                console.warn(str(error))  # settings that are being edited will do again
+            except Exception as error:  # settings that are being edited, a disk that is full
+                if interruption(error) is not None:
+                    raise
+                said, _ = describe_error(error)
+                console.warn(f"{said}; the next look tries again")
             time.sleep(EVERY if self.every is None else self.every)
 
 

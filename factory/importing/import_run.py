@@ -49,6 +49,7 @@ def import_logs(
     payload: Sequence[str] = (),
     keep_going: bool = True,
     recursive: bool = False,
+    one_deployment: bool = False,
 ) -> tuple[xr.Dataset, ImportReport]:
     """Read logs, cut them into dives, and put these on one time grid.
 
@@ -64,6 +65,7 @@ def import_logs(
         beside those that are known (`factory.importing.payload`).
       keep_going: whether to go on where half of the files or more cannot be read.
       recursive: whether the folders below the named ones are searched too.
+      one_deployment: whether all logs are of one deployment, which has the name of the first.
 
     Raises:
       InputError: a file cannot be used; the message names it and says why.
@@ -87,6 +89,9 @@ def import_logs(
     paths, logs = read_logs(
         kind, files, options, tally, keep_going=keep_going, recursive=recursive
     )  # fmt: skip
+    if one_deployment:
+        first = min((log for log in logs if log.channels), key=lambda one: one.span, default=None)
+        logs = [dataclasses.replace(log, deployment=(first or log).deployment) for log in logs]
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]

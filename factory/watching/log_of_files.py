@@ -1,7 +1,8 @@
 """Log of files: the dives of all files that arrived, as `log.zarr`, a function of the files alone.
 
-Only files that are new or have changed are read, with their neighbours in time. The store knows by
-which files it was made; with the same ones it stays as it is.
+It is what `factory import` makes of the same files, whatever came first: which pressure sensor is
+taken, offsets of the surface and guessed units follow from all of them. The store knows by which
+files it was made; with the same ones it stays as it is.
 """
 
 from __future__ import annotations
@@ -17,23 +18,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, DiveRules, ReadOptions
-from factory.importing.dives.dive_store import WANTED, dataset_of_rows, tell_lacking
-from factory.importing.tally import summarise
+from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, import_logs
 from factory.watching.deployment_folder import WatchedDeployment
-from factory.watching.kept_parcels import KeptParcels, ParcelRows
-from factory.watching.sources.arrived_files import ArrivedFiles, arrived
+from factory.watching.made_parts import damage_of, is_zarr
+from factory.watching.sources.arrived_files import CACHE, FILES, MAPPING, ArrivedFiles, arrived
 from twin.errors import InputError, StoreError
-from twin.records.attributes import (
-    DEPLOYMENT_METADATA,
-    DIVE_DURATION,
-    HISTORY,
-    IMPORT_REPORT,
-    START_TIME,
-)
+from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
 from twin.records.presence import is_store, read_attributes
 from twin.records.schema import MISSION
-from twin.records.storage.checksums import damaged_files, is_listed
 from twin.records.storage.disk import lock, remove, temporary_name
 from twin.records.storage.whole import clean
 from twin.records.store import write_store
@@ -85,7 +77,7 @@ def log_of_files(
     """Bring `folder/log.zarr` up to date.
 
     A source whose files say nothing, such as half of the only one, leaves the store as it was. A
-    store that is damaged is made again.
+    store that is damaged is made again, and is no log until it can be.
 
     Args:
       until: only dives that had ended by then, UTC.
@@ -101,34 +93,26 @@ def log_of_files(
     if not (found.missing or again or damage) and _digest(store) == found.digest + stamp:
         return _outcome(store, found, changed=False)
     if found.missing:
-        return _without(store, found, found.missing)
+        return _without(store, found, found.missing, damage)
     with _staging(store) as place:
+        copies = found.copied(place)
         try:
-            options = _options(deployment, found.kind)
-            parcels = KeptParcels(found, options, deployment.folder, place, again=again)
-            dataset = _dataset(found.kind, parcels.rows())
+            dataset = _imported(deployment, copies, place)
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            said = str(error).replace(str(place), str(found.folder))
-            return _without(store, found, said)
-    copy = json.dumps(f"{place}/")[1:-1]  # as the report's text has it
-    dataset.attrs[IMPORT_REPORT] = dataset.attrs[IMPORT_REPORT].replace(copy, "")
-    dataset.attrs[HISTORY] = f"factory import {found.kind} of all files that arrived"
-    dataset.attrs[DIGEST] = found.digest + stamp
-    if damage:
+            return _without(store, copies, _said_here(str(error), place), damage)
+    dataset.attrs[DIGEST] = copies.digest + stamp
+    if damage and is_zarr(store):
         remove(store)
     write_store(dataset, store, overwrite=True)
-    return dataclasses.replace(_outcome(store, found, changed=True), damage=damage)
+    return dataclasses.replace(_outcome(store, copies, changed=True), damage=damage)
 
 
 def _damage(store: Path) -> str:
-    """What is wrong with the log that is there, in words: of one that this program wrote, and to
-    which nobody has added a file."""
-    if not is_listed(store):
-        return ""
-    one = next(damaged_files(store), None)
-    return "" if one is None else f"{store.name} was damaged, and is made again: {one}"
+    """What is wrong with the log that is there, in words; empty where nothing is."""
+    one = damage_of(store)
+    return f"{store.name} was damaged, and is made again: {one}" if one else ""
 
 
 @contextlib.contextmanager
@@ -146,61 +130,63 @@ def _staging(store: Path) -> Iterator[Path]:
         os.close(descriptor)
 
 
-def _dataset(kind: str, found: ParcelRows) -> xr.Dataset:
-    """The dives of all parcels.
+def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -> xr.Dataset:
+    """What an import makes of the copies in a folder, without a path and a time in it.
 
     Raises:
-      InputError: there are none.
+      InputError: as the import, or a setting that is for logs of other kinds.
     """
-    if not found.rows:
-        raise InputError(
-            f"no dive deeper than {DiveRules().min_depth:g} m and longer than "
-            f"{DiveRules().min_duration:g} s in {summarise(found.files)}"
-        )
-    lacking = {
-        name: [
-            one for one in found.deployments
-            if not any(name in row.signals for row in found.rows if row.deployment == one)
-        ]
-        for name in WANTED if name not in IMPORTERS[kind].lacks
-    }  # fmt: skip
-    ends = {row.deployment for row in found.rows if row.segment.end_fix is not None}
-    without = {"GPS fixes": [one for one in found.deployments if one not in ends]}
-    lacking = {name: names for name, names in (without | lacking).items() if names}
-    tell_lacking(lacking, found.tally, by_depth=found.by_depth)
-    dataset, _ = dataset_of_rows(
-        found.rows, kind=kind, period=found.period, files=found.files,
-        entries=found.tally.entries(), names=found.tally.named(), models=found.models,
-        simulated=found.simulated,
-    )  # fmt: skip
-    if found.said is not None:
-        dataset.attrs[DEPLOYMENT_METADATA] = found.said
+    importer = IMPORTERS[found.kind]
+    for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
+        if getattr(deployment, name) and not takes:
+            raise InputError(f"{found.kind} logs take no {name}: leave it empty in deployment.toml")
+    cache = place / CACHE
+    cache.mkdir(exist_ok=True)
+    dataset, _ = import_logs(
+        found.kind,
+        [place / FILES],
+        cache=cache if deployment.cache else None,
+        mapping=_mapping(deployment, place),
+        variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
+        recursive=deployment.recursive,
+        one_deployment=found.source.joins,
+    )
+    report = json.loads(dataset.attrs[IMPORT_REPORT])
+    for entry in report["entries"]:
+        entry["detail"] = _said_here(entry["detail"], place)
+    dataset.attrs[IMPORT_REPORT] = json.dumps(report)
+    dataset.attrs[HISTORY] = f"factory import {found.kind} of all files that arrived"
     return dataset
 
 
-def _options(deployment: WatchedDeployment, kind: str) -> ReadOptions:
-    """How the files are read.
-
-    Raises:
-      InputError: a setting that is for logs of other kinds.
-    """
-    importer = IMPORTERS[kind]
-    for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
-        if getattr(deployment, name) and not takes:
-            raise InputError(f"{kind} logs take no {name}: leave it empty in deployment.toml")
-    return ReadOptions(
-        cache=deployment.place(deployment.cache) if deployment.cache else None,
-        mapping=_mapping(deployment),
-        variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
-    )
+def _said_here(text: str, place: Path) -> str:
+    """An import's message without where the files were copied to, which is another place at every
+    pass, and with a deployment's settings for an import's options."""
+    folders = [(f"{place / name}/", "") for name in (FILES, CACHE, MAPPING)]
+    folders += [(str(place / FILES), "source"), (str(place / CACHE), "cache")]
+    for was, here in (*folders, *IN_SETTINGS):
+        text = text.replace(was, here)
+    return text
 
 
-def _mapping(deployment: WatchedDeployment) -> Path | str | None:
-    """A file in or beside the folder, or the name of a shipped one."""
-    path = deployment.place(deployment.mapping)
+IN_SETTINGS = (
+    ("--variation-deg", "variation_deg in deployment.toml"),
+    (
+        "give its folder with --cache",
+        "put it beside the files or into the folder that cache in deployment.toml names",
+    ),
+    ("give --cache ", "name it as cache in deployment.toml: "),
+    ("give --recursive", "set recursive = true in deployment.toml"),
+)
+"""What an import's message says of its options, and what it is here"""
+
+
+def _mapping(deployment: WatchedDeployment, place: Path) -> Path | str | None:
+    """The copy of a file, or the name of a shipped one."""
+    copy = place / MAPPING / Path(deployment.mapping).name
     if not deployment.mapping:
         return None
-    return path if path.is_file() else deployment.mapping
+    return copy if copy.is_file() else deployment.mapping
 
 
 def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
@@ -247,13 +233,14 @@ def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
     )
 
 
-def _without(store: Path, found: ArrivedFiles, why: str) -> LogOfFiles:
+def _without(store: Path, found: ArrivedFiles, why: str, damage: str) -> LogOfFiles:
     return LogOfFiles(
-        store=store if is_store(store) else None,
+        store=store if is_store(store) and not damage else None,
         digest=found.digest,
         changed=False,
         kind=found.kind,
         files=0,
         unreadable=tuple(f"{name}: {reason}" for name, reason in found.refused.items()),
         missing=why,
+        damage=damage,
     )

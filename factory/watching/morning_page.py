@@ -19,9 +19,11 @@ from factory.watching.morning_figures import (
 )
 from factory.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli.text_table import counted
+from twin.errors import StoreError
 from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
 from twin.records.coordinates import utc_minute
+from twin.records.storage.checksums import damaged_files
 from twin.show import forecast_row
 from twin.show.figures.page_layout import Page
 from twin.show.health_page import channel_caption, channel_figure, evidence_figure
@@ -45,7 +47,7 @@ def write_morning(
     folder: Path,
     *,
     new: Sequence[str],
-    made_of: str,
+    made: Mapping[str, Any],
     as_of: str = "",
     came: Sequence[str] = (),
 ) -> Path:
@@ -53,7 +55,7 @@ def write_morning(
 
     Args:
       new: what changed since that page, in sentences.
-      made_of: digest of what the page is a function of, for `latest.json`.
+      made: what `latest.json` keeps of how the page was made.
       as_of: the moment up to which dives were taken; empty: all.
       came: what a page of the past foretold beside what came.
 
@@ -140,7 +142,7 @@ def write_morning(
         page.attach(ROUTES, json.dumps(told.routes.geojson(), indent=1) + "\n")
     if told.proposed is not None:
         _proposal(page, told, told.proposed)
-    page.attach(LATEST, json.dumps({"made_of": made_of, **told.describe()}, indent=1) + "\n")
+    page.attach(LATEST, json.dumps({**made, **told.describe()}, indent=1) + "\n")
     lines = summary(told, new)
     page.attach(SUMMARY, lines)
     verdict, *rest = lines.splitlines()
@@ -175,12 +177,14 @@ def _proposal(page: Page, told: Morning, proposed: ProposedFiles) -> None:
 
 
 def read_latest(folder: Path) -> dict[str, Any] | None:
-    """What the page before said; None without one, or with one that cannot be read."""
+    """What the page before said; None without one, and where it is not as it was written."""
     try:
+        if any(damaged_files(folder / PAGE, [LATEST])):
+            return None
         found = json.loads((folder / PAGE / LATEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError, StoreError):
         return None
-    return found if isinstance(found, dict) else None
+    return found if isinstance(found, dict) and {"made_of", "parts", "new"} <= {*found} else None
 
 
 def summary(told: Morning, new: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Watch pass: files in, and log, beliefs, events and page brought up to date, each whole or not.
 
 Killed at any moment, the next pass does what is missing: each part says by what it was made, and
-the page, which is written last, ends a pass.
+the page, which is written last, ends a pass. A part that is not as it was written is made again.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 from factory.watching.deployment_folder import WatchedDeployment
 from factory.watching.kept_beliefs import BELIEFS, kept_beliefs, write_beliefs
 from factory.watching.log_of_files import LOG, LogOfFiles, log_of_files
+from factory.watching.made_parts import content_of, damage_of, is_zarr
 from factory.watching.morning import Morning, morning
 from factory.watching.morning_page import PAGE, read_latest, write_morning
 from factory.watching.news import news, surfaced
@@ -28,8 +29,8 @@ from factory.watching.sources.arrived_files import folder_of
 from factory.watching.sources.base import SurfaceDialogue, newest_dialogue
 from twin.forecast import legs_of
 from twin.records.logged import LogStore
-from twin.records.presence import is_derived, is_store
-from twin.records.storage.disk import files_below, lock, remove, sweep
+from twin.records.presence import is_store
+from twin.records.storage.disk import lock, remove, sweep
 from twin.show.figures.page_layout import INDEX
 from twin.version import __version__
 
@@ -90,34 +91,37 @@ def one_pass(
     if until is not None:
         folder = folder / PAST / f"{until:%Y-%m-%dT%H%M%S}"
         folder.mkdir(parents=True, exist_ok=True)
-    was = {name: _content(folder / name) for name in PARTS} if replay else {}
+    was = {name: content_of(folder / name) for name in PARTS} if replay else {}
     say("files")
     log = log_of_files(deployment, folder, until=until, again=replay)
     dialogue = newest_dialogue(
         log.kind, folder_of(deployment), recursive=deployment.recursive, until=until
     )  # fmt: skip
     made_of = _made_of(deployment, log, until, dialogue)
-    before = read_latest(folder)
+    damage, before = damage_of(folder / PAGE), read_latest(folder)
     page = folder / PAGE / INDEX
-    if not replay and before is not None and before.get("made_of") == made_of and page.is_file():
+    same = before if before is not None and before["made_of"] == made_of else None
+    if same is not None and not (replay or damage) and _parts(folder) == same["parts"]:
         sweep(folder)  # a pass that was killed at its end left what no writer comes to remove
-        return Passed(
-            page=page, changed=False, verdict=str(before["verdict"]), log=log, latest=before
-        )
+        return Passed(page=page, changed=False, verdict=str(same["verdict"]), log=log, latest=same)
+    if damage:
+        say(f"{PAGE} was damaged, and is made again: {damage}")
     told = morning(deployment, log, dialogue, say=say)
-    if told.health is None or told.vehicle is None:
-        if is_derived(folder / BELIEFS):
-            remove(folder / BELIEFS)
-    else:
+    if is_zarr(folder / BELIEFS) and (told.health is None or damage_of(folder / BELIEFS)):
+        remove(folder / BELIEFS)
+    if told.health is not None and told.vehicle is not None:
         kept = kept_beliefs(told.health, told.vehicle.name, told.followed, told.followed_dives)
         write_beliefs(kept, folder)
     events = noticed(log, told.health)
     write_events(events, folder)
     new = [] if replay or until is not None else news(before, told)
+    if same is not None:  # what was new on the page that is made again
+        new = same["new"]
     say("page")
     moment = "" if until is None else f"{until:%Y-%m-%d %H:%M}"
     came = [] if until is None else _came(deployment, told)
-    write_morning(told, folder, new=new, made_of=made_of, as_of=moment, came=came)
+    made = {"made_of": made_of, "parts": _parts(folder), "new": new}
+    write_morning(told, folder, new=new, made=made, as_of=moment, came=came)
     return Passed(
         page=page,
         changed=True,
@@ -127,8 +131,13 @@ def one_pass(
         latest=told.describe(),
         new=tuple(new),
         events=tuple(events),
-        same={name: _content(folder / name) == before for name, before in was.items() if before},
+        same={name: content_of(folder / name) == before for name, before in was.items() if before},
     )
+
+
+def _parts(folder: Path) -> dict[str, str]:
+    """Sums of the parts beside log and page."""
+    return {name: content_of(folder / name) for name in (BELIEFS, EVENTS)}
 
 
 def _came(deployment: WatchedDeployment, told: Morning) -> list[str]:
@@ -167,14 +176,3 @@ def _made_of(
         ]
     )
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _content(path: Path) -> str:
-    """SHA-256 of a file, or of all names and bytes in a folder; empty where there is neither."""
-    if not path.exists():
-        return ""
-    found = hashlib.sha256()
-    for file in [path] if path.is_file() else files_below(path):
-        found.update(f"{file.relative_to(path)}\n".encode())
-        found.update(file.read_bytes())
-    return found.hexdigest()

@@ -131,7 +131,7 @@ class Program:
                 warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
                 text = f"{endings.word}: {str(interrupt) or _advice(error)}"
                 return _fail(console, interrupt, text, endings.code)
-            text, code = _describe(error)
+            text, code = describe_error(error)
             return _fail(console, error, text, code)
 
     def _dispatch(self, words: list[str], console: Console) -> int | None:
@@ -228,7 +228,7 @@ def _advice(error: BaseException) -> str:
     return "it came in compiled code; give the command again"
 
 
-def _describe(error: BaseException) -> tuple[str, int]:
+def describe_error(error: BaseException) -> tuple[str, int]:
     """One line and the exit code: a user never gets a traceback."""
     if isinstance(error, TwinError):
         return str(error), error.exit_code

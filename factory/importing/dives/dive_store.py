@@ -202,7 +202,8 @@ def tell_lacking(
     """
     tell_unread(tally)
     instead = likely_replacements(tuple(lacking), unread(tally))
-    for name, deployments in lacking.items():
+    for name, several in lacking.items():
+        deployments = list(dict.fromkeys(several))
         split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
         other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
         tally.add(

@@ -124,16 +124,6 @@ def read_seaexplorer(
     ]
 
 
-def begin_of(path: Path) -> tuple[str, float]:
-    """Vehicle and mission of a log, and when [s] unix it begins.
-
-    Raises:
-      InputError: another kind of file, damaged, or without a time.
-    """
-    _, _, columns = _timed_table(path, Tally())
-    return deployment_of(path), float(np.nanmin(columns["time"]))
-
-
 def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
     """What a file is, its table, and its numbers with their time.
 

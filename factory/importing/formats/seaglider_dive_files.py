@@ -155,20 +155,6 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
     )
 
 
-def begin_of(path: Path) -> tuple[str, float]:
-    """Glider of a dive, and when [s] unix it begins.
-
-    Raises:
-      InputError: damaged, or without samples.
-    """
-    with open_netcdf(path) as file:
-        try:
-            time = as_array(file.variables["time"][:1])
-            return _glider(file, path), float(time[0])
-        except (RuntimeError, OSError, KeyError, IndexError) as error:
-            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
-
-
 def _clock(variables: Any, name: str) -> str | None:
     """Name of the times of a variable: of the same dimension."""
     dimensions = variables[name].dimensions

@@ -1,18 +1,23 @@
 """Arrived files: what a source folder holds at a moment, by name and content.
 
-A digest stands for the set of files and for how they are read. The same content under two names
-counts once, under the shorter name, so that a copy changes nothing.
+A digest stands for all that an import of them reads: logs, what people said of them, lists of
+sensors, a mapping, settings and the reader's version. The same content under two names counts once,
+under the shorter name, so that a copy changes nothing.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import importlib.util
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 from factory.importing import IMPORTERS, Importer, sniff
+from factory.importing.deployment_log import OF_THE_MACHINE
+from factory.importing.formats.base import TABLES
+from factory.importing.import_run import METADATA
 from factory.watching.deployment_folder import AUTO, WatchedDeployment
 from factory.watching.sources.base import Source, source_of
 from twin.bounded import check_regular
@@ -29,17 +34,23 @@ EMPTY = hashlib.sha256().hexdigest()
 """SHA-256 of a file without a byte"""
 
 
+FILES, CACHE, MAPPING = "files", "cache", "mapping"
+"""Folders of a copy: logs and texts beside them, a Slocum's lists of sensors, what columns are"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ArrivedFiles:
-    """The files of one kind in a source folder."""
+    """The files of one kind in a source folder, and all else that an import of them reads."""
 
     source: Source
     folder: Path
     """Where they are"""
     kind: str
     """of the logs; empty: no file tells it"""
+    places: dict[str, Path]
+    """Where each file is, by its path in a copy"""
     sums: dict[str, str]
-    """SHA-256 by the path from the source on, in the order of names"""
+    """SHA-256 by the path in a copy"""
     refused: dict[str, str]
     """Why a file could not be read to its end, by its path"""
     missing: str = ""
@@ -50,33 +61,25 @@ class ArrivedFiles:
     @property
     def digest(self) -> str:
         """Of names, contents and how they are read: equal where the import must be equal."""
-        return self.digest_of(tuple(self.sums))
-
-    def digest_of(self, names: Sequence[str]) -> str:
-        """The same of some of the files."""
-        files = [f"{name} {self.sums[name]}" for name in names]
+        files = [f"{name} {self.sums[name]}" for name in sorted(self.sums)]
         text = "\n".join([__version__, self.kind, self.reading, *files])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def stage(self, names: Sequence[str], folder: Path) -> None:
-        """Copy files into a folder, for a reader: whoever copies them here may still write.
+    def copied(self, folder: Path) -> ArrivedFiles:
+        """Copies of all files in a folder, for a reader: whoever copies them here may still write.
 
-        Raises:
-          InputError: one has changed, or gone, since it was listed.
+        Files that went away meanwhile are among the refused.
         """
-        for name in names:
+        sums, refused = {}, dict(self.refused)
+        for name, path in self.places.items():
             target = folder / name
-            if target.exists():
-                continue
-            target.parent.mkdir(parents=True, exist_ok=True)
             try:
-                shutil.copyfile(self.folder / name, target)
-                same = _sum(target) == self.sums[name]
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, target)
+                sums[name] = _sum(target)
             except OSError as error:
-                raise InputError(f"{name}: {error.strerror or error}") from error
-            if not same:
-                target.unlink()
-                raise InputError(f"{name} is being written: it is read at the next pass")
+                refused[path.name] = error.strerror or str(error)
+        return dataclasses.replace(self, sums=sums, refused=refused)
 
 
 def folder_of(deployment: WatchedDeployment) -> Path:
@@ -97,28 +100,27 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     way = source_of(deployment.source, "" if deployment.kind == AUTO else deployment.kind)
     source = folder_of(deployment)
     kind = deployment.kind
-    sums: dict[str, str] = {}
     refused: dict[str, str] = {}
     if way.fetch:
         try:
             imported(way.fetch)(deployment.source, source)
         except InputError as error:
             refused["source"] = str(error)
+        except OF_THE_MACHINE:
+            raise
+        except Exception as error:
+            refused["source"] = " ".join(f"{type(error).__name__}: {error}".split())
         kind = way.logs[0] if kind == AUTO else kind
     if source.exists() and not source.is_dir():
         raise InputError(f"source {source} is a file; name the folder in which files arrive")
     names = _names(source, recursive=deployment.recursive)
     if kind == AUTO:
         kind = _kind_of([source / name for name in names]) or ""
-    logs = [name for name in names if kind and IMPORTERS[kind].accepts(source / name)]
-    for name in logs:
-        try:
-            check_regular(source / name)
-            sums[name] = _sum(source / name)
-        except OddFile:
-            continue
-        except OSError as error:
-            refused[name] = error.strerror or str(error)
+    importer = IMPORTERS[kind] if kind else None
+    logs = [name for name in names if importer and importer.accepts(source / name)]
+    sums = _without_copies(_sums({f"{FILES}/{name}": source / name for name in logs}, refused))
+    beside = _beside(deployment, source, names, importer)
+    places = {name: source / name.removeprefix(f"{FILES}/") for name in sums} | beside
     missing = ""
     if not source.exists():
         missing = f"the source {source} is not there"
@@ -137,10 +139,11 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         source=source_of(deployment.source, kind),
         folder=source,
         kind=kind,
-        sums=_without_copies(sums),
+        places=places,
+        sums=sums | _sums(beside, refused),
         refused=refused,
         missing=missing,
-        reading=_reading(deployment, IMPORTERS[kind] if kind else None),
+        reading=_reading(deployment, importer),
     )
 
 
@@ -168,11 +171,27 @@ def _kind_of(paths: Sequence[Path]) -> str | None:
     for path in paths:
         try:
             kind = sniff(path) if path.stat().st_size else None
-        except (InputError, OSError):
+        except OF_THE_MACHINE:
+            raise
+        except Exception:
             continue  # half of a file tells nothing; another one may
         if kind is not None:
             return kind
     return None
+
+
+def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
+    """SHA-256 of the files that can be read; why the others cannot comes to the refused."""
+    sums = {}
+    for name, path in places.items():
+        try:
+            check_regular(path)
+            sums[name] = _sum(path)
+        except OddFile:
+            continue
+        except OSError as error:
+            refused[name.partition("/")[2]] = error.strerror or str(error)
+    return sums
 
 
 def _sum(path: Path) -> str:
@@ -194,16 +213,44 @@ def _without_copies(sums: dict[str, str]) -> dict[str, str]:
     return dict(sorted(kept.items()))
 
 
+def _beside(
+    deployment: WatchedDeployment, source: Path, names: Sequence[str], importer: Importer | None
+) -> dict[str, Path]:
+    """What an import reads beside the logs, by its path in a copy."""
+    if importer is None:
+        return {}
+    said = {*METADATA, *importer.beside}
+    found = {f"{FILES}/{name}": source / name for name in names if Path(name).name in said}
+    if importer.takes_mapping and deployment.mapping:
+        path = deployment.place(deployment.mapping)
+        found |= {f"{MAPPING}/{path.name}": path} if path.is_file() else {}
+    if importer.takes_cache and deployment.cache:
+        own = importer.suffixes - TABLES
+        every = sorted(deployment.place(deployment.cache).iterdir())
+        found |= {
+            f"{CACHE}/{path.name}": path
+            for path in every if path.suffix.lower() in own and path.is_file()
+        }  # fmt: skip
+    return found
+
+
 def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
-    """Settings and files beside the logs that change what an import makes of them."""
+    """Settings that change what an import makes of the files, and the code of a reader that has not
+    this program's version."""
     parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
     if importer is None:
         return parts[0]
     if importer.takes_mapping:
-        path = deployment.place(deployment.mapping)
-        parts.append(_sum(path) if deployment.mapping and path.is_file() else deployment.mapping)
-    if importer.takes_cache and deployment.cache:
-        folder = deployment.place(deployment.cache)
-        caches = sorted(path for path in folder.glob("*") if path.is_file())
-        parts += [f"{path.name} {_sum(path)}" for path in caches]
+        parts.append(f"mapping {deployment.mapping}")
+    if importer.takes_cache:
+        parts.append(f"cache {bool(deployment.cache)}")
+    module = _module_of(importer)
+    if not module.startswith("factory."):
+        spec = importlib.util.find_spec(module)
+        parts.append(_sum(Path(spec.origin)) if spec and spec.origin else module)
     return " ".join(parts)
+
+
+def _module_of(importer: Importer) -> str:
+    read = importer.read
+    return read.partition(":")[0] if isinstance(read, str) else read.__module__

@@ -1,24 +1,18 @@
-"""Source: what watching must know of one sort of files that arrive.
-
-A parcel is the files of one piece of a log, such as a Slocum's .sbd and .tbd of one segment. It is
-read with its neighbours in time alone, so that a new one leaves the others as they are.
-"""
+"""Source: what watching must know of one sort of files that arrive."""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from factory import seams
+from factory.importing.deployment_log import OF_THE_MACHINE
 from twin.errors import InputError
 from twin.plugins import imported
 from twin.registry import Registry, instance_of
-
-WHOLE = ""
-"""Parcel of the files that tell a deployment only all together"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -61,20 +55,8 @@ class Source:
     """What arrives, in a few words"""
     logs: tuple[str, ...]
     """Kinds of logs, as `factory import` names them, that come this way"""
-    parcel: str = ""
-    """Pattern of the names of files that come by the piece: those whose groups are the same belong
-    together. Empty: all files of the deployment do"""
-    beside: tuple[str, ...] = ()
-    """Endings of files that every parcel may need"""
-    neighbours: int = 0
-    """Parcels before and after each that it is read with; 0: none says anything of another"""
     joins: bool = False
     """Whether its logs, a deployment each for an import, are of one deployment here"""
-    begin: str = ""
-    """Place of what says a file's vehicle and begin [s] unix: (path) -> (str, float)"""
-    lists: str = ""
-    """Place of what keeps what a parcel holds for others, such as lists of sensors, in a folder:
-    (paths, folder) -> None"""
     dialogues: str = ""
     """Pattern of the names of files with what the vehicle said at the surface; empty: none"""
     read_dialogues: str = ""
@@ -88,26 +70,14 @@ class Source:
         for field in ("name", "says", "logs"):
             if not getattr(self, field):
                 raise InputError(f"source {self.name!r}: {field} is empty; state what it is")
-        pairs = (("dialogues", "read_dialogues"), ("address", "fetch"), ("neighbours", "begin"))
-        for one, other in pairs:
+        for one, other in (("dialogues", "read_dialogues"), ("address", "fetch")):
             if bool(getattr(self, one)) != bool(getattr(self, other)):
                 raise InputError(f"source {self.name!r}: {one} and {other} belong together")
-        for field in ("parcel", "dialogues", "address"):
+        for field in ("dialogues", "address"):
             try:
                 re.compile(getattr(self, field))
             except re.error as error:
                 raise InputError(f"source {self.name!r}: {field} is no pattern: {error}") from error
-
-    def parcels(self, names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-        """Names of files by the parcel that they belong to, both in order; none of `beside`."""
-        found: dict[str, list[str]] = {}
-        for name in sorted(names):
-            if name.lower().endswith(self.beside):
-                continue
-            fits = re.fullmatch(self.parcel, name, re.IGNORECASE) if self.parcel else None
-            key = " ".join(part or "" for part in fits.groups()) if fits else WHOLE
-            found.setdefault(key, []).append(name)
-        return {key: tuple(found[key]) for key in sorted(found)}
 
 
 check_source = instance_of("source", Source)
@@ -161,6 +131,12 @@ def newest_dialogue(
         if source.dialogues and (not kind or kind in source.logs):
             fits = re.compile(source.dialogues, re.IGNORECASE).fullmatch
             read: Dialogues = imported(source.read_dialogues)
-            found = read(sorted(one for one in names if fits(one.name)))
-            known += [one for one in found if last is None or one.time <= last]
+            for path in sorted(one for one in names if fits(one.name)):
+                try:
+                    found = read([path])
+                except OF_THE_MACHINE:
+                    raise
+                except Exception:
+                    continue  # a page without a dialogue says less; without it there is none
+                known += [one for one in found if last is None or one.time <= last]
     return max(known, key=lambda one: one.time, default=None)

@@ -1,4 +1,4 @@
-"""Kinds of sources: which files belong together, and what else comes with them."""
+"""Kinds of sources: which logs come from where, and what a vehicle said at the surface."""
 
 from factory.watching.sources.base import Source
 
@@ -7,11 +7,6 @@ SLOCUM = Source(
     says="folder of a dockserver: .sbd and .tbd (.dbd, .ebd, .mbd, .nbd; compressed, too) with "
     "their .cac, and the surface dialogues *.log",
     logs=("slocum",),
-    parcel=r"(?:.*/)?(.+)\.[demnst][bc]d",
-    beside=(".cac", ".ccc"),
-    neighbours=2,
-    begin="factory.importing.formats.slocum.caches:opened",
-    lists="factory.importing.formats.slocum.caches:keep_lists",
     dialogues=r".+\.log",
     read_dialogues="factory.watching.sources.surface_dialogue:read_dialogues",
 )
@@ -21,9 +16,6 @@ SEAGLIDER = Source(
     name="seaglider",
     says="folder of a base station: p*.nc, a dive each, and comm.log with every call",
     logs=("seaglider",),
-    parcel=r"(?:.*/)?(p\d{7})\.nc",
-    neighbours=1,
-    begin="factory.importing.formats.seaglider_dive_files:begin_of",
     dialogues=r"comm(?:_\w+)?\.log",
     read_dialogues="factory.watching.sources.comm_log:read_calls",
 )
@@ -33,9 +25,6 @@ SEAEXPLORER = Source(
     name="seaexplorer",
     says="folder of .gli and .pld1 files, a cycle each, plain or gzip",
     logs=("seaexplorer",),
-    parcel=r"(?:.*/)?(.+)\.(?:gli|pld1)\.((?:sub|raw)\.\d+)(?:\.\w+)*",
-    neighbours=1,
-    begin="factory.importing.formats.seaexplorer_reader:begin_of",
 )
 """Alseamar's SeaExplorer gliders."""
 
@@ -43,7 +32,6 @@ LRAUV = Source(
     name="lrauv",
     says="folder of .mat and .nc4 logs, one for each time the vehicle began a log",
     logs=("lrauv",),
-    parcel=r"(.+)\.(?:mat|nc4?)",
     joins=True,
 )
 """MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
@@ -53,7 +41,7 @@ NETCDF = Source(
     says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",
     logs=("og1", "ngdac", "spray"),
 )
-"""Files that tell a deployment all together; of one that grows only new dives are cut."""
+"""Files of one deployment, or one that grows."""
 
 TABLES = Source(
     name="tables",

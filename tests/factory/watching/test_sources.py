@@ -34,33 +34,6 @@ Connected at 2026-02-18T08:00:00Z (sg272)
 
 
 @pytest.mark.parametrize(
-    ("source", "names", "parcels"),
-    [
-        (
-            "slocum",
-            ["a-2026-1-0-1.sbd", "a-2026-1-0-1.TBD", "a-2026-1-0-10.scd", "x/0badcafe.cac"],
-            {"a-2026-1-0-1": 2, "a-2026-1-0-10": 1},
-        ),
-        ("seaglider", ["p1710100.nc", "p1710101.nc"], {"p1710100": 1, "p1710101": 1}),
-        (
-            "seaexplorer",
-            ["sea035.12.gli.sub.36.gz", "sea035.12.pld1.sub.36.gz", "sea035.12.gli.sub.37"],
-            {"sea035.12 sub.36": 2, "sea035.12 sub.37": 1},
-        ),
-        ("lrauv", ["a_20130314.mat", "a_20130315.nc4"], {"a_20130314": 1, "a_20130315": 1}),
-        ("lrauv", ["14/shore.nc4", "15/shore.nc4"], {"14/shore": 1, "15/shore": 1}),
-        ("netcdf", ["a.nc", "b.nc"], {"": 2}),
-        ("slocum", ["unit1_flight.csv", "unit1_gps.csv"], {"": 2}),
-    ],
-)  # fmt: skip
-def test_files_of_one_piece_of_a_log_belong_together(
-    source: str, names: list[str], parcels: dict[str, int]
-) -> None:
-    found = SOURCES[source].parcels(names)
-    assert {key: len(files) for key, files in found.items()} == parcels
-
-
-@pytest.mark.parametrize(
     ("address", "kind", "name"),
     [
         ("from-glider", "", "slocum"),
@@ -96,7 +69,7 @@ def test_what_no_source_brings_is_refused(
     [
         ({"says": ""}, "says is empty"),
         ({"dialogues": ".+"}, "dialogues and read_dialogues belong together"),
-        ({"parcel": "("}, "parcel is no pattern"),
+        ({"address": "(", "fetch": "x:y"}, "address is no pattern"),
     ],
 )
 def test_half_a_source_is_refused(fields: dict[str, str], message: str) -> None:
@@ -110,8 +83,7 @@ def test_the_page_s_own_source_is_known_by_its_kind_of_log() -> None:
     (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     try:
         exec(block, {})
-        assert source_of("from-glider", "buoys").name == "buoys"
-        assert set(source_of("from-glider", "buoys").parcels(["b1.csv", "b2.csv"])) == {"b1", "b2"}
+        assert source_of("from-glider", "buoys").joins
     finally:
         SOURCES.unregister("buoys")
     assert source_of("from-glider", "buoys").name == "tables"

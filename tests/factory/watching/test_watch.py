@@ -21,18 +21,17 @@ from logs import (
     write_basestation,
     write_dbd,
     write_mat,
-    write_ngdac,
     write_og1,
     write_slocum,
 )
 from PIL import Image
 
 from factory.commands.watch import _late
-from factory.importing import parcels
-from factory.watching import WatchedDeployment, kept_parcels, one_pass, watch_pass
+from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.expected_plan import _onward
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import LOG, log_of_files
+from factory.watching.made_parts import content_of
 from factory.watching.morning import Morning, morning
 from factory.watching.news import _moved, apart, news, surfaced
 from factory.watching.noticed import noticed
@@ -279,7 +278,7 @@ def test_a_junk_file_hides_no_missing_list_of_sensors(
     assert (made.folder / LOG).exists()
 
 
-def test_why_a_piece_has_no_dive_is_said_again_by_what_is_kept(
+def test_why_there_is_no_dive_is_said_again_beside_what_else_cannot_be_read(
     tmp_path: Path, source: Path
 ) -> None:
     pytest.importorskip("dbdreader")
@@ -289,7 +288,9 @@ def test_why_a_piece_has_no_dive_is_said_again_by_what_is_kept(
     assert "neither depth nor pressure" in first.missing
     assert log_of_files(made, made.folder) == first
     (source / "b.txt").write_text("x")
-    assert log_of_files(made, made.folder).missing.endswith(f"; {first.missing}")
+    both = log_of_files(made, made.folder).missing
+    assert both.startswith(f"{first.missing}; ")
+    assert "b.txt" in both
 
 
 def test_a_second_pass_at_the_same_time_does_nothing(
@@ -353,82 +354,6 @@ def test_any_order_copies_and_halves_end_in_the_same_log(
         again = log_of_files(piecewise, piecewise.folder)
         assert not again.changed
         assert again.unreadable == ()
-
-
-def test_only_a_new_dive_and_its_neighbour_are_read_again(
-    tmp_path: Path, source: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    base = write_basestation(tmp_path, Flight(dives=6))
-    made = deployment(tmp_path, source)
-    for path in base[:-1]:
-        shutil.copy(path, source)
-    log_of_files(made, made.folder)
-    windows: list[list[str]] = []
-    real = kept_parcels.owned_rows
-
-    def watched(kind: str, files: list[Path], *rest: object) -> object:
-        windows.append([path.name for path in files])
-        return real(kind, files, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(kept_parcels, "owned_rows", watched)
-    shutil.copy(base[-1], source)
-    log_of_files(made, made.folder)
-    names = [path.name for path in base]
-    assert windows == [names[3:6], names[4:6]]
-    # what is kept may go, or be damaged: it is made again, to the same bytes
-    wanted = store_hash(made.folder / LOG)
-    first, second, *_ = sorted((made.folder / kept_parcels.KEPT).glob("*.npz"))
-    first.unlink()
-    whole = bytearray(second.read_bytes())
-    whole[len(whole) // 2] ^= 255
-    second.write_bytes(whole)
-    windows.clear()
-    assert log_of_files(made, made.folder).changed is False
-    (source / base[0].name).unlink()
-    log_of_files(made, made.folder)
-    shutil.copy(base[0], source)
-    log_of_files(made, made.folder)
-    assert store_hash(made.folder / LOG) == wanted
-    assert windows
-
-
-@pytest.mark.parametrize("kind", ["og1", "ngdac", "lrauv"])
-def test_of_a_file_that_grows_only_new_dives_and_their_neighbour_are_made(
-    tmp_path: Path, source: Path, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def written(dives: int) -> None:
-        flight = Flight(dives=dives)
-        if kind == "og1":
-            write_og1(source / "grows.nc", flight)
-        elif kind == "ngdac":
-            write_ngdac(source, flight)
-        else:
-            write_mat(source / "grows.mat", flight)
-
-    made_dives: list[int] = []
-    real = parcels.row_of
-
-    def watched(log: object, segments: object, number: int, **rest: object) -> object:
-        made_dives.append(number)
-        return real(log, segments, number, **rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(parcels, "row_of", watched)
-    made = deployment(tmp_path, source, kind=kind, variation_deg=-20.0)
-    written(5)
-    assert log_of_files(made, made.folder).changed
-    assert len(made_dives) == 5
-    made_dives.clear()
-    written(7)
-    assert log_of_files(made, made.folder).changed
-    assert len(made_dives) == 3  # the fifth has a dive after it now
-    wanted = store_hash(made.folder / LOG)
-    made_dives.clear()
-    assert log_of_files(made, made.folder, again=True).changed
-    assert len(made_dives) == 7
-    assert store_hash(made.folder / LOG) == wanted
-    with LogStore(made.folder / LOG) as logs:
-        assert len(logs) == 7
-        assert np.isfinite(logs.signal("measured_depth", 3)).all()
 
 
 def test_a_corrected_value_of_a_file_that_grows_is_read(tmp_path: Path, source: Path) -> None:
@@ -589,7 +514,7 @@ def test_a_pass_that_was_killed_goes_on(
     clean = deployment(tmp_path / "clean", source)
     one_pass(clean)
     for name in PARTS:
-        assert watch_pass._content(made.folder / name) == watch_pass._content(clean.folder / name)
+        assert content_of(made.folder / name) == content_of(clean.folder / name)
 
 
 def test_the_plan_of_a_pilot_lies_beside_the_page_as_files_for_the_vehicle(

@@ -240,10 +240,10 @@ def check_page_target(folder: Path) -> None:
 
 
 def _is_page(folder: Path, beside: Sequence[str] = ()) -> bool:
-    """Whether a folder holds a page, what belongs beside it, and nothing else."""
+    """Whether a folder holds a page or what belongs beside one, and nothing else."""
     names = {path.name for path in folder.iterdir()}
     others = {name for name in names if not name.endswith(PICTURE)}
-    return INDEX in names and others <= {INDEX, LIST, *beside}
+    return not others.isdisjoint({INDEX, *beside}) and others <= {INDEX, LIST, *beside}
 
 
 def _cell(value: object) -> str:

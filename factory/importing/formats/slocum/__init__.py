@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.deployment_log import UNREADABLE
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 from twin.errors import InputError
 
@@ -18,8 +20,10 @@ if TYPE_CHECKING:
 def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
     """Logs of all the files; binary files and tables become deployments of their own.
 
+    Where one of the two readers finds no log, its files are left out, told.
+
     Raises:
-      InputError: as the two readers.
+      InputError: as the two readers, where neither finds a log.
     """
     from factory.importing.formats.slocum.binary import read_slocum_binary
     from factory.importing.formats.slocum.sensor_tables import read_slocum_tables
@@ -30,8 +34,19 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
     if not binary and not tables:
         raise InputError("only cache files (.cac) are named; add the .dbd and .ebd files")
     logs: list[DeploymentLog] = []
-    if binary:
-        logs += read_slocum_binary(binary, options, tally, caches=caches)
-    if tables:
-        logs += read_slocum_tables(tables, options, tally)
+    refused: list[tuple[Sequence[Path], InputError]] = []
+    for some, read in (
+        (binary, functools.partial(read_slocum_binary, caches=caches)),
+        (tables, read_slocum_tables),
+    ):
+        try:
+            logs += read(some, options, tally) if some else []
+        except InputError as error:
+            refused.append((some, error))
+    if not logs and len(refused) > 1:
+        raise InputError("; ".join(str(error) for _, error in refused))
+    for some, error in refused:
+        if not logs:
+            raise error
+        tally.add("left out", UNREADABLE, len(some), str(error))
     return logs

@@ -24,6 +24,7 @@ from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
     TRUNCATED,
+    UNREADABLE,
     Channel,
     DeploymentLog,
     each_file,
@@ -151,10 +152,17 @@ def read_slocum_binary(
             tally.add("note", path.name, 1, f"{TRUNCATED}{goes}")
     for kind in {f"{path.suffix.lower()} file" for path, _ in decoded}:
         note_empty(kind, [n for n in wanted if n not in kinds.get(kind, ())], tally)
-    return [
-        _log(vehicle, own, units, files[vehicle], cut, options, tally)
-        for vehicle, own in pieces.items()
-    ]
+    logs, refused = [], []
+    for vehicle, own in pieces.items():
+        try:
+            logs.append(_log(vehicle, own, units, files[vehicle], cut, options, tally))
+        except InputError as error:
+            refused.append((vehicle, error))
+    if not logs:
+        raise refused[0][1]
+    for vehicle, error in refused:
+        tally.add("left out", UNREADABLE, len(files[vehicle]), str(error))
+    return logs
 
 
 def _log(

@@ -7,7 +7,6 @@ Endings of a Slocum's own files.
 
 from __future__ import annotations
 
-import datetime
 import os
 import shutil
 import tempfile
@@ -16,7 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from twin.errors import InputError
+from factory.importing.deployment_log import OF_THE_MACHINE
+from twin.errors import InputError, shown
 
 _HEADER_BYTES = 4000
 """The ASCII header of 14 lines fits."""
@@ -40,7 +40,7 @@ def read_header(path: Path) -> dict[str, str]:
                 break
             continue
         header[key.strip()] = value.strip()
-        if len(header) == int(header.get("num_ascii_tags") or 10**6):
+        if len(header) == count_in(header, "num_ascii_tags", path, default=10**6):
             break
     if _LABEL not in header:
         raise InputError(f"{path.name} is not a Slocum binary file: its header lacks {_LABEL}")
@@ -50,45 +50,28 @@ def read_header(path: Path) -> dict[str, str]:
     return header
 
 
+def count_in(header: Mapping[str, str], key: str, path: Path, *, default: int | None = None) -> int:
+    """A number in a file's header.
+
+    Raises:
+      InputError: it is none, as of a file whose bytes were changed on the way.
+    """
+    text = header.get(key, "")
+    if text == "" and default is not None:
+        return default
+    if not (text.isascii() and text.isdigit() and len(text) < _DIGITS):
+        raise InputError(f"{path.name} is damaged in its header: {key}: {shown(text)} is no number")
+    return int(text)
+
+
+_DIGITS = 7
+"""A glider has some thousands of sensors."""
+
+
 def vehicle_of(header: Mapping[str, str], path: Path) -> str:
     """Name of the vehicle: what `full_filename` says before the year."""
     full = header.get("full_filename", path.stem)
     return full.rsplit("-", 4)[0] or path.stem
-
-
-OPENED = "%a_%b_%d_%H:%M:%S_%Y"
-"""Form of the header's time"""
-
-
-def opened(path: Path) -> tuple[str, float]:
-    """Vehicle of a binary file, and when [s] unix it was opened, by its header.
-
-    Raises:
-      InputError: no Slocum file, cut within its header, or without that time.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        header = read_header(_plain(path, Path(folder)))
-    try:
-        moment = datetime.datetime.strptime(header.get("fileopen_time", ""), OPENED)
-    except ValueError as error:
-        raise InputError(f"{path.name}: its header has no fileopen_time") from error
-    return vehicle_of(header, path), moment.replace(tzinfo=datetime.UTC).timestamp()
-
-
-def keep_lists(paths: Sequence[Path], folder: Path) -> None:
-    """Write the lists of sensors that binary files hold themselves into a folder of cache files."""
-    for path in paths:
-        if path.suffix.lower() not in BINARY:
-            continue
-        try:
-            with tempfile.TemporaryDirectory() as temporary:
-                plain = _plain(path, Path(temporary))
-                header = read_header(plain)
-                target = folder / f"{header['sensor_list_crc'].lower()}.cac"
-                if lists_itself(header) and not target.exists():
-                    target.write_bytes(sensor_list(plain, header))
-        except (InputError, OSError):
-            continue  # a file that cannot be read gives no list; its own turn says why
 
 
 def lists_itself(header: Mapping[str, str]) -> bool:
@@ -102,7 +85,7 @@ def sensor_list(path: Path, header: Mapping[str, str]) -> bytes:
     Raises:
       InputError: the file is cut within them.
     """
-    total = int(header["total_num_sensors"])
+    total = count_in(header, "total_num_sensors", path)
     lines = []
     with path.open("rb") as file:
         for line in file:
@@ -173,7 +156,7 @@ class CacheShelf:
 
         Args:
           folder: an empty one: the decoder writes into it.
-          given: the user's folder of cache files; None: beside the logs.
+          given: the user's folder of cache files, before those beside the logs; None: these.
           named: cache files that the user named.
 
         Raises:
@@ -187,7 +170,7 @@ class CacheShelf:
         self._places: dict[Path, dict[str, Path]] = {}
         self._listing: dict[Path, dict[str, Path]] = {}
         self._told: dict[str, str] = {}
-        self._checked: dict[tuple[str, int, int], None] = {}
+        self._checked: set[tuple[str, tuple[int, ...]]] = set()
 
     def prepare(self, path: Path, plain: Path, header: Mapping[str, str]) -> None:
         """Put the cache file that `path` names into the folder.
@@ -203,8 +186,9 @@ class CacheShelf:
           InputError: it is not there, or is another file's.
         """
         name = header["sensor_list_crc"].lower()
-        total = (int(header["total_num_sensors"]), int(header["sensors_per_cycle"]))
-        if (name, *total) in self._checked and not lists_itself(header):
+        counts = ("total_num_sensors", "sensors_per_cycle")
+        total = tuple(count_in(header, name, path) for name in counts)
+        if (name, total) in self._checked and not lists_itself(header):
             return
         target = self.folder / f"{name}.cac"
         if lists_itself(header):
@@ -230,7 +214,7 @@ class CacheShelf:
                 f"{whose} is not the one of {path.name}: it lists {used} of "
                 f"{len(listed)} sensors, the header has {total[1]} of {total[0]}"
             )
-        self._checked[(name, *total)] = None
+        self._checked.add((name, total))
 
     def _source(self, path: Path, name: str) -> Path:
         """The cache file of that number, or a log that lists the same sensors itself.
@@ -262,9 +246,8 @@ class CacheShelf:
         return self._told[name]
 
     def _folders(self, path: Path) -> list[Path]:
-        if self._given is not None:
-            return [self._given]
-        return [path.parent, *(cache.parent for cache in self._named)]
+        beside = [path.parent, *(cache.parent for cache in self._named)]
+        return beside if self._given is None else [self._given, *beside]
 
     def _at_hand(self, path: Path) -> dict[str, Path]:
         """Cache files by their number, plain ones before compressed ones."""
@@ -297,7 +280,9 @@ def _self_listing(folder: Path) -> dict[str, Path]:
                 if lists_itself(header) and header["sensor_list_crc"].lower() not in found:
                     sensor_list(plain, header)
                     found[header["sensor_list_crc"].lower()] = path
-        except (InputError, OSError):
+        except OF_THE_MACHINE:
+            raise
+        except Exception:
             continue  # a file that cannot be read gives no list; its own turn says why
     return found
 
