@@ -45,10 +45,11 @@ def open_netcdf(path: Path) -> Iterator[Any]:
     with file, warnings.catch_warnings():
         # limits of another type than their variable are left out, as netCDF's rules want it
         warnings.filterwarnings("ignore", "WARNING: ", UserWarning)
+        warnings.filterwarnings("error", "invalid scale_factor", UserWarning)
         check_declared(_declared(file), path.stat().st_size, path.name)
         try:
             yield file
-        except (RuntimeError, OSError, TypeError) as error:
+        except (RuntimeError, OSError, TypeError, UserWarning) as error:
             why = _without_scale(file) or " ".join(str(error).split())
             raise InputError(f"{path.name} is damaged: {why}") from error
 
