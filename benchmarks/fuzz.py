@@ -1,532 +1,443 @@
-"""Fuzz: the mini-languages and readers on texts and bytes that nobody meant.
+"""Fuzz: damaged logs of every importer; each import is sound, or refused in one line.
 
-    python -m benchmarks.fuzz --minutes 10 [--only mission,vehicle] [--guided]
+    python -m benchmarks.fuzz --mutants 5000 --seed 1 --seconds 3600 --workers 2
 
-Each case must give a value or a `TwinError` of one line within LONGEST_S. Everything else is a
-finding: it is printed with its input, and the exit code is 1. Cases are random; with `--guided`
-(needs `pip install atheris`) they follow the coverage of the code that they reach.
+A mutant is named KIND:LAYOUT/OPERATION/SEED, which makes it again: `--only NAME`. It fails by an
+error that is no `TwinError`, a message of several lines, a value outside of its limits that the
+import did not report, a warning, a print, a file written elsewhere than in the store's folder,
+more than 60 s or 1 GB, or the end of its process. Undamaged logs must give all their dives, sound.
+`--real FOLDER` damages real logs too.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
+import gc
+import hashlib
+import itertools
 import json
-import math
+import multiprocessing
+import multiprocessing.connection
+import os
+import re
+import shutil
+import signal
 import sys
 import tempfile
 import time
+import traceback
 import warnings
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
 
-from twin.errors import TwinError
-from twin.vehicle.presets import asset_path
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-LONGEST_S = 10.0
-"""[s] one case may take, on a machine that does other things beside"""
+from logs import write_pyglider  # noqa: E402
+from written_logs import WRITERS, mapping, variation  # noqa: E402
 
-NUMBERS = ["0", "-1", "3.5", "1e400", "-1e308", "1e-320", "nan", "-inf", "9" * 400, "0x1", "1_0"]
-MARKS = [
-    *"()[]{}<>=:,;+-*/\\\"'#&!|@%$?.~^`",
-    "\0",
-    "\n",
-    "\r\n",
-    "\t",
-    " ",
-    "\ufeff",
-    "\u2028",
-    "é",
-]
-WORDS = [*NUMBERS, *MARKS, "none", "true", "except", "[[", "]]", "<!--", "<![CDATA[", "&#0;", ""]
+from benchmarks.damage import COLUMNS, OPERATIONS, Sound, damage, damaged_flight  # noqa: E402
 
-
-@st.composite
-def mutated(draw: Any, *bases: str, words: tuple[str, ...] = ()) -> str:
-    """One of the texts with some pieces replaced by words, or by random text."""
-    text = draw(st.sampled_from(bases))
-    piece = st.sampled_from([*words, *WORDS]) | st.text(max_size=8)
-    for _ in range(draw(st.integers(0, 4))):
-        start = draw(st.integers(0, len(text)))
-        length = draw(st.sampled_from([0, 0, 1, 2, 5, 30]))
-        text = text[:start] + draw(piece) + text[start + length :]
-    return text
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6)
-    | st.sampled_from([10**400, "nan", "x", "", "uniform(0, 1)"]),
-    lambda inner: st.lists(inner, max_size=3)
-    | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=4,
-)  # fmt: skip
-"""What a TOML or JSON file may hold where something else belongs"""
-
-
-@st.composite
-def altered(draw: Any, base: dict[str, Any]) -> Any:
-    """A tree of tables with some values replaced, left out or added."""
-    table = json.loads(json.dumps(base))
-    for _ in range(draw(st.integers(0, 3))):
-        place: Any = table
-        while isinstance(place, dict | list) and place:
-            keys = list(place) if isinstance(place, dict) else list(range(len(place)))
-            key = draw(st.sampled_from(keys))
-            inner = place[key]
-            if isinstance(inner, dict | list) and inner and draw(st.booleans()):
-                place = inner
-                continue
-            if draw(st.integers(0, 3)) == 0 and isinstance(place, dict):
-                place[draw(st.text(max_size=6))] = place.pop(key)
-            else:
-                place[key] = draw(VALUES)
-            break
-    return table
-
-
-def distribution(text: str) -> None:
-    """A distribution's text form reads back as itself, and draws what it allows."""
-    from factory.sampling.distribution import parse_distribution
-
-    found = parse_distribution(text, "p")
-    again = parse_distribution(found.text(), "p")
-    assert again.text() == found.text()
-    drawn = found.draw(np.random.default_rng(0))
-    assert found.allows(drawn), f"{drawn!r} cannot be drawn"
-
-
-def current(text: str) -> None:
-    """`--current`"""
-    from twin.water.current.base import current_from_dict
-    from twin.water.current.current_text import parse_current
-
-    found = parse_current(text)
-    assert current_from_dict(found.describe()).describe() == found.describe()
-
-
-def density(text: str) -> None:
-    """`--density`"""
-    from twin.water.density_spec import parse_density
-
-    parse_density(text)
-
-
-def floor(text: str) -> None:
-    """`--floor`"""
-    from twin.water.floor.spec import floor_from_dict, parse_floor
-
-    found = parse_floor(text)
-    if found is not None:
-        assert floor_from_dict(found.describe()) == found
-
-
-def sensors(given: Any) -> None:
-    """Settings of a suite, as stores hold them."""
-    from twin.sensors import SensorSuite
-
-    SensorSuite.from_settings(given)
-
-
-def mission(text: str) -> None:
-    """A mission file."""
-    from twin.mission.plan import Mission
-
-    found = Mission.from_toml(_file("m.toml", text))
-    assert Mission.from_dict(found.to_dict()) == found
-
-
-def mission_table(data: Any) -> None:
-    """A mission of the Python API."""
-    from twin.mission.plan import Mission
-
-    Mission.from_dict(data)
-
-
-def slocum(text: str) -> None:
-    """A Slocum mission file."""
-    from twin.mission.slocum_mission import read_slocum
-
-    reading = read_slocum(_file("m.mi", text))
-    assert all("\n" not in note for note in reading.notes)
-
-
-def goto(text: str) -> None:
-    """`twin forecast --goto`"""
-    from twin.forecast import mission_to
-
-    mission_to(text, depth=200.0, pitch_deg=26.0, surface_after_s=7200.0, radius=100.0)
-
-
-def parameters(text: str) -> None:
-    """A file of changed distributions."""
-    from factory.sampling.presets import read_changes
-    from factory.sampling.recipe import Recipe
-    from twin.vehicle.vehicle import load_vehicle
-
-    Recipe(changes=read_changes(_file("p.toml", text)), vehicle=load_vehicle("glider"))
-
-
-def mapping(data: Any) -> None:
-    """What the columns of csv tables are."""
-    from factory.importing.formats.csv.mapping_file import parse_mapping
-
-    parse_mapping(data, "mine.toml")
-
-
-def tracks(text: str) -> None:
-    """A CSV of tracks."""
-    from twin.records.tracks import read_tracks
-
-    read_tracks(_file("t.csv", text), 0)
-
-
-def profile(text: str) -> None:
-    """CSV profiles of density and current."""
-    from twin.errors import CurrentError
-    from twin.water.current.profile import Profile
-    from twin.water.density_spec import read_density_csv
-
-    path = _file("d.csv", text)
-    try:
-        Profile.from_csv(path)
-    except CurrentError:
-        read_density_csv(path).compile()
-
-
-def vehicle(text: str) -> None:
-    """A vehicle file."""
-    from twin.vehicle.vehicle import parse_vehicle
-
-    parse_vehicle.__wrapped__(text, Path("mine.xml"))
-
-
-def compiled_vehicle(text: str) -> None:
-    """A vehicle file made into a MuJoCo model."""
-    from twin.physics.mujoco_model import compile_model
-    from twin.vehicle.vehicle import parse_vehicle
-
-    compile_model(parse_vehicle.__wrapped__(text, Path("mine.xml")), lean=True)
-
-
-def preset(text: str) -> None:
-    """Presets of a vehicle file."""
-    from twin.vehicle.presets import apply_preset
-
-    apply_preset(text, Path("mine.xml"), "gazebo")
-
-
-def sniffed(data: bytes) -> None:
-    """The kind of log that a file looks like, and its names as each importer asks for them."""
-    from factory.importing.columns import read_table
-    from factory.importing.formats.base import sniff
-
-    for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
-        path = _file(name, data)
-        try:
-            sniff(path)
-        except TwinError:
-            continue
-    read_table(_file("a.csv", data))
-
-
-def metadata(text: str) -> None:
-    """Deployment metadata in YAML."""
-    from factory.exporting.metadata import parse_metadata
-
-    parse_metadata(text, "m.yml")
-
-
-def payload(text: str) -> None:
-    """`--payload`"""
-    from factory.importing.payload import parse_payload
-
-    parse_payload([text])
-
-
-def pattern(text: str) -> None:
-    """A regular expression of a user, on the longest names that files have."""
-    from twin.bounded import LONGEST_NAME, compile_pattern
-
-    compiled = compile_pattern(text, "p")
-    for letter in "a1_":
-        compiled.search(letter * LONGEST_NAME)
-
-
-def positions(text: str) -> None:
-    """`twin trim --set`"""
-    from twin.cli.options import parse_numbers
-
-    assert all(math.isfinite(value) for value in parse_numbers("set", (text,), "").values())
-
-
-MISSION = """name = "mine"
-duration_s = 3600
-max_depth_m = 250
-at_end = "surface"
-
-[[segments]]
-kind = "saw-tooth"
-max_depth_m = 200
-min_depth_m = 10
-pitch_deg = 30
-yos = 2
-
-[[segments]]
-kind = "surface"
-duration_s = 300
-"""
-MAPPING = {
-    "vehicle": "auv", "frame": "FRD", "rows": "file", "deployment": "file", "gap_s": 60,
-    "time": {"column": "t", "unit": "s", "start_from_name": r"^(\d{8})_"},
-    "signals": {
-        "measured_depth": {"column": "depth", "unit": "m", "sentinels": [-999]},
-        "measured_heading": {"column": "yaw", "unit": "degree", "zero": "east"},
-    },
-    "ignored": {"spare*": "not used"},
-    "corrections": [{"files": "*", "signal": "measured_depth", "reason": "r", "sign": -1}],
-}  # fmt: skip
-CURRENTS = (
-    "uniform:speed=0.3,direction=90", "tide:m2=0.1,s2=0.03,direction=30+none",
-    "ekman:tau=0.1,direction=90", "gauss-markov:speed=0.1,std=0.05,seed=1", "profile:x.csv",
-    "log-layer:friction=0.01,direction=0,bottom=100", "inertial:speed=0.08,layer=40",
-    "geostrophic:surface=0.2,direction=45,scale=800,barotropic=0.05", "grid:x.nc,lat=1,lon=2",
-)  # fmt: skip
-DISTRIBUTIONS = (
-    "uniform(15, 45) except (28, 32) (38, 40)", "loguniform(40, 500)", "normal(0, 0.7)",
-    "choice(saw-tooth: 0.7, spiral: 0.3)", "35", "none", "uniform(0,1) except (2,3), (4,5)",
-)  # fmt: skip
-XML = (asset_path("remus.xml").read_text(encoding="utf-8"),)
-TAGS = ("<include file='x.xml'/>", "<replicate count='9999999'>", "<body>", "</body>", "pos=''",
-        "name=", "mass='-1'", "mass='nan'", "data='1 2'", "0 0 0", "<geom/>",
-        "<joint/>", "general")  # fmt: skip
-SLOCUM = """sensor: u_use_current_correction(nodim) 1
-behavior: abend
-    b_arg: overdepth(m) 180
-behavior: surface
-    b_arg: start_when(enum) 9
-    b_arg: when_secs(s) 3600
-    b_arg: c_use_pitch(enum) 3
-    b_arg: c_pitch_value(X) 0.4
-behavior: goto_list
-    b_arg: num_legs_to_run(nodim) -2
-    b_arg: wpt_x_0(X) -12221.5
-    b_arg: wpt_y_0(X) 3648.5
-behavior: yo
-    b_arg: d_target_depth(m) 90
-    b_arg: c_target_depth(m) 6
-    b_arg: d_use_bpump(enum) 2
-    b_arg: d_bpump_value(X) -200
-"""
-START_BYTES = (
-    b"", b"dbd_label: a\nnum_sensors: 9\n", b"CDF\x01",
-    b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"PAR1",
-    b"\x1f\x8b\x08", b"a,b\n1,2\n", b"time;lat\n", b"\xef\xbb\xbfa,b\n",
-)  # fmt: skip
-
-TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
-    "distribution": (distribution, mutated(*DISTRIBUTIONS, words=("uniform(", "choice(", "inf"))),
-    "current": (current, mutated(*CURRENTS, words=("speed=", "none", "uniform:", "m2="))),
-    "density": (density, mutated("usual", "constant", "x.csv", "grid", "thermocline")),
-    "floor": (floor, mutated("depth:200", "rough:60,height=3,length=400,seed=1", "G.nc,reach=9")),
-    "sensors": (
-        sensors,
-        altered(
-            {
-                "imu": {"gyro_scale": 1e-3, "misalignment_deg": 0.1},
-                "dvl": {"scale": 0.01},
-                "encoders": {"resolutions": {"rudder": 0.1}},
-                "pressure": {"vehicle_density": 1025},
-            }
-        ),
-    ),
-    "mission": (mission, mutated(MISSION, words=("[[segments]]\n", "kind = []", "inf", "[" * 500))),
-    "mission-table": (
-        mission_table,
-        altered(
-            {
-                "name": "m",
-                "segments": [
-                    {"kind": "saw-tooth", "max_depth_m": 100.0, "yos": 2, "heading_deg": 10.0},
-                    {"kind": "hold", "parts": {"rudder": 0.1}, "duration_s": 60.0},
-                    {
-                        "kind": "waypoint",
-                        "max_depth_m": 80.0,
-                        "targets": [{"latitude": 49.0, "longitude": -16.0}],
-                        "surface_at_target": False,
-                    },
-                ],
-            }
-        ),
-    ),
-    "slocum": (
-        slocum,
-        mutated(SLOCUM, words=("b_arg:", "<start:waypoints>", "behavior: yo", "9e9")),
-    ),
-    "goto": (goto, mutated("36.9,-122.5;37,-122.6", words=("nan", "89,0", ";"))),
-    "parameters": (
-        parameters,
-        mutated('[mission]\npitch_deg = "uniform(15, 35)"\n[current]\nspeed = 0.1\n'),
-    ),
-    "mapping": (mapping, altered(MAPPING)),
-    "tracks": (tracks, mutated("time,north,east,track\n0,1,2,a\n1,2,3,a\n", "time,north,east\n")),
-    "profile": (
-        profile,
-        mutated(
-            "depth,density\n0,1025\n9,1026\n",
-            "depth,north,east\n0,0,0\n5,1,1\n",
-            "depth,temperature,salinity\n0,10,35\n",
-        ),
-    ),
-    "vehicle": (vehicle, mutated(*XML, words=TAGS)),
-    "compiled-vehicle": (compiled_vehicle, mutated(*XML, words=TAGS)),
-    "preset": (preset, mutated(asset_path("tethys.xml").read_text(encoding="utf-8"), words=TAGS)),
-    "sniff": (
-        sniffed,
-        st.builds(bytes.__add__, st.sampled_from(START_BYTES), st.binary(max_size=300)),
-    ),
-    "metadata": (
-        metadata,
-        mutated(
-            "metadata:\n  title: x\n  wmo_id: 1\nglider_devices:\n  ctd:\n    make: m\n",
-            words=("&a", "*a", "<<: ", "!!python/object:os.system", "- ", "2022-13-45"),
-        ),
-    ),
-    "payload": (payload, mutated("oxygen=oxy[umol kg-1]", "chlorophyll=x")),
-    "pattern": (pattern, mutated(r"^(\d{8})_", "(a+)+$", "[a-z]*_(.+)", words=("{1,200}", "(?:"))),
-    "positions": (positions, mutated("rudder=0.1,elevator=0", "propeller=60")),
+LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 10**9, 3 * 10**9
+"""Processor time [s] and memory [byte] of one import; and the memory at which it is stopped"""
+FULL_BYTES = 7 * 10**8
+"""[byte] A process that held more is not used again: it would not give all of it back"""
+UNDAMAGED = "none"
+WRITERS = WRITERS | {
+    "ngdac": (*WRITERS["ngdac"], lambda f, flight: [write_pyglider(f / "series.nc", flight)])
 }
-"""What is fuzzed: the function that takes a case, and what cases are drawn from."""
-
-FOLLOWED = (
-    "twin.bounded", "twin.numbers", "twin.mission.plan", "twin.mission.mission_file",
-    "twin.mission.segments", "twin.vehicle.mjcf", "twin.vehicle.file_limits",
-    "twin.vehicle.presets", "twin.records.tracks", "twin.sensors.checks",
-    "twin.water.table_file", "twin.water.density_spec", "twin.water.floor.spec",
-    "twin.water.current.current_text", "twin.water.current.registry", "factory.sampling",
-    "factory.importing",
-    "factory.exporting.metadata",
-)  # fmt: skip
-"""Modules whose coverage `--guided` follows: what numba compiles cannot be instrumented"""
-COMPILED = ("vehicle", "compiled-vehicle")
-"""Targets that compile more than they import"""
-
-_FOLDER = tempfile.TemporaryDirectory(prefix="fuzz-")
-
-
-def _file(name: str, content: str | bytes) -> Path:
-    path = Path(_FOLDER.name) / name
-    data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
-    path.write_bytes(data)
-    return path
+LAYOUTS = [f"{kind}:{k}" for kind, writers in WRITERS.items() for k in range(len(writers))]
+BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0")
+"""Layouts without tables and variables"""
+TABLES = ("slocum:0", "seaglider:0", "seaexplorer:0", "csv:0")
+"""Layouts without attributes"""
+REAL = {
+    "slocum": ("slocum_comet_dvl_2016/raw/*", "slocum_seus_2017/ramses*/*5.sbd"),
+    "seaglider": ("seaglider_apl_ad2cp/raw/*", "seaglider_apl_basestation3/sg686*"),
+    "seaexplorer": ("seaexplorer_pyglider/sea046*",),
+    "lrauv": ("lrauv_shore_2013/*133105.mat", "lrauv_onboard_sim_2021/testPitch*"),
+    "lsf": ("auv_lauv_noptilus_2015/*.lsf.gz",),
+}
+"""Files of `--real`, by kind"""
+NUMBER = re.compile(r"-?\d[\d.e+-]*")
+CORPUS = ROOT / "tests" / "data" / "mutants.json"
+"""Names of mutants that failed once"""
 
 
-def check(target: Callable[[Any], None], case: Any) -> str:
-    """Run one case; "value" or the name of the error that it gave.
+@dataclasses.dataclass(frozen=True)
+class Mutant:
+    """One damaged log."""
 
-    Raises:
-      AssertionError: it took too long, or its message has several lines.
-      Exception: any error that is no TwinError.
-    """
-    start = time.monotonic()
+    layout: str
+    """KIND:NUMBER of a writer, or KIND:PATTERN of real logs."""
+    operation: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.layout}/{self.operation}/{self.seed}"
+
+    @classmethod
+    def parse(cls, name: str) -> Mutant:
+        """The mutant of that name."""
+        layout, operation, seed = name.rsplit("/", 2)
+        return cls(layout, operation, int(seed))
+
+    @property
+    def kind(self) -> str:
+        return self.layout.partition(":")[0]
+
+
+@dataclasses.dataclass
+class Verdict:
+    """What an import made of a mutant."""
+
+    mutant: Mutant
+    outcome: str = "read"
+    """read, refused, unfit (the operation changes nothing of such files) or failed"""
+    file: str = ""
+    failures: list[str] = dataclasses.field(default_factory=list)
+    raised: list[str] = dataclasses.field(default_factory=list)
+    """Errors of readers for which a file was left out, and what it was told by"""
+    seconds: float = 0.0
+    bytes: int = 0
+
+
+def mutants(count: int, seed: int, layouts: Iterable[str] = LAYOUTS) -> Iterator[Mutant]:
+    """Every layout undamaged, then every layout and operation in turn."""
+    layouts = list(layouts)
+    yield from (Mutant(one, UNDAMAGED, 0) for one in layouts)
+    turns = [(o, one) for o in OPERATIONS for one in layouts]
+    no = [*itertools.product(COLUMNS, BARE), *itertools.product(("attributes", "shape"), TABLES)]
+    fit = [one for one in turns if one not in no and (one[0] != "flight" or one[1] in LAYOUTS)]
+    for k, (operation, layout) in enumerate(itertools.islice(itertools.cycle(fit), count)):
+        yield Mutant(layout, operation, seed * 1_000_000 + k)
+
+
+def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
+    """Write the damaged log; the name of the damaged file, or "" where nothing can be damaged."""
+    random = np.random.default_rng([mutant.seed, *mutant.name.encode()])
+    pattern = mutant.layout.partition(":")[2]
+    flying = mutant.operation == "flight"
+    if not pattern.isdigit():
+        assert real is not None, f"{mutant.name} needs --real"
+        for path in sorted(real.glob(pattern)):
+            shutil.copyfile(path, folder / path.name)
+    else:
+        flight = damaged_flight(random) if flying else Sound()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                WRITERS[mutant.kind][int(pattern)](folder, flight)
+        except Exception:  # a format has no such value
+            if not flying:
+                raise
+            return ""
+    if flying or mutant.operation == UNDAMAGED:
+        return "all"
+    with contextlib.suppress(Exception):  # its library writes no such file
+        return damage(random, folder, mutant.operation)
+    return ""
+
+
+def place(error: BaseException) -> str:
+    """Module and line of the project where an error came from, and its type."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f.filename.startswith(str(ROOT)) and "benchmarks" not in f.filename]
+    last = own[-1] if own else frames[-1]
+    return f"{_short(last.filename)}:{last.lineno} {type(error).__name__}"
+
+
+def _short(filename: str) -> str:
+    """A file's place in the project or in its library."""
+    return filename.removeprefix(f"{ROOT}/").rpartition("site-packages/")[2]
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Digests of the files of a folder and of those below."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) -> None:
+    """Import a prepared log and look for all that may not be."""
+    from factory.importing import deployment_log, import_logs
+    from factory.soundness import verify_logs
+    from twin.errors import TwinError
+    from twin.records.logged import LogStore
+    from twin.records.schema.limits import recorded_limits
+    from twin.records.store import write_store
+
+    logs, out = folder / "logs", folder / "out"
+    layout = mutant.layout.partition(":")[2]
+    given = variation(mutant.kind, int(layout), Sound()) if layout.isdigit() else None
+    told = deployment_log.failed_reading
+
+    def failed_reading(path: Path, error: Exception) -> Any:
+        verdict.raised.append(place(error))
+        return told(path, error)
+
+    deployment_log.failed_reading = failed_reading
+    before = contents(logs)
+    written.clear()
+    report = None
     try:
-        target(case)
-        outcome = "value"
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            dataset, report = import_logs(
+                mutant.kind, [logs], variation_deg=given, mapping=mapping(mutant.kind, logs)
+            )
     except TwinError as error:
-        outcome = type(error).__name__
-        text = str(error)
-        assert text.strip(), "an empty message"
-        assert len(text) < 2100, f"a message of {len(text)} characters"
-    took = time.monotonic() - start
-    assert took < LONGEST_S, f"it took {took:.1f} s"
-    return outcome
+        verdict.outcome, said = "refused", str(error)
+        if "\n" in said or not said.strip() or len(said) > 2100 or "this is a bug" in said:
+            verdict.failures.append(f"message of {len(said)} characters: {said[:200]!r}")
+    except Exception as error:
+        verdict.failures.append(f"{place(error)}: {str(error)[:200]}")
+    finally:
+        deployment_log.failed_reading = told
+    with warnings.catch_warnings(record=True) as left:
+        warnings.simplefilter("always")
+        gc.collect()  # files that nobody closed
+    verdict.failures += [
+        f"warning at {_short(one.filename)}:{one.lineno} {one.category.__name__}: "
+        f"{' '.join(str(one.message).split())}" for one in (*warned, *left)
+    ]  # fmt: skip
+    verdict.failures += [f"written outside: {path}" for path in written]
+    if contents(logs) != before:
+        verdict.failures.append("the folder of the logs was changed")
+    if report is None:
+        return
+    suspect = " ".join(e.subject for e in report.entries if e.action == "suspect")
+    problems: list[tuple[str, list[str]]] = []
+    names = [str(name) for name in dataset.data_vars]
+    for name, variable in dataset.data_vars.items():
+        with contextlib.suppress(LookupError):
+            low, high = recorded_limits(str(name))
+            values = np.asarray(variable.values)
+            if values.dtype.kind == "f" and ((values < low) | (values > high)).any():
+                problems.append((f"{name} outside of {low:g} to {high:g}", [str(name)]))
+    try:
+        write_store(dataset, out / "log.zarr")
+        for check in verify_logs(LogStore(str(out / "log.zarr"))).checks:
+            problems += [
+                (f"{check.name}: {NUMBER.sub('#', problem)}", [n for n in names if n in problem])
+                for problem in check.problems
+            ]
+    except Exception as error:
+        verdict.failures.append(f"{place(error)}: {str(error)[:200]}")
+    for problem, of in problems:
+        if not suspect or any(name not in suspect for name in of):
+            verdict.failures.append(f"not told: {problem}")
+    if mutant.operation == UNDAMAGED and layout.isdigit():
+        if report.rows != Sound().dives:
+            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {Sound().dives}")
+        verdict.failures += [f"suspect undamaged logs: {e.subject}: {e.detail}"
+                             for e in report.entries if e.action == "suspect"]  # fmt: skip
 
 
-def explore(name: str, *, cases: int, seconds: float, start: int) -> dict[str, int]:
-    """Run random cases of one target until either limit; outcomes by name, counted.
-
-    Raises:
-      Exception: the first finding, made as small as Hypothesis can.
-    """
-    target, strategy = TARGETS[name]
-    counts: dict[str, int] = {}
-    end = time.monotonic() + seconds
-
-    class Over(BaseException):
-        pass
-
-    @seed(start)
-    @settings(
-        max_examples=cases, deadline=None, database=None, report_multiple_bugs=False,
-        phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
-    @given(strategy)
-    def run(case: Any) -> None:
-        if time.monotonic() > end:
-            raise Over
-        outcome = check(target, case)
-        counts[outcome] = counts.get(outcome, 0) + 1
-
-    with contextlib.suppress(Over):
-        run()
-    return counts
+def _memory(word: str) -> int:
+    """[byte] This process's memory by /proc; 0 on systems without."""
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(next(line.split()[1] for line in lines if line.startswith(word)))
+    return 0
 
 
-def guided(name: str, minutes: float) -> None:
-    """One target under atheris, which keeps the inputs that reach new code; ends the process."""
-    import atheris
+def work(pipe: Any, real: Path | None) -> None:
+    """Judge mutants as they come, one by one, in a process of its own."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.dont_write_bytecode = True
+    written: list[str] = []
+    allowed = ["/dev/", "/proc/"]
 
-    target, strategy = TARGETS[name]
-    with atheris.instrument_imports(include=list(FOLLOWED)):
-        warnings.simplefilter("ignore")  # an example outside of a test is meant here
-        with contextlib.suppress(TwinError):  # the first case imports what the target uses
-            target(strategy.example())
+    def watch(event: str, given: tuple[Any, ...]) -> None:
+        if event == "open" and isinstance(given[0], str | bytes) and isinstance(given[2], int):
+            path, change = os.fsdecode(given[0]), given[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
+        elif event in ("os.rename", "os.mkdir", "os.symlink", "os.link"):
+            path, change = os.fsdecode(given[0 if event == "os.mkdir" else 1]), 1
+        else:
+            return
+        path = os.path.realpath(path)
+        ours = path.startswith(tuple(allowed)) or "__pycache__" in path
+        if change and not ours and not (event == "os.mkdir" and Path(path).is_dir()):
+            written.append(path)
 
-    @settings(deadline=None, database=None, suppress_health_check=list(HealthCheck))
-    @given(strategy)
-    def run(case: Any) -> None:
-        check(target, case)
+    sys.addaudithook(watch)
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as base, contextlib.suppress(EOFError):
+        printed = Path(base, "printed").open("wb+", buffering=0)  # noqa: SIM115
+        for number in (1, 2):
+            os.dup2(printed.fileno(), number)
+        folder = Path(base, "one")
+        tempfile.tempdir = str(folder / "temporary")
+        allowed += [str(folder / name) for name in ("temporary", "out")]
+        import factory.soundness  # noqa: F401 - garbage is looked for among what comes later
 
-    seconds = int(60.0 * minutes)
-    atheris.Setup([sys.argv[0], f"-max_total_time={seconds}"], run.hypothesis.fuzz_one_input)
-    atheris.Fuzz()
+        gc.freeze()
+        while True:
+            mutant = Mutant.parse(pipe.recv())
+            for name in ("logs", "out", "temporary"):
+                (folder / name).mkdir(parents=True)
+            verdict = Verdict(mutant)
+            begun = time.process_time()
+            try:
+                verdict.file = prepare(mutant, folder / "logs", real)
+                begun = time.process_time()
+                with contextlib.suppress(OSError):
+                    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+                if verdict.file:
+                    judge(mutant, verdict, folder, written)
+            except Exception as error:
+                verdict.failures.append(f"harness {place(error)}: {str(error)[:200]}")
+            verdict.seconds, verdict.bytes = time.process_time() - begun, _memory("VmHWM")
+            if verdict.bytes > MOST_BYTES:
+                verdict.failures.append("more than 1 GB")
+            if verdict.seconds > LONGEST_S:
+                verdict.failures.append("more than 60 s")
+            if printed.tell():
+                printed.seek(0)
+                verdict.failures.append(f"printed {printed.read(200)!r}")
+                printed.seek(0)
+                printed.truncate()
+            verdict.failures = list(dict.fromkeys(verdict.failures))
+            verdict.outcome = verdict.outcome if verdict.file else "unfit"
+            shutil.rmtree(folder)
+            pipe.send(verdict)
+
+
+class Hand:
+    """A process that judges, and what it is busy with."""
+
+    def __init__(self, real: Path | None, target: Callable[..., None]) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=target, args=(theirs, real), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.mutant: Mutant | None = None
+
+    def begin(self, mutant: Mutant) -> None:
+        self.mutant, self._begun = mutant, self._used()[0]
+        with contextlib.suppress(BrokenPipeError):  # it has ended, as its pipe says next
+            self.pipe.send(mutant.name)
+
+    def _used(self) -> tuple[float, int]:
+        """Processor time [s] and memory [byte] of the process."""
+        with contextlib.suppress(OSError):
+            words = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+            ticks = int(words[11]) + int(words[12])
+            return ticks / os.sysconf("SC_CLK_TCK"), int(words[21]) * os.sysconf("SC_PAGE_SIZE")
+        return 0.0, 0
+
+    def over(self) -> str:
+        """Which limit the process is beyond."""
+        seconds, held = self._used()
+        if held > KILLED_BYTES:
+            return "more than 3 GB, stopped"
+        return "more than 60 s, stopped" if seconds - self._begun > LONGEST_S + 15.0 else ""
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def run(
+    given: Iterable[Mutant],
+    *,
+    workers: int = 1,
+    seconds: float = 1e9,
+    real: Path | None = None,
+    target: Callable[..., None] = work,
+) -> Iterator[Verdict]:
+    """Verdicts on mutants, as they come; no mutant begins after so many seconds."""
+    end, rest = time.monotonic() + seconds, iter(given)
+    hands = [Hand(real, target) for _ in range(workers)]
+    try:
+        while True:
+            for hand in hands:
+                if hand.mutant is None and time.monotonic() < end:
+                    following = next(rest, None)
+                    if following is not None:
+                        hand.begin(following)
+            busy = [hand for hand in hands if hand.mutant is not None]
+            if not busy:
+                return
+            ready = multiprocessing.connection.wait([hand.pipe for hand in busy], 0.2)
+            for hand in busy:
+                assert hand.mutant is not None
+                verdict, failure = None, hand.over()
+                if hand.pipe in ready:
+                    try:
+                        verdict = hand.pipe.recv()
+                    except EOFError:
+                        hand.process.join()
+                        failure = f"its process ended with {hand.process.exitcode}"
+                if verdict is None and failure:
+                    verdict = Verdict(hand.mutant, failures=[failure], bytes=KILLED_BYTES)
+                if verdict is not None:
+                    hand.mutant = None
+                    yield verdict
+                    if verdict.bytes > FULL_BYTES:
+                        hand.end()
+                        hands[hands.index(hand)] = Hand(real, target)
+    finally:
+        for hand in hands:
+            hand.end()
 
 
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--minutes", type=float, default=1.0, help="in all, shared by the targets")
-    parser.add_argument("--only", default=",".join(TARGETS), help="targets, separated by commas")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--guided", action="store_true", help="by coverage, with atheris")
+    parser.add_argument("--mutants", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=1e9, help="after which no mutant begins")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--kinds", help="of logs, separated by commas")
+    parser.add_argument("--only", nargs="+", help="names of mutants")
+    parser.add_argument("--real", type=Path, help="folder of real logs, damaged too")
+    parser.add_argument("--json", type=Path, help="file of all verdicts")
     options = parser.parse_args()
-    names = options.only.split(",")
-    findings = total = 0
-    for index, name in enumerate(names):
-        if options.guided and name in COMPILED:
-            parser.error(f"--guided cannot follow {name}: numba compiles what it reaches")
-        if options.guided:
-            guided(name, options.minutes)  # the process ends in it: one target a run
-        share = 60.0 * options.minutes / len(names)
-        begun = time.monotonic()
-        try:
-            counts = explore(name, cases=10**7, seconds=share, start=options.seed + index)
-        except Exception as error:
-            findings += 1
-            print(f"{name}: {type(error).__name__}: {error}", *getattr(error, "__notes__", ()))
-            continue
-        cases = sum(counts.values())
-        total += cases
-        took = time.monotonic() - begun
-        outcomes = ", ".join(f"{key} {n}" for key, n in sorted(counts.items()))
-        print(f"{name}: {cases} cases in {took:.0f} s ({outcomes})", flush=True)
-    print(f"{total} cases of {len(names)} targets, {findings} findings")
-    return 1 if findings else 0
+    layouts = [*LAYOUTS]
+    if options.real:
+        layouts += [f"{kind}:{one}" for kind, every in REAL.items() for one in every]
+    if options.kinds:
+        layouts = [o for o in layouts if o.partition(":")[0] in options.kinds.split(",")]
+    every = map(Mutant.parse, options.only or ()) if options.only else mutants(
+        options.mutants, options.seed, layouts
+    )  # fmt: skip
+    verdicts = []
+    for one in run(every, workers=options.workers, seconds=options.seconds, real=options.real):
+        verdicts.append(one)
+        for failure in one.failures:
+            print(f"{one.mutant.name} ({one.file}): {failure}", flush=True)
+        if options.only:
+            print(one, flush=True)
+    if options.json:
+        options.json.write_text(json.dumps([dataclasses.asdict(one) for one in verdicts]))
+    kinds = {one.mutant.kind for one in verdicts}
+    for kind in sorted(kinds):
+        of = [one for one in verdicts if one.mutant.kind == kind]
+        count = Counter("failed" if one.failures else one.outcome for one in of)
+        said = ", ".join(f"{n} {outcome}" for outcome, n in sorted(count.items()))
+        raised = sum(bool(one.raised) for one in of)
+        print(f"{kind}: {len(of)} mutants: {said}; a reader raised in {raised}")
+    causes: dict[str, list[str]] = {}
+    for one in verdicts:
+        for cause in dict.fromkeys(f"reader raised {cause}" for cause in one.raised):
+            causes.setdefault(cause, []).append(one.mutant.name)
+    for cause, found in sorted(causes.items(), key=lambda item: -len(item[1])):
+        print(f"{len(found):5d} {cause} ({found[0]})")
+    most = max((one.bytes for one in verdicts), default=0)
+    slowest = max((one.seconds for one in verdicts), default=0.0)
+    failed = sum(bool(one.failures) for one in verdicts)
+    print(f"{len(verdicts)} mutants, {failed} failed; at most {most / 1e6:.0f} MB, {slowest:.1f} s")
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

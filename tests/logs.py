@@ -246,7 +246,7 @@ def table_columns(flight: Flight) -> dict[str, Array]:
         "theta": -np.radians(state["pitch"]),
         "yaw": np.radians(90.0 - state["heading"]),
         "r": np.full(len(time), -0.5),
-        "vx": np.where(under, flight.speed / 0.514444, -99.0),
+        "vx": np.where(under, state.get("speed", flight.speed) / 0.514444, -99.0),
         "engine": state["pump"] / 1000.0,
         "lat": np.where(under, np.nan, latitude),
         "lon": np.where(under, np.nan, longitude),

@@ -40,6 +40,16 @@ _SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
 """Unix seconds from 1979 to 2103: what a log's time can be."""
 
 
+LARGEST = 1e30
+"""No log holds a larger number, in any unit; the fill value of netCDF itself is 9.97e36"""
+
+
+def measurable(values: Array) -> Array:
+    """The numbers, those beyond any measurement infinite: `tidy` removes and counts them, and no
+    product of two numbers overflows before."""
+    return np.where(np.abs(values) > LARGEST, np.copysign(np.inf, values), values)
+
+
 @dataclasses.dataclass(frozen=True)
 class Table:
     """Columns of one file."""
@@ -94,7 +104,7 @@ def _parquet(path: Path) -> Table:
             seconds = values.astype("datetime64[ns]").astype(np.int64) / 1e9
             columns[name] = np.where(np.isnat(values), np.nan, seconds)
         elif values.dtype.kind in "fiub":
-            columns[name] = values.astype(np.float64)
+            columns[name] = measurable(values.astype(np.float64))
         else:
             texts[name] = values
     return Table(path, columns, texts)
@@ -211,7 +221,7 @@ def _csv(path: Path) -> Table:
         if numbers is None:
             texts[name] = words.to_numpy(object)
         else:
-            columns[name] = numbers
+            columns[name] = measurable(numbers)
     return Table(path, columns, texts)
 
 

@@ -95,16 +95,19 @@ def import_logs(
     _expect_mapped(options, tally)
     read = {name for log in logs for name in log.files}
     own = [log.period for log in logs if log.period is not None]
-    dataset, report = build(
-        logs,
-        kind=kind,
-        period=period or min(own, default=importer.period),
-        rules=rules or DiveRules(),
-        tally=tally,
-        files=[path.name for path in paths if path.name in read] or [p.name for p in paths],
-        held=importer.held,
-        lacks=importer.lacks,
-    )
+    try:
+        dataset, report = build(
+            logs,
+            kind=kind,
+            period=period or min(own, default=importer.period),
+            rules=rules or DiveRules(),
+            tally=tally,
+            files=[path.name for path in paths if path.name in read] or [p.name for p in paths],
+            held=importer.held,
+            lacks=importer.lacks,
+        )
+    except InputError as error:
+        raise _with_left_out(error, tally) from error
     rules = rules or DiveRules()
     words = {
         "period": period,

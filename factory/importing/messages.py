@@ -122,9 +122,13 @@ def log_of_messages(
                 f"{path.name}: {name}: {wrong}; correct {mapping.name}, or write optional = true"
             )
         clock = table.time + (mapping.time.start or 0.0)
-        if len(clock) and np.nanmax(clock) < EARLIEST:
+        known = clock[np.isfinite(clock)]
+        if len(clock) and not known.size:
+            tally.add("left out", name, len(clock), f"{topic} has no time in any message")
+            continue
+        if known.size and known.max() < EARLIEST:
             raise InputError(
-                f"{path.name}: times run from {np.nanmin(clock):g} s: the vehicle's clock was not "
+                f"{path.name}: times run from {known.min():g} s: the vehicle's clock was not "
                 "set; give what it began at in a --mapping, start = 2026-06-25T08:00:00Z"
             )
         one = Table(Path(path.name), {signal.column: table.columns[field]})

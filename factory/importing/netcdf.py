@@ -5,15 +5,17 @@ Units as logs write them, and the factor of each to the unit of the schema.
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.columns import parse_stamps, unix_seconds
+from factory.importing.columns import measurable, parse_stamps, unix_seconds
 from factory.importing.tally import Tally
 from twin.bounded import check_declared
 from twin.errors import InputError, unknown_name
@@ -21,11 +23,12 @@ from twin.errors import InputError, unknown_name
 Array = NDArray[np.float64]
 
 
-def open_netcdf(path: Path) -> Any:
-    """A netCDF or HDF5 file for reading.
+@contextlib.contextmanager
+def open_netcdf(path: Path) -> Iterator[Any]:
+    """A netCDF or HDF5 file for reading, closed at the end.
 
     Raises:
-      InputError: it is neither, or truncated.
+      InputError: it is neither, truncated, or what its library cannot read is read within.
     """
     import netCDF4
 
@@ -39,12 +42,26 @@ def open_netcdf(path: Path) -> Any:
         raise InputError(
             f"{path.name} cannot be opened as netCDF-4 or HDF5: {why} ({type(error).__name__})"
         ) from error
-    try:
+    with file, warnings.catch_warnings():
+        # limits of another type than their variable are left out, as netCDF's rules want it
+        warnings.filterwarnings("ignore", "WARNING: ", UserWarning)
+        warnings.filterwarnings("error", "invalid scale_factor", UserWarning)
         check_declared(_declared(file), path.stat().st_size, path.name)
-    except InputError:
-        file.close()
-        raise
-    return file
+        try:
+            yield file
+        except (RuntimeError, OSError, TypeError, UserWarning) as error:
+            why = _without_scale(file) or " ".join(str(error).split())
+            raise InputError(f"{path.name} is damaged: {why}") from error
+
+
+def _without_scale(group: Any) -> str:
+    """The first variable whose scale or offset is no number, in words; empty without one."""
+    for name, variable in group.variables.items():
+        for attribute in ("scale_factor", "add_offset"):
+            value = getattr(variable, attribute, 1.0)
+            if np.asarray(value).dtype.kind not in "fiu" or np.size(value) != 1:
+                return f"{attribute} of {name} is {value!r:.40}, not one number"
+    return next(filter(None, map(_without_scale, group.groups.values())), "")
 
 
 def _declared(group: Any) -> float:
@@ -57,9 +74,17 @@ def _declared(group: Any) -> float:
 
 
 def as_array(values: object) -> Array:
-    """Any numbers as a float64 array; masked ones are NaN."""
-    filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
-    return np.asarray(filled, np.float64).ravel()
+    """Any numbers as a float64 array; masked ones are NaN.
+
+    Raises:
+      InputError: texts.
+    """
+    try:
+        filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+    except ValueError as error:
+        words = " ".join(str(error).split())
+        raise InputError(f"texts where numbers belong: {words[:80]}") from error
+    return measurable(np.asarray(filled, np.float64).ravel())
 
 
 def holds_arrays(path: Path) -> bool:

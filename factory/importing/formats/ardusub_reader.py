@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -69,17 +69,38 @@ def read_ardusub(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> l
     return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
 
 
-def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A log by pymavlink, which prints each damaged byte and leaves files open that it refuses."""
     from pymavlink.DFReader import DFReader_binary
 
+    # its compiled indexer prints where Python cannot redirect it: the other one takes its place
+    quiet: Any = type(
+        "Quiet", (DFReader_binary,), {"init_arrays_fast": DFReader_binary.init_arrays}
+    )
+    log, silent = quiet.__new__(quiet), io.StringIO()
+    with contextlib.redirect_stderr(silent), contextlib.redirect_stdout(silent):
+        try:
+            try:
+                log.__init__(str(path))
+            except Exception as error:
+                raise InputError(
+                    f"{path.name} is no dataflash log of ArduPilot: {' '.join(str(error).split())}"
+                ) from error
+            yield log
+        finally:
+            for name in ("data_map", "filehandle"):
+                if hasattr(log, name):
+                    getattr(log, name).close()
+
+
+def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    with _opened(path) as log:
+        return _log_of(path, log, options, tally)
+
+
+def _log_of(path: Path, log: Any, options: ReadOptions, tally: Tally) -> DeploymentLog:
     mapping = mapping_of(options, "ArduSub", None, GAP)
-    try:
-        with contextlib.redirect_stderr(io.StringIO()):  # it prints each byte of a damaged end
-            log = DFReader_binary(str(path))
-    except Exception as error:
-        raise InputError(
-            f"{path.name} is no dataflash log of ArduPilot: {' '.join(str(error).split())}"
-        ) from error
     formats = {one.name: one.columns for one in log.formats.values() if one.name != "FMT"}
     standard = {
         name: signal
@@ -90,13 +111,11 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     wanted = {t: f for t, f in wanted_fields(mapping).items() if t in formats}
     rows: dict[str, list[list[float]]] = {topic: [] for topic in wanted}
     present: dict[str, None] = {}
-    with contextlib.redirect_stderr(io.StringIO()):
-        while (message := log.recv_msg()) is not None:
-            kind = message.get_type()
-            present.setdefault(kind)
-            if kind in wanted and _is_first(message, formats[kind]):
-                rows[kind].append([message._timestamp, *_values(message, kind, wanted[kind])])
-    log.close()
+    while (message := log.recv_msg()) is not None:
+        kind = message.get_type()
+        present.setdefault(kind)
+        if kind in wanted and _is_first(message, formats[kind]):
+            rows[kind].append([message._timestamp, *_values(message, kind, wanted[kind])])
     note_unread("dataflash log", present, wanted, tally)
     tables = {}
     for kind, every in rows.items():

@@ -225,7 +225,8 @@ def _places(columns: Dict[str, Array]) -> dict[str, Array]:
     places = np.zeros_like(origins)
     for k, origin in enumerate(np.degrees(every.T)):
         here = which.ravel() == k
-        places[:, here] = from_tangent_plane(columns["x"][here], columns["y"][here], *origin)
+        with np.errstate(over="ignore", invalid="ignore"):  # of damaged messages
+            places[:, here] = from_tangent_plane(columns["x"][here], columns["y"][here], *origin)
     return dict(zip(("latitude", "longitude"), places, strict=True))
 
 

@@ -31,6 +31,7 @@ from factory.importing.formats.seaglider_log_signals import signals_of, water_of
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from twin.bounded import LONGEST_NAME
 from twin.errors import InputError
 
 ADCP_DEPTH = 1.5
@@ -158,6 +159,8 @@ def read_seaglider(
                 f"{', '.join(glider.files)}: dives of {glider.name} without its table of samples; "
                 f"samples are there of {_others(gliders) or 'no glider'}"
             )
+    if not gliders:
+        raise InputError("no row of the tables names its glider")
     return [_log(glider, options, tally) for glider in gliders.values()]
 
 
@@ -202,6 +205,10 @@ def _table(
         owners = np.full(len(table), fallback, dtype=object)
     for owner in dict.fromkeys(str(o) for o in owners):
         rows = np.array([str(o) == owner for o in owners])
+        if len(owner) > LONGEST_NAME:
+            why = f"the name of their glider has more than {LONGEST_NAME} characters"
+            tally.add("left out", subject, int(rows.sum()), why)
+            continue
         glider = gliders.setdefault(owner, GliderTables(owner))
         columns = {n: v[rows] for n, v in table.columns.items()}
         getattr(glider, what).append(columns)

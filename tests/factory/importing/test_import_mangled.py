@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import netCDF4
+import numpy as np
 import pytest
 from logs import Flight, write_basestation, write_mat, write_og1, write_seaglider, write_table
+from message_logs import write_ardusub
+from written_logs import mapping, variation, write
 
 from factory.importing import import_logs
 from twin.errors import InputError
@@ -105,3 +110,104 @@ def test_a_web_page_and_a_store_are_called_what_they_are(kind, tmp_path):
     (store / "zarr.json").write_text("{}")
     with pytest.raises(InputError, match="is a store already; name the logs"):
         import_logs(kind, [store])
+
+
+SCALED = {
+    ("og1", 0): "PITCH", ("ngdac", 0): "depth", ("spray", 0): "lat", ("lrauv", 1): "depth",
+    ("seaglider", 1): "pressure", ("dorado", 1): "mDepth",
+}  # fmt: skip
+"""A variable that each kind reads from netCDF"""
+
+
+@pytest.mark.parametrize(("kind", "layout"), SCALED)
+@pytest.mark.parametrize("scale", ["down", [1.0, 2.0]], ids=["text", "two numbers"])
+def test_a_scale_that_is_no_number_is_named(kind, layout, scale, tmp_path):
+    for path in write(kind, layout, tmp_path, FLIGHT):
+        with netCDF4.Dataset(path, "a") as file:
+            if SCALED[kind, layout] in file.variables:
+                file[SCALED[kind, layout]].scale_factor = scale
+    with pytest.raises(InputError, match=rf"damaged: scale_factor of {SCALED[kind, layout]} is"):
+        import_logs(kind, [tmp_path], mapping=mapping(kind, tmp_path), keep_going=False)
+
+
+@pytest.mark.parametrize(("kind", "layout"), SCALED)
+def test_limits_of_another_type_are_no_warning(kind, layout, tmp_path):
+    """What they would have been for is read all the same."""
+    for path in write(kind, layout, tmp_path, FLIGHT):
+        with netCDF4.Dataset(path, "a") as file:
+            for name in file.variables:
+                file[name].setncattr_string("valid_range", "low to high")
+    given = variation(kind, layout, FLIGHT)
+    _, report = import_logs(kind, [tmp_path], mapping=mapping(kind, tmp_path), variation_deg=given)
+    assert report.rows == FLIGHT.dives
+
+
+def test_numbers_beyond_any_measurement_are_removed_and_counted(tmp_path):
+    path = write_og1(tmp_path / "a.nc", FLIGHT)
+    with netCDF4.Dataset(path, "a") as file:
+        file["PITCH"][40:43] = [1e308, -1e308, 1e36]
+        file["TIME"][50] = 1e308
+    dataset, report = import_logs("og1", [path], variation_deg=0.0)
+    assert report.count("removed", "PITCH") == 3
+    assert np.nanmax(np.abs(dataset["measured_pitch"])) < 27.0
+    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    header, first, *rows = table.read_text().splitlines()
+    column = header.split(",").index("theta")
+    cells = rows[40].split(",")
+    rows[40] = ",".join([*cells[:column], "1e308", *cells[column + 1 :]])
+    table.write_text("\n".join([header, first, *rows]))
+    _, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
+    assert report.count("removed", "measured_pitch") == 1
+
+
+def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):
+    """Whatever the kind: here columns of a table, which no reader turns into degrees."""
+    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    header, *rows = table.read_text().splitlines()
+    column = header.split(",").index("lat")
+    cells = [row.split(",") for row in rows]
+    fixes = [row for row in cells if row[column]]
+    for row in fixes[:3]:
+        row[column] = repr(1000.0 * float(row[column]))
+    table.write_text("\n".join([header, *(",".join(row) for row in cells)]))
+    dataset, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
+    assert report.rows == FLIGHT.dives
+    (told,) = [e for e in report.entries if e.detail == "no position on Earth"]
+    assert (told.action, told.subject, told.count) == ("removed", "GPS fixes", 3)
+    assert np.nanmax(np.abs(dataset["start_latitude"])) <= 90.0
+
+
+def test_a_damaged_dataflash_log_is_read_in_silence_and_closed(tmp_path, capfd):
+    pytest.importorskip("pymavlink")
+    (path,) = write_ardusub(tmp_path, FLIGHT)
+    whole = path.read_bytes()
+    at = whole.index(b"\xa3\x95", len(whole) // 2)
+    path.write_bytes(whole[:at] + bytes(700) + whole[at:])
+    _, report = import_logs("ardusub", [path], mapping=tmp_path / "mine.toml")
+    assert report.rows == FLIGHT.dives
+    path.write_bytes(bytes(700) + whole[700:])  # its formats are gone
+    with pytest.raises(InputError):
+        import_logs("ardusub", [path], mapping=tmp_path / "mine.toml")
+    gc.collect()  # a file that is still open would be a warning, and so an error, here
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_topic_without_times_is_left_out(tmp_path):
+    paths = write("dorado", 1, tmp_path, FLIGHT)
+    (gps,) = [path for path in paths if path.name == "gps.nc"]
+    with netCDF4.Dataset(gps, "a") as file:
+        file["time"][:] = np.nan
+    _, report = import_logs("dorado", [tmp_path], mapping=tmp_path / "mine.toml")
+    assert report.rows == FLIGHT.dives
+    assert "gps has no time in any message" in [e.detail for e in report.entries]
+
+
+def test_rows_of_a_glider_with_an_endless_name_are_left_out(tmp_path):
+    write_seaglider(tmp_path, FLIGHT)
+    (dives,) = tmp_path.glob("*_dives.csv")
+    lines = dives.read_text().splitlines()
+    dives.write_text("\n".join([*lines, lines[-1].replace("SG999", "S" * 300)]))
+    dataset, report = import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
+    assert report.rows == FLIGHT.dives
+    assert report.count("left out", dives.name) == 1
+    assert max(map(len, report.deployments)) < 10

@@ -8,36 +8,16 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
-from dorado_logs import (
-    names_in_log,
-    write_dorado,
-    write_dorado_netcdf,
-    write_dorado_product,
-)
-from imc_logs import topics_of_lsf, write_lsf
-from logs import (
-    Flight,
-    example,
-    write_basestation,
-    write_csv,
-    write_dbd,
-    write_mat,
-    write_nc4,
-    write_ngdac,
-    write_og1,
-    write_seaexplorer,
-    write_seaglider,
-    write_slocum,
-    write_spray,
-    write_table,
-)
-from message_logs import topics_of, write_ardusub, write_mcap, write_rosbag2
+from dorado_logs import names_in_log
+from imc_logs import topics_of_lsf
+from logs import Flight, example, write_csv
+from message_logs import topics_of
+from written_logs import LAYOUTS, TABLES, WRITERS, mapping, variation, write
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
 from factory.importing.columns import column_names
@@ -49,50 +29,12 @@ from twin.records.store import open_store
 ROOT = Path(__file__).resolve().parents[3]
 HOWTO = ROOT / "docs" / "howto"
 PAGE = (HOWTO / "import_logs.md").read_text()
-TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
-WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
-    "slocum": (write_slocum, write_dbd),
-    "seaglider": (write_seaglider, write_basestation),
-    "seaexplorer": (
-        lambda folder, flight: [write_seaexplorer(folder / "sea009_M3_gli.csv", flight)],
-    ),
-    "ngdac": (write_ngdac,),
-    "og1": (lambda folder, flight: [write_og1(folder / "deployment.nc", flight)],),
-    "spray": (lambda folder, flight: [write_spray(folder / "CUGN_line_90.nc", flight)],),
-    "lrauv": (
-        lambda folder, flight: [write_mat(folder / "log.mat", flight)],
-        lambda folder, flight: [write_nc4(folder / "log.nc4", flight)],
-    ),
-    "mcap": (write_mcap,),
-    "rosbag2": (write_rosbag2,),
-    "ardusub": (write_ardusub,),
-    "lsf": (write_lsf,),
-    "dorado": (write_dorado, write_dorado_netcdf, write_dorado_product),
-    "csv": (lambda folder, flight: write_table(folder, flight, TABLES),),
-}
-"""Logs of an imaginary flight in each layout of each kind."""
 MESSAGES = ("mcap", "rosbag2", "ardusub", "lsf")
 """Kinds whose files hold messages by topic."""
 OWN_PERIODS = {("dorado", 2): 1.0}
 """[s] of files that were resampled"""
-LAYOUTS = [(kind, k) for kind, writers in WRITERS.items() for k in range(len(writers))]
-
-
-def write(kind: str, layout: int, folder: Path) -> list[Path]:
-    libraries = {("slocum", 1): "dbdreader", ("ardusub", 0): "pymavlink", ("lsf", 0): "imcpy"}
-    if (kind, layout) in libraries:
-        pytest.importorskip(libraries[kind, layout])
-    elif kind in MESSAGES:
-        pytest.importorskip("rosbags")
-    folder.mkdir(exist_ok=True)
-    return WRITERS[kind][layout](folder, FLIGHT)
-
-
-def mapping(kind: str, folder: Path) -> Path | None:
-    """What the columns of a kind's tables are, where its names do not say."""
-    return folder / "mine.toml" if IMPORTERS[kind].takes_mapping else None
 
 
 def test_every_importer_has_logs_that_these_tests_write() -> None:
@@ -112,9 +54,9 @@ def test_every_format_that_lies_in_the_folder_is_registered() -> None:
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> None:
     importer = IMPORTERS[kind]
-    paths = write(kind, layout, tmp_path / "logs")
+    paths = write(kind, layout, tmp_path / "logs", FLIGHT)
     assert all(importer.accepts(path) for path in paths)
-    given = None if (kind, layout) != ("og1", 0) else FLIGHT.variation  # that file has none
+    given = variation(kind, layout, FLIGHT)
     logs = tmp_path / "logs"
     dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
     assert report.kind == kind
@@ -164,7 +106,7 @@ def names_in(path: Path) -> set[str]:
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
-    paths = write(kind, layout, tmp_path / "logs")
+    paths = write(kind, layout, tmp_path / "logs", FLIGHT)
     given = mapping(kind, tmp_path / "logs")
     _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
     named = [
@@ -182,7 +124,7 @@ def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_p
 def test_logs_are_told_from_those_of_every_other_kind(
     kind: str, layout: int, tmp_path: Path
 ) -> None:
-    paths = [p for p in write(kind, layout, tmp_path / "logs") if p.suffix != ".cac"]
+    paths = [p for p in write(kind, layout, tmp_path / "logs", FLIGHT) if p.suffix != ".cac"]
     for path in paths:
         assert sniff(path) == sniff(str(path)) == kind, path.name
         for other in IMPORTERS.names():
@@ -196,7 +138,7 @@ def test_logs_are_told_from_those_of_every_other_kind(
 
 
 def test_a_folder_of_other_logs_names_their_kind(tmp_path: Path) -> None:
-    write("seaglider", 1, tmp_path / "logs")
+    write("seaglider", 1, tmp_path / "logs", FLIGHT)
     with pytest.raises(InputError, match=r"p9990001\.nc looks like seaglider: use"):
         import_logs("slocum", [tmp_path / "logs"])
 
