@@ -68,6 +68,23 @@ _UNSET = 30.0 * 86400.0
 """[s] A clock that is not set is years away; a log of one deployment is silent for days"""
 
 
+def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
+    """Mark a log as suspect whose depths lie above the sea: no stay at the surface told the offset
+    of its sensor."""
+    depth = log.channel("measured_depth")
+    high = depth.values < -_ABOVE_SEA
+    if high.any():
+        tally.doubt(
+            "measured_depth", f"above the sea by up to {-depth.values.min():.1f} m: the sensor has "
+            "an offset, and no GPS fix or state at the surface tells it",
+            int(high.sum()), deployment=log.deployment,
+        )  # fmt: skip
+
+
+_ABOVE_SEA = 5.0
+"""[m] Waves are lower."""
+
+
 def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
     """Whether the log holds a dive from its first fix to its last; says so where it does not."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.dive_checks import complete, since_clock, standing
+from factory.importing.dives.dive_checks import complete, since_clock, standing, tell_above_sea
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
@@ -232,6 +232,7 @@ def segmented(
     """
     log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
     depth = log.channel("measured_depth")
+    tell_above_sea(log, tally)
     check_signs(log, tally)
     if not len(log.channel("measured_pitch")):
         tally.add(

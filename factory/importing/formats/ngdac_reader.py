@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import in_degrees, reference_declination, to_degrees
 from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
-from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
+from factory.importing.cleaning import clean, downward, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -219,9 +219,8 @@ def _log(
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     channels |= actuators(time, columns, profiles[0].sensors, tally)
     depth = columns.get("depth")
-    if depth is not None and np.nanmedian(depth) < 0.0:
-        tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
-        depth = -depth
+    if depth is not None:  # the pressure is compared with it
+        depth = downward(depth, "depth", tally)
     pressure = columns.get("pressure")
     if pressure is not None and np.isfinite(pressure).any():
         native = "bar" if attributes["pressure"].get("units") == "bar" else "dbar"

@@ -26,7 +26,7 @@ from factory.exporting.og1.og1_terms import (
 )
 from factory.exporting.og1.variables import ENDING, ESTIMATED
 from factory.importing.angles import REACH, to_degrees
-from factory.importing.cleaning import clean, from_degrees, to_dbar
+from factory.importing.cleaning import clean, downward, from_degrees, to_dbar
 from factory.importing.columns import tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -118,6 +118,7 @@ def signals_in(
             sources[target] = found
     channels: dict[str, Channel] = {}
     depth = columns.get(sources.get("measured_depth", ""))
+    depth = None if depth is None else downward(depth, "depth", Tally())
     flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > _FLYING)
     for target, name in sources.items():
         values, units = columns[name], str(attributes[name].get("units", ""))
