@@ -31,6 +31,7 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_pyglider import (
     MAGNETIC,
+    RECKONS,
     SERIES,
     SLOCUM,
     actuators,
@@ -212,9 +213,11 @@ def _log(
         latitude, longitude = track["latitude"], track["longitude"]
         known = np.isfinite(columns["depth"])
         depths = Channel(time[known], columns["depth"][known]).at(latitude.time)
+        flag = columns.get(profiles[0].sensors.get(RECKONS, ""))
         fixes, lines = fixes_of_track(
-            latitude.time, latitude.values, longitude.values, depths, tally
-        )
+            latitude.time, latitude.values, longitude.values, depths, tally,
+            reckons=None if flag is None else flag[np.searchsorted(time, latitude.time)],
+        )  # fmt: skip
         track = {} if lines else track
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     channels |= actuators(time, columns, profiles[0].sensors, tally)
@@ -276,6 +279,7 @@ def _fixes(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFix
         return NO_FIXES
     status = columns.get(FIXES[2], np.full(len(time), np.nan))
     bad = np.isfinite(status) & (status != 0.0)
+    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
     latitude, longitude = positions(columns[FIXES[0]], columns[FIXES[1]], "GPS fixes", tally)
     good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
     return LoggedFixes(time[good], latitude[good], longitude[good])
