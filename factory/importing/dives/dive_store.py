@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.dive_checks import complete, since_clock, standing, tell_above_sea
+from factory.importing.dives.dive_checks import (
+    complete,
+    since_clock,
+    standing,
+    tell_above_sea,
+    tell_silent,
+)
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
@@ -277,6 +283,7 @@ def row_of(
     numbers = _numbers(log, segment, segments, number)
     whole = complete(log, segment, tally)
     standing(log, segment, tally)
+    tell_silent(log, segment, tally)
     driven = numbers.get("thruster_fraction", 0.0)
     numbers["dac_north"], numbers["dac_east"] = averaged_current(
         signals, segment, period,

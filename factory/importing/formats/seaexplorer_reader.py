@@ -219,6 +219,7 @@ def _log(
     if "NavState" in columns:
         floats = time[columns["NavState"] == AT_SURFACE]
         track = {**track, "afloat": Channel(floats, np.ones(len(floats)))}
+    track = {**track, "awake": Channel(time, np.ones(len(time)))}
     channels |= _payload(payload, channels["measured_depth"], fixes, name, options, tally)
     return DeploymentLog(
         deployment=name,

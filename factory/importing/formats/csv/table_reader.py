@@ -156,7 +156,10 @@ def mapped_log(
         channels={n: c for n, c in channels.items() if n not in LOG_ONLY},
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary={n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+        auxiliary={
+            **{n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+            "awake": Channel(time, np.ones(len(time))),
+        },
         files=tuple(names),
         pieces=row_times(mapping, time, files),
         period=mapping.period_s or _spacing(time),
