@@ -77,9 +77,13 @@ _RETURNED = 0.5
 def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str = "") -> Channel:
     """A channel of the finite, possible values; the rest counted.
 
+    Depths and pressures that count upward are turned, counted.
+
     `time` increases strictly (see `reading.columns.tidy`).
     """
     subject = subject or name
+    if name in CHAINED:
+        values = downward(values, subject, tally)
     there = np.isfinite(values)
     limits = LIMITS.get(name)
     if limits is not None:
@@ -112,6 +116,10 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
             why = "single spikes"
         tally.add("removed", subject, int(bad.sum()), why)
         time, values = time[~bad], values[~bad]
+        if name in CHAINED:
+            high = above_sea(values)
+            tally.add("removed", subject, int(high.sum()), f"more than {_WAVES:g} m above the sea")
+            time, values = time[~high], values[~high]
     return Channel(time, values)
 
 
@@ -185,6 +193,49 @@ def _remove(
 
 _FEW_WORDS = 3
 """Values by which sensors say that they have none"""
+_WAVES = 5.0
+"""[m], [dbar] No sensor of a floating vehicle is higher above the sea."""
+_RARE, _OFTEN = 0.01, 0.05
+"""Parts of a log up to which samples above the sea are wrong ones, and up to which they are where
+they come by a few. With more of them the sensor has an offset: that is taken off where the log says
+when it floats, and told where it does not."""
+_RUN = 3
+"""Samples of a few."""
+_UPWARD, _ABOVE = 2.0, 0.1
+"""[m], [dbar] A column that counts upward moves by more than the first, and is above the sea by no
+more than this part of how far it is below."""
+_FEWEST = 10
+"""Different values without which a column does not say which way it counts."""
+
+
+def above_sea(values: Array) -> NDArray[np.bool_]:
+    """Depths [m] or pressures [dbar] that are above the sea, and no offset of the sensor."""
+    high = values < -_WAVES
+    few = short_runs(high, _RUN)
+    if high.sum() <= max(1.0, _RARE * len(high)):
+        return high
+    return few if few.sum() <= _OFTEN * len(high) else np.zeros(len(high), bool)
+
+
+def counts_upward(values: Array) -> bool:
+    """Whether depths or pressures count upward: of all their values hardly one is positive.
+
+    Each value counts once, so that a sentinel has no more say than a measurement.
+    """
+    possible = np.abs(values) <= LIMITS["measured_depth"].high
+    found = np.unique(values[np.isfinite(values) & possible])
+    if found.size < _FEWEST:
+        return False
+    low, high = np.quantile(found, [0.02, 0.98])
+    return bool(high - low > _UPWARD and high < 0.5 * _UPWARD - _ABOVE * low and low < -_UPWARD)
+
+
+def downward(values: Array, subject: str, tally: Tally) -> Array:
+    """Depths or pressures that count down; those of a column that counts upward turned, counted."""
+    if not counts_upward(values):
+        return values
+    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was positive up")
+    return -values
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:

@@ -51,6 +51,61 @@ class Channel:
             return np.full(np.shape(times), np.nan)
         return np.interp(times, self.time, self.values)
 
+    def known(self, times: Array) -> Array:
+        """Linear interpolation where the channel covers the times; NaN elsewhere."""
+        return np.where(self.covers(times), self.at(times), np.nan)
+
+    def covers(self, times: Array) -> NDArray[np.bool_]:
+        """Whether the times lie between samples that are near enough to be joined by a line, or
+        beside one, within three of the spacings that are usual there.
+
+        A sensor that is silent again and again reports on change: all between its samples is
+        covered, and what is beside them for as long as it was ever silent.
+        """
+        times = np.asarray(times, np.float64)
+        if not len(self):
+            return np.zeros(times.shape, bool)
+        at = np.searchsorted(self.time, times, side="right")
+        left, right = np.maximum(at - 1, 0), np.minimum(at, len(self) - 1)
+        before, after = np.abs(times - self.time[left]), np.abs(self.time[right] - times)
+        distance = np.minimum(before, after)
+        inside = (at > 0) & (at < len(self))
+        if self.on_change:
+            return np.asarray(inside | (distance <= float(np.diff(self.time).max())))
+        near = _USUAL_HOLE * np.nan_to_num(self.usual_spacing(times))
+        bridged = inside & (self.time[right] - self.time[left] <= np.maximum(NEAR, near))
+        return np.asarray(bridged | (distance <= np.maximum(near, _AT_SAMPLE)))
+
+    @functools.cached_property
+    def on_change(self) -> bool:
+        """Whether it is silent again and again, as what is reported on change or rarely is."""
+        if len(self) < 3:
+            return False
+        holes = int((np.diff(self.time) > max(NEAR, _USUAL_HOLE * self.spacing)).sum())
+        return holes >= _AGAIN and holes > _OFTEN * len(self)
+
+    def usual_spacing(self, times: Array) -> Array:
+        """[s] Median of the spacings around each time."""
+        if len(self) < 3:
+            return np.full(np.shape(times), self.spacing)
+        spacing = np.diff(self.time)
+        half = _AROUND // 2
+        padded = np.pad(spacing, half, mode="reflect" if len(spacing) > half else "edge")
+        usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
+        at = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(spacing) - 1)
+        return np.asarray(usual[at])
+
+
+NEAR = 120.0
+"""[s] No hole is shorter; a glider crosses less than 25 m in it."""
+_USUAL_HOLE = 3.0
+"""Spacings that a hole of a sensor which goes on has at most."""
+_AGAIN, _OFTEN = 2, 0.02
+"""So many holes, and more than this part of the samples, are no accident."""
+_AT_SAMPLE = 1e-3
+"""[s] So near to a sample the value is the sample's own."""
+_AROUND = 9
+"""Spacings of which the median is the usual one."""
 
 EMPTY = Channel(np.zeros(0), np.zeros(0))
 
@@ -110,7 +165,8 @@ class DeploymentLog:
     (where it was sent, degree), `true_latitude`/`_longitude` (of a simulated one, degree),
     `velocity_north/_east/_down`
     (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
-    that it is at the surface). A log that is on a grid already has
+    that it is at the surface), `awake` (times at which its computer logged anything, where others
+    may go on without it). A log that is on a grid already has
     `measured_depth_original`, `measured_attitude_original`, `measured_ctd_original` (times of the
     samples it was made of), `gap_stored` (1 where it is interpolated) and `phase_stored`.
     """

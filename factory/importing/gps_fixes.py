@@ -1,8 +1,11 @@
-"""GPS fixes that a vehicle cannot have had, such as those under water: removed and counted."""
+"""GPS fixes that a vehicle cannot have had, such as those under water: removed and counted.
+
+Columns of a receiver that say whether it has a fix: quality, dilution of precision, satellites.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +36,37 @@ _QUARTER, _SHIFTS = 900.0, 96
 """[s] Clocks differ by time zones and summer time: multiples of a quarter of an hour."""
 _FITS = 0.9
 """A shift explains fixes under water when so many of them come to the surface."""
+
+
+QUALITIES = ("quality", "fix_quality", "gps_quality")
+"""Columns of the fix's quality as NMEA 0183 has it in GGA"""
+MEASURED = (1.0, 2.0, 3.0, 4.0, 5.0, 9.0)
+"""Qualities of a measurement; 0 is none, 6 reckoned, 7 put in by hand, 8 simulated"""
+DILUTIONS = ("hdop", "gps_hdop")
+NO_DILUTION = 99.0
+"""Receivers write it, and 99.9, without a fix."""
+SATELLITES = ("satellites", "num_satellites", "n_satellites", "numberofsatellites", "nsat", "nsats")
+FEWEST_SATELLITES = 3.0
+"""for a fix at sea level"""
+RECEIVER = (*QUALITIES, *DILUTIONS, *SATELLITES)
+"""Every column that is read, in small letters"""
+
+
+def has_fix(columns: Mapping[str, Array], count: int) -> Mask:
+    """Whether a receiver has a fix by what it says beside its positions, (count,)."""
+    fixed = np.ones(count, bool)
+    for name, values in columns.items():
+        word = name.lower()
+        if word in QUALITIES:
+            says = np.isin(values, MEASURED)
+        elif word in DILUTIONS:
+            says = values < NO_DILUTION
+        elif word in SATELLITES and (values >= FEWEST_SATELLITES).any():
+            says = values >= FEWEST_SATELLITES  # a vehicle that does not count them writes 0
+        else:
+            continue
+        fixed &= says | ~np.isfinite(values)
+    return fixed
 
 
 def good_fixes(

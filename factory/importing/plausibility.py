@@ -50,7 +50,7 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
     angle = pitch.at(depth.time)
     rate = np.abs(vertical_speed(depth))
     level = 0.1 * float(np.percentile(rate, 90.0))
-    use = (np.abs(angle) > _STEEP) & (rate > level)
+    use = (np.abs(angle) > _STEEP) & (rate > level) & pitch.covers(depth.time)
     if use.sum() < _ENOUGH:
         return float("nan")
     return float(np.median(rate[use] / np.sin(np.radians(np.abs(angle[use])))))
@@ -62,18 +62,21 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
     rate = vertical_speed(depth)
     below = depth.values > _BELOW
     roll = log.channel("measured_roll")
-    if len(roll) and below.sum() > _ENOUGH:
-        usual = float(np.median(np.abs(roll.at(depth.time[below]))))
+    rolled = below & roll.covers(depth.time)
+    if rolled.sum() > _ENOUGH:
+        usual = float(np.median(np.abs(roll.at(depth.time[rolled]))))
         if usual > _ROLLED:
             tally.doubt(
                 "measured_roll",
                 f"{log.deployment} rolls by {usual:.0f} degree: wrong unit or column",
                 len(roll),
             )
-    down, up = below & (rate > _MOVING), below & (rate < -_MOVING)
+    pitch, pump = log.channel("measured_pitch"), log.channel("measured_pump")
+    # a vehicle's computer that is silent says nothing of its signs
+    known = below & (pitch if len(pitch) else pump).covers(depth.time)
+    down, up = known & (rate > _MOVING), known & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
         return
-    pitch, pump = log.channel("measured_pitch"), log.channel("measured_pump")
     if len(pitch):
         angle = pitch.at(depth.time)
         if np.median(angle[down]) > np.median(angle[up]):

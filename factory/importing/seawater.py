@@ -24,8 +24,20 @@ def depth_of(pressure: Array, latitude_deg: float) -> Array:
 
 
 def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
-    """Sea pressure [dbar] at a depth [m]."""
-    return np.asarray(gsw.p_from_z(-depth, latitude_deg), np.float64)
+    """Sea pressure [dbar] at a depth [m].
+
+    TEOS-10 ends 5 m above the sea. Further up, where only a sensor's offset leads, the pressure
+    falls on as it does there.
+    """
+    below = np.maximum(depth, -_HIGHEST)
+    pressure = gsw.p_from_z(-below, latitude_deg)
+    if np.any(depth < -_HIGHEST):
+        pressure = pressure + (depth - below) * gsw.p_from_z(-1.0, latitude_deg)
+    return np.asarray(pressure, np.float64)
+
+
+_HIGHEST = 4.0
+"""[m] above the sea"""
 
 
 def siemens(conductivity: Array, subject: str, tally: Tally) -> Array:

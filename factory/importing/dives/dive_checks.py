@@ -13,7 +13,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from factory.importing.deployment_log import Array, Channel, DeploymentLog
+from factory.importing.deployment_log import TRUNCATED, Array, Channel, DeploymentLog
+from factory.importing.dives.regular_times import computer_of
 from factory.importing.dives.segments import CLIMB, DESCENT, LogSegment
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
@@ -72,6 +73,23 @@ _UNSET = 30.0 * 86400.0
 """[s] A clock that is not set is years away; a log of one deployment is silent for days"""
 
 
+def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
+    """Mark a log as suspect whose depths lie above the sea: no stay at the surface told the offset
+    of its sensor."""
+    depth = log.channel("measured_depth")
+    high = depth.values < -_ABOVE_SEA
+    if high.any():
+        tally.doubt(
+            "measured_depth", f"above the sea by up to {-depth.values.min():.1f} m: the sensor has "
+            "an offset, and no GPS fix or state at the surface tells it",
+            int(high.sum()), deployment=log.deployment,
+        )  # fmt: skip
+
+
+_ABOVE_SEA = 5.0
+"""[m] Waves are lower."""
+
+
 def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
     """Whether the log holds a dive from its first fix to its last; says so where it does not."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
@@ -101,6 +119,31 @@ def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
     return whole
 
 
+def tell_silent(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
+    """Say where a vehicle's computer logs nothing of a dive whose depth goes on: a short file."""
+    shown = computer_of(log, segment)
+    depth = log.channel("measured_depth").within(segment.start, segment.end)
+    below = depth.time[depth.values > _BELOW]
+    if not len(shown):
+        return
+    silent = below[~shown.covers(below)]
+    for part in np.split(silent, np.flatnonzero(np.diff(silent) > _SILENT) + 1):
+        if not len(part) or part[-1] - part[0] <= _SILENT:
+            continue
+        before = shown.time[shown.time <= part[0]]
+        if before.size:
+            said, minutes = f"ends at {utc_minute(before[-1])}", part[-1] - before[-1]
+        else:
+            said, minutes = f"begins at {utc_minute(shown.time[0])}", shown.time[0] - part[0]
+        other = "goes on for" if before.size else "before it for"
+        tally.add(
+            "note", log.deployment, 1,
+            f"{TRUNCATED}the flight log {said} UTC under water, and the depth {other} "
+            f"{minutes / 60.0:.0f} min without attitude, actuators and commands: a flight file was "
+            "cut off, or is missing",
+        )  # fmt: skip
+
+
 def _moment(segment: LogSegment) -> str:
     return utc_minute(round(segment.start))
 
@@ -122,7 +165,7 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
     pitch = log.channel("measured_pitch")
     if len(pitch):
         same = (np.diff(depth.values) == 0.0) & below[1:]
-        same &= np.abs(pitch.at(depth.time[1:])) > _PITCHED
+        same &= np.abs(pitch.known(depth.time[1:])) > _PITCHED
         # the longest run of repeated depths
         ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
         runs = ends.reshape(-1, 2)

@@ -20,7 +20,14 @@ from factory.importing.deployment_log import (
     LoggedFixes,
     naming,
 )
-from factory.importing.dives.dive_checks import complete, doubts_of, since_clock, standing
+from factory.importing.dives.dive_checks import (
+    complete,
+    doubts_of,
+    since_clock,
+    standing,
+    tell_above_sea,
+    tell_silent,
+)
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
 from factory.importing.dives.regular_times import frame_origin, grid, on_grid
@@ -249,6 +256,7 @@ def segmented(
     before = len(tally.doubts)
     log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
     depth = log.channel("measured_depth")
+    tell_above_sea(log, tally)
     check_signs(log, tally)
     if not len(log.channel("measured_pitch")):
         tally.add(
@@ -293,6 +301,7 @@ def row_of(
     )  # fmt: skip
     numbers = _numbers(log, segment, segments, number)
     whole = complete(log, segment, tally)
+    tell_silent(log, segment, tally)
     driven = numbers.get("thruster_fraction", 0.0)
     numbers["dac_north"], numbers["dac_east"] = averaged_current(
         signals, segment, period,

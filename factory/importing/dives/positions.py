@@ -87,7 +87,8 @@ def through_water(
     names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
     if any(name not in signals for name in names) or driven > DRIVEN:
         return None
-    depth, pitch, heading, phase = (signals[name] for name in names)
+    depth, phase = signals["measured_depth"], signals["measured_phase"]
+    pitch, heading = (_bridged(signals[name]) for name in ("measured_pitch", "measured_heading"))
     known = signals["measured_gap"] < 0.5
     under = (depth > _AFLOAT) & (phase != SURFACE)
     if not under.any() or known[under].mean() < _KNOWN:
@@ -99,6 +100,14 @@ def through_water(
     course = np.radians(heading)
     velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
     return velocity if np.isfinite(velocity).all() else None
+
+
+def _bridged(degrees: Array) -> Array:
+    """Angles [degree] with holes closed, the short way round, the end values held outside."""
+    known = np.isfinite(degrees)
+    index = np.arange(len(degrees))
+    turned = np.degrees(np.unwrap(np.radians(degrees[known])))
+    return np.interp(index, index[known], turned) if known.any() else degrees
 
 
 def level_speed(depth: Array, pitch: Array, period: float) -> Array | None:

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
+from factory.importing.deployment_log import (
+    EMPTY,
+    NEAR,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
 from factory.importing.gps_fixes import nearest
 from factory.importing.plausibility import DiveRules
@@ -33,9 +41,12 @@ SPARSE = frozenset(
 )  # fmt: skip
 """Only where an original sample lies within half a period: the nearest one."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
-"""Interpolated near samples of the CTD alone; a payload within short holes alone."""
-WATER_GAP = 120.0
-"""[s] A glider crosses less than 25 m in it."""
+"""Interpolated near samples of the CTD alone."""
+DEPTHS = ("measured_depth", "measured_pressure")
+"""Without a hole in a store: bridged and marked."""
+ATTITUDE = ("measured_pitch", "measured_heading", "measured_roll")
+MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
+"""Sensors that never report on change: without a sample nothing is known."""
 _GAP_FACTOR = 3.0
 """A gap is longer than so many usual sample spacings."""
 _TRUTH = ("true_surge", "true_sway", "true_heave")
@@ -59,10 +70,12 @@ def on_grid(
 ) -> dict[str, Array]:
     """Signals of one row, each with the shape of `times`.
 
-    Values outside a channel's first and last sample are held; `measured_gap` marks them. `held`
-    names further channels that keep their last value.
+    A channel ends where its sensor, or the vehicle's computer, ends: what is not known is NaN, but
+    depth and pressure, which are bridged; `measured_gap` marks them. `held` names further channels
+    that keep their last value.
     """
     signals: dict[str, Array] = {}
+    runs = _running(log, segment, times)
     for name, channel in log.channels.items():
         if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
             values = _close(channel, times, _step(log, period))
@@ -71,9 +84,11 @@ def on_grid(
             continue
         if name in HELD | KNOWN_FROM:
             if channel.time[0] <= times[-1]:
-                signals[name] = _hold(channel, times)
+                known = (runs & ~_ended(name, channel, times)) | channel.covers(times)
                 if name in KNOWN_FROM:
-                    signals[name][times < channel.time[0]] = np.nan
+                    known &= times >= channel.time[0]
+                if known.any():
+                    signals[name] = np.where(known, _hold(channel, times), np.nan)
             continue
         # the samples just outside belong to the row's ends, those of other dives do not
         margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
@@ -82,17 +97,27 @@ def on_grid(
             continue
         if name in SPARSE:
             values = _close(near, times, 0.5 * period)
-        elif name in held:
-            values = _hold(near, times)
-        elif name in ANGLES:
-            turned = np.degrees(np.unwrap(np.radians(near.values)))
-            values = np.mod(np.interp(times, near.time, turned), 360.0)
+        elif name in DEPTHS:
+            values = _to_fixes(near, segment).at(times)
         else:
-            values = near.at(times)
+            if name in held:
+                values = _hold(near, times)
+            elif name in ANGLES:
+                turned = np.degrees(np.unwrap(np.radians(near.values)))
+                values = np.mod(np.interp(times, near.time, turned), 360.0)
+            else:
+                values = near.at(times)
             if name in WATER:
-                values = np.where(_distance(near, times) <= WATER_GAP, values, np.nan)
+                known = _distance(near, times) <= NEAR
             elif name in VARIABLES and VARIABLES[name].gaps:
-                values = np.where(_bridged(near, times), values, np.nan)
+                known = _bridged(near, times)
+            else:
+                known = near.covers(times) | (_distance(near, times) <= period)
+                known |= _floats(near, log, segment, times)
+                if _is_reported(name):
+                    inside = (times >= channel.time[0]) & ~_ended(name, channel, times)
+                    known |= inside & runs
+            values = np.where(known, values, np.nan)
         if np.isfinite(values).any():
             signals[name] = values
     for name in ("true_north", "true_east"):
@@ -119,6 +144,74 @@ def on_grid(
     _put_onboard(log, segment, times, signals)
     _put_truth(log, times, signals)
     return signals
+
+
+def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
+    """What of a row shows that the vehicle's computer runs: what it logs, or an attitude that comes
+    all the time; empty where nothing shows it."""
+    for name in ("awake", *ATTITUDE):
+        one = log.channel(name).within(segment.start, segment.end)
+        if len(one) >= _FEWEST and not one.on_change:
+            return one
+    return EMPTY
+
+
+def _running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np.bool_]:
+    """When the vehicle's computer runs; always, where nothing shows it."""
+    shown = computer_of(log, segment)
+    if not len(shown):
+        return np.ones(len(times), bool)
+    return shown.covers(times) | _floats(shown, log, segment, times)
+
+
+def _floats(
+    channel: Channel, log: DeploymentLog, segment: LogSegment, times: Array
+) -> NDArray[np.bool_]:
+    """When a vehicle waits at the surface for the fix of a row's end, and says little: before the
+    first and after the last sample of a channel."""
+    floats = np.zeros(len(times), bool)
+    depth = log.channel("measured_depth").within(segment.start, segment.end)
+    inside = channel.within(segment.start, segment.end)
+    if not len(depth) or not len(inside):
+        return floats
+    first, last = inside.time[0], inside.time[-1]
+    if segment.start_fix is not None and depth.at(first) < _DEEP:
+        floats |= times < first
+    if segment.end_fix is not None and depth.at(last) < _DEEP:
+        floats |= times > last
+    return floats
+
+
+_FEWEST = 20
+"""Samples without which a channel shows nothing."""
+
+
+def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
+    """When a sensor that reports on change says nothing any more: for longer than ever before."""
+    if not name.startswith("measured_"):  # an order stands until the next one
+        return np.zeros(len(times), bool)
+    longest = float(np.diff(channel.time).max(initial=0.0))
+    return times - channel.time[-1] > max(longest, NEAR)
+
+
+def _is_reported(name: str) -> bool:
+    """Whether a computer may report a signal on change alone: it holds while that runs."""
+    gaps = name in VARIABLES and VARIABLES[name].gaps
+    return name.startswith(("measured_", "commanded_")) and not (gaps or MEASURING.fullmatch(name))
+
+
+def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
+    """Depth or pressure that ends, or begins, deep: on a line to the fix there, at the surface."""
+    time, values = depth.time, depth.values
+    if segment.start_fix is not None and values[0] > _DEEP and time[0] - segment.start > NEAR:
+        time, values = np.append(segment.start, time), np.append(0.0, values)
+    if segment.end_fix is not None and values[-1] > _DEEP and segment.end - time[-1] > NEAR:
+        time, values = np.append(time, segment.end), np.append(values, 0.0)
+    return Channel(time, values)
+
+
+_DEEP = 10.0
+"""[m], [dbar] No vehicle with a fix is so deep."""
 
 
 def _distance(channel: Channel, times: Array) -> Array:
@@ -162,43 +255,33 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
             if not len(near):
                 gap[:] = True
                 continue
-            usual = np.clip(_usual_spacing(near, times), channel.spacing, _LONGEST_REGULAR)
+            usual = np.clip(near.usual_spacing(times), channel.spacing, _LONGEST_REGULAR)
             reach = np.maximum(0.5 * _GAP_FACTOR * np.nan_to_num(usual), period)
             gap |= _distance(near, times) > reach
     return gap
 
 
+_LONGEST_REGULAR = 300.0
+"""[s] A vehicle that samples more rarely is not followed through its turns."""
+_AROUND = 9
+"""Of so many spacings the usual one is taken."""
+
+
 def _bridged(channel: Channel, times: Array) -> NDArray[np.bool_]:
     """Whether a time lies between samples that are near enough to be joined by a line."""
-    if len(channel) < 2:
-        return _distance(channel, times) <= WATER_GAP
     at = np.searchsorted(channel.time, times, side="right")
     outside = (at == 0) | (at == len(channel))
+    if len(channel) < 2:
+        return _distance(channel, times) <= NEAR
     left = np.clip(at - 1, 0, len(channel) - 2)
     hole = channel.time[left + 1] - channel.time[left]
-    longest = np.maximum(WATER_GAP, _GAP_FACTOR * _usual_spacing(channel, times))
+    longest = np.maximum(NEAR, _GAP_FACTOR * channel.usual_spacing(times))
     distance = _distance(channel, times)
-    return np.where(outside, distance <= WATER_GAP, (hole <= longest) | (distance < _AT_SAMPLE))
+    return np.where(outside, distance <= NEAR, (hole <= longest) | (distance < _AT_SAMPLE))
 
 
 _AT_SAMPLE = 1e-3
 """[s] So near to a sample the value is the sample's own."""
-_AROUND = 9
-"""Spacings of which the median is the usual one."""
-_LONGEST_REGULAR = 300.0
-"""[s] A vehicle that samples more rarely is not followed through its turns."""
-
-
-def _usual_spacing(channel: Channel, times: Array) -> Array:
-    """[s] Median of the spacings around each time."""
-    if len(channel) < 3:
-        return np.full(len(times), channel.spacing)
-    spacing = np.diff(channel.time)
-    half = _AROUND // 2
-    padded = np.pad(spacing, half, mode="reflect" if len(spacing) > half else "edge")
-    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
-    at = np.clip(np.searchsorted(channel.time, times, side="right") - 1, 0, len(spacing) - 1)
-    return np.asarray(usual[at])
 
 
 def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
@@ -279,9 +362,9 @@ def _put_waypoint(
     if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
         return
     values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
-    before = times < latitude.time[0]
+    known = (times >= latitude.time[0]) & _running(log, segment, times)
     for axis, one in zip(("north", "east"), values, strict=True):
-        signals[f"commanded_waypoint_{axis}"] = np.where(before, np.nan, one)
+        signals[f"commanded_waypoint_{axis}"] = np.where(known, one, np.nan)
 
 
 _ORIGINALS = {
@@ -324,8 +407,12 @@ def _put_onboard(
             return
         north = Channel(north.time, north.values - north.values[0])
         east = Channel(east.time, east.values - east.values[0])
-    signals["measured_onboard_north"] = north.at(times)
-    signals["measured_onboard_east"] = east.at(times)
+    # a track goes on as far as its vehicle: between its positions on a line
+    longest = max(NEAR, float(np.diff(north.time).max()))
+    known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)
+    known |= _floats(north, log, segment, times)
+    signals["measured_onboard_north"] = np.where(known, north.at(times), np.nan)
+    signals["measured_onboard_east"] = np.where(known, east.at(times), np.nan)
 
 
 def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import TRUNCATED, DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.csv.mapping import Signal
+from factory.importing.gps_fixes import has_fix
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -188,7 +189,7 @@ def _instruments(path: Path, tally: Tally) -> Instruments:
         return _netcdf(path, tally)
     time, columns = _records(path, tally)
     topic = path.name.partition(".")[0]
-    return Instruments(False, {topic: _valid(topic, MessageTable(time, columns))})
+    return Instruments(False, {topic: _valid(topic, MessageTable(time, columns), tally)})
 
 
 def _records(path: Path, tally: Tally) -> tuple[Array, dict[str, Array]]:
@@ -256,7 +257,7 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
                 )
     if not tables:
         raise WrongFormat(path, names)
-    return Instruments(product, {t: _valid(t, table) for t, table in tables.items()})
+    return Instruments(product, {t: _valid(t, table, tally) for t, table in tables.items()})
 
 
 def _clock(file: Any, variable: Any) -> Any:
@@ -267,13 +268,14 @@ def _clock(file: Any, variable: Any) -> Any:
     return file.variables.get(name) if name.endswith("time") else None
 
 
-def _valid(topic: str, table: MessageTable) -> MessageTable:
+def _valid(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
     """A table without the places of a satellite receiver that had no fix."""
-    quality = table.columns.get("quality")
-    if topic != "gps" or quality is None:
+    if topic != "gps":
         return table
+    unfixed = ~has_fix(table.columns, len(table.time))
+    tally.add("removed", "GPS fixes", int(unfixed.sum()), "the receiver says that it has none")
     places = {
-        name: np.where(quality > 0, table.columns[name], np.nan)
+        name: np.where(unfixed, np.nan, table.columns[name])
         for name in ("latitude", "longitude") if name in table.columns
     }  # fmt: skip
     return MessageTable(table.time, {**table.columns, **places})

@@ -174,7 +174,7 @@ def _tables(packets: Packets, tally: Tally) -> tuple[list[str], dict[str, Messag
     sent = {_topic(s, packets) for s in packets.names if s[1] == own and s[0] not in numbered}
     topics = sorted({*tables, *sent})
     for topic, table in tables.items():
-        tables[topic] = _measured(topic, table)
+        tables[topic] = _measured(topic, table, tally)
     dvl = _doppler(tables)
     if dvl is not None:
         tables["DVL"] = dvl
@@ -200,7 +200,7 @@ def _topic(source: Source, packets: Packets) -> str:
     return f"{name}/{label.replace(' ', '_')}"
 
 
-def _measured(topic: str, table: MessageTable) -> MessageTable:
+def _measured(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
     """A table without the values that its messages call none, and with what is made of them."""
     columns = dict(table.columns)
     name = topic.partition("/")[0]
@@ -211,6 +211,7 @@ def _measured(topic: str, table: MessageTable) -> MessageTable:
     elif name == "GpsFix":
         fixed = (columns["validity"].astype(int) & VALID_POSITION) > 0
         fixed &= np.isin(columns["type"], MEASURED)
+        tally.add("removed", "GPS fixes", int((~fixed).sum()), "the receiver says that it has none")
         columns |= {axis: np.where(fixed, columns[axis], np.nan) for axis in ("lat", "lon")}
     elif name == "EstimatedState":
         columns["depth"] = np.where(columns["depth"] < 0.0, np.nan, columns["depth"])

@@ -1,12 +1,15 @@
 """Reader of ROS 2 recordings: MCAP files, and what is the same in rosbag2's folders.
 
 Units and axes of standard messages are those of REP 103: metre, radian, second; the body is
-forward, left, up, the world is east, north, up. `factory export --to mcap` writes the same.
+forward, left, up, the world is east, north, up. `factory export --to mcap` writes the same. A pose
+whose frame has NED in its name is in north, east, down.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import re
 from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
@@ -15,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import counts_upward
 from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
@@ -120,7 +124,8 @@ def _tables(
 
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         kinds = {one.topic: str(one.msgtype) for one in reader.connections}
-        mapping = with_standard(mapping, _standard(kinds, tally), tally)
+        frames = _frames(reader)
+        mapping = with_standard(mapping, _standard(kinds, frames, tally), tally)
         wanted = wanted_fields(mapping)
         used = [one for one in reader.connections if _merged(one.topic) in wanted]
         note_unread(KIND, kinds, [one.topic for one in used], tally)
@@ -144,7 +149,51 @@ def _tables(
         found = dict(zip(raw[topic], values.T, strict=True))
         columns = {f: _column(f, found) for f in wanted[topic] if set(_raw(f)) <= set(found) | _NO}
         tables[topic] = MessageTable(np.array(times[topic]), columns)
+    _ask_ned(mapping, tables, frames, tally)
     return sorted(kinds), tables, mapping
+
+
+def _frames(reader: Any) -> dict[str, tuple[str, str]]:
+    """Frames of the world and of the body that poses and attitudes are in, by topic, as the first
+    messages say; nothing of topics that cannot be decoded."""
+    found: dict[str, tuple[str, str]] = {}
+    for one in reader.connections:
+        if one.msgtype not in _NED or one.topic in found:
+            continue
+        with contextlib.suppress(Exception):  # the loop over all messages names such a topic
+            _, _, data = next(reader.messages(connections=[one]))
+            message: Any = reader.deserialize(data, one.msgtype)
+            found[one.topic] = (
+                str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))
+            )  # fmt: skip
+    return found
+
+
+def _is_ned(frames: tuple[str, str]) -> bool:
+    """Whether the name of a frame says that it is north, east, down."""
+    return any(re.search(r"(^|[^a-z])ned([^a-z]|$)", name.lower()) for name in frames)
+
+
+def _ask_ned(
+    mapping: Mapping,
+    tables: dict[str, MessageTable],
+    frames: dict[str, tuple[str, str]],
+    tally: Tally,
+) -> None:
+    """Mark a pose as suspect whose z is positive under water in a frame that does not say so."""
+    signal = mapping.signals.get("measured_depth")
+    topic, _, field = (signal.column if signal else "").partition(" ")
+    if signal is None or signal.sign > 0.0 or topic not in frames or topic not in tables:
+        return
+    values = tables[topic].columns.get(field)
+    if values is not None and counts_upward(-values):
+        tally.doubt(
+            topic,
+            f"{field} is positive under water: NED? Its frame {frames[topic][0]!r} does not say "
+            "so: z is turned, north, east and angles are taken as ENU's and FLU's; say in a "
+            "--mapping what they are (docs/howto/import_messages.md)",
+            int(np.isfinite(values).sum()),
+        )
 
 
 def _moment(message: Any, logged: int) -> float:
@@ -161,13 +210,19 @@ def _merged(topic: str) -> str:
     return head if head.endswith("dvl") and last in ("bottom", "water") else topic
 
 
-def _standard(kinds: dict[str, str], tally: Tally) -> dict[str, Signal]:
+def _standard(
+    kinds: dict[str, str], frames: dict[str, tuple[str, str]], tally: Tally
+) -> dict[str, Signal]:
     """Signals of the standard messages of a recording; of several sources one, the rest told."""
     found: dict[str, Signal] = {}
     rank = list(_KINDS)
     known = set(signal_names())
     for topic in sorted(kinds, key=lambda t: (not _ours(t), _rank(kinds[t], rank), t)):
-        for name, signal in _signals(topic, kinds[topic]):
+        ned = _is_ned(frames.get(topic, ("", "")))
+        if ned:
+            why = f"frame {', '.join(filter(None, frames[topic]))}: north, east, down"
+            tally.add("note", topic, 1, why)
+        for name, signal in _signals(topic, kinds[topic], ned):
             if name not in known:
                 continue
             taken = found.setdefault(name, signal)
@@ -184,8 +239,12 @@ def _ours(topic: str) -> bool:
     return topic.split("/")[1:2] != [] and topic.split("/")[1] in GROUPS
 
 
-def _signals(topic: str, kind: str) -> Iterator[tuple[str, Signal]]:
-    """What the fields of a standard message are."""
+def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
+    """What the fields of a standard message are.
+
+    Args:
+      ned: whether its frames are north, east, down and forward, starboard, down.
+    """
     group = GROUPS.get(topic.split("/")[1] if topic.startswith("/") else "", "measured")
     name = _merged(topic)
     if kind in _BARE:
@@ -195,7 +254,7 @@ def _signals(topic: str, kind: str) -> Iterator[tuple[str, Signal]]:
             units = VARIABLES[signal].units
             yield signal, Signal(column=f"{name} data", unit=SI.get(units, units), frame="FRD")
         return
-    for signal, field, unit, changes in _KINDS.get(kind, ()):
+    for signal, field, unit, changes in (_NED if ned else _KINDS).get(kind, ()):
         if kind.startswith("geometry_msgs/msg/Twist"):
             through = topic == "/truth/velocity_through_water"
             if through == signal.startswith("dvl") or not (through or "dvl" in topic.lower()):
@@ -227,6 +286,19 @@ def _pose(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
         ("roll", f"{prefix}orientation.roll", "rad", {}),
         ("pitch", f"{prefix}orientation.pitch", "rad", {}),
         ("heading", f"{prefix}orientation.yaw", "rad", east),
+    ]
+
+
+def _pose_ned(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
+    turned = {"onboard_north": "x", "onboard_east": "y"}
+    return [
+        (
+            signal,
+            f"{prefix}position.{turned[signal]}" if signal in turned else field,
+            unit,
+            {"frame": "FRD"},
+        )
+        for signal, field, unit, _ in _pose(prefix)
     ]
 
 
@@ -267,6 +339,13 @@ _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
 }
 """What fields of standard messages are: signal without its first word, field, unit, and how it
 differs. Of two sources of a signal the earlier kind is taken."""
+_POSES = {"nav_msgs/msg/Odometry": "pose.pose.", "geometry_msgs/msg/PoseStamped": "pose."}
+"""Messages of a pose in a frame that they name, and where it is in them"""
+_IMU = "sensor_msgs/msg/Imu"
+_NED = {kind: _pose_ned(prefix) for kind, prefix in _POSES.items()} | {
+    _IMU: [(signal, field, unit, {"frame": "FRD"}) for signal, field, unit, _ in _KINDS[_IMU]]
+}
+"""What the same fields are in frames that are north, east, down"""
 _NO = frozenset({"orientation_covariance.0", "angular_velocity_covariance.0",
                  "linear_acceleration_covariance.0", "status.status"})  # fmt: skip
 """Fields that say that others are no measurement, where a message has them"""

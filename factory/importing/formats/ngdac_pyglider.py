@@ -36,6 +36,8 @@ ACTUATORS = {
     "AngPos": ("measured_rotation", -1.0),
 }
 """By the vehicle's sensor: channel of the store, and factor to its unit [cm3, m, degree]"""
+RECKONS = "DeadReckoning"
+"""Sensor of a SeaExplorer: 1 where its position is reckoned, 0 at a GPS fix"""
 SURFACE = 2.0
 """[m] shallower a vehicle is at the surface, if its depth has no offset"""
 UNDER_WATER = 5.0
@@ -49,11 +51,15 @@ once a minute."""
 
 
 def sensor_columns(variables: Mapping[str, Any]) -> dict[str, str]:
-    """Names of a file's variables by the sensor of `ACTUATORS` that they are of."""
+    """Names of a file's variables by the sensor of `ACTUATORS`, or `RECKONS`, that they are of."""
     found: dict[str, str] = {}
     for name, variable in variables.items():
         sensor = str(getattr(variable, "source", name))
-        if sensor in ACTUATORS and variable.dtype != str and variable.dtype.kind in "fiu":
+        if (
+            (sensor in ACTUATORS or sensor == RECKONS)
+            and variable.dtype != str
+            and variable.dtype.kind in "fiu"
+        ):
             found.setdefault(sensor, name)
     return found
 
@@ -65,7 +71,7 @@ def actuators(
     found: dict[str, tuple[float, str, Array]] = {}
     for sensor, name in sensors.items():
         values = columns.get(name)
-        if values is None or not np.isfinite(values).any():
+        if sensor == RECKONS or values is None or not np.isfinite(values).any():
             continue
         channel, factor = ACTUATORS[sensor]
         travel = float(np.nanmax(values) - np.nanmin(values))
@@ -81,7 +87,13 @@ def actuators(
 
 
 def fixes_of_track(
-    time: Array, latitude: Array, longitude: Array, depth: Array, tally: Tally
+    time: Array,
+    latitude: Array,
+    longitude: Array,
+    depth: Array,
+    tally: Tally,
+    *,
+    reckons: Array | None = None,
 ) -> tuple[LoggedFixes, bool]:
     """The fixes that a track goes through, and whether it is lines between them.
 
@@ -93,6 +105,8 @@ def fixes_of_track(
       time: [s] unix, increasing, (samples,).
       latitude, longitude: [degree], (samples,).
       depth: [m] at the same times, (samples,).
+      reckons: above 0 where the vehicle says that it reckoned, 0 at a fix, (samples,): then that
+        alone says what is a fix.
     """
     if len(time) < 3:
         return NO_FIXES, False
@@ -104,7 +118,10 @@ def fixes_of_track(
     )) > BENT  # fmt: skip
     under = depth > UNDER_WATER
     lines = not under.any() or float(bent[under].mean()) < MOST_BENT
-    if lines:
+    if reckons is not None and (reckons == 0.0).any() and (reckons > 0.0).any():
+        moved = np.append(True, (np.diff(latitude) != 0.0) | (np.diff(longitude) != 0.0))
+        taken, why = (reckons == 0.0) & moved, f"positions that are fixes by {RECKONS}"
+    elif lines:
         taken, why = bent & ~under, "positions at the surface at which the file's track bends"
     else:
         taken = (depth < SURFACE) & np.append(depth[1:] >= SURFACE, False)

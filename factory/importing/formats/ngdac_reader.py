@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import in_degrees, reference_declination, to_degrees
 from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
-from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
+from factory.importing.cleaning import clean, downward, from_degrees, positions, to_dbar
 from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -31,6 +31,7 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_pyglider import (
     MAGNETIC,
+    RECKONS,
     SERIES,
     SLOCUM,
     actuators,
@@ -212,16 +213,17 @@ def _log(
         latitude, longitude = track["latitude"], track["longitude"]
         known = np.isfinite(columns["depth"])
         depths = Channel(time[known], columns["depth"][known]).at(latitude.time)
+        flag = columns.get(profiles[0].sensors.get(RECKONS, ""))
         fixes, lines = fixes_of_track(
-            latitude.time, latitude.values, longitude.values, depths, tally
-        )
+            latitude.time, latitude.values, longitude.values, depths, tally,
+            reckons=None if flag is None else flag[np.searchsorted(time, latitude.time)],
+        )  # fmt: skip
         track = {} if lines else track
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     channels |= actuators(time, columns, profiles[0].sensors, tally)
     depth = columns.get("depth")
-    if depth is not None and np.nanmedian(depth) < 0.0:
-        tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
-        depth = -depth
+    if depth is not None:  # the pressure is compared with it
+        depth = downward(depth, "depth", tally)
     pressure = columns.get("pressure")
     if pressure is not None and np.isfinite(pressure).any():
         native = "bar" if attributes["pressure"].get("units") == "bar" else "dbar"
@@ -277,6 +279,7 @@ def _fixes(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFix
         return NO_FIXES
     status = columns.get(FIXES[2], np.full(len(time), np.nan))
     bad = np.isfinite(status) & (status != 0.0)
+    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
     latitude, longitude = positions(columns[FIXES[0]], columns[FIXES[1]], "GPS fixes", tally)
     good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
     return LoggedFixes(time[good], latitude[good], longitude[good])

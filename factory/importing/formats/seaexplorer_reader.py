@@ -2,8 +2,9 @@
 
 Native: degrees, magnetic heading with the declination beside it, depth in m, positions as NMEA
 ddmm.mmm, ballast in cm3 (+ = lighter), pitch mass in mm forward, roll mass in degree (+ rolls to
-starboard). A position is a GPS fix only in state 116 (at the surface, transmitting) and when it
-differs from the row before: the log repeats the last one. Beam velocities of a payload's AD2CP
+starboard). A position is a GPS fix where the column DeadReckoning is 0, and in logs without it in
+state 116 (at the surface, transmitting); and when it differs from the row before: the log repeats
+the last one. Beam velocities of a payload's AD2CP
 are not a velocity through the water without the transform and a reference layer: they are left out.
 """
 
@@ -56,8 +57,8 @@ AT_SURFACE = 116
 NO_VALUE = -999.0
 """Commands and sensors below this are switched off (-9999)."""
 _NAVIGATION = (
-    "NavState", "Heading", "Declination", "Pitch", "Roll", "Depth", "Lat", "Lon", "DesiredH",
-    "BallastCmd", "BallastPos", "LinCmd", "LinPos", "AngCmd", "AngPos", "Voltage", "Pa",
+    "NavState", "Heading", "Declination", "Pitch", "Roll", "Depth", "Lat", "Lon", "DeadReckoning",
+    "DesiredH", "BallastCmd", "BallastPos", "LinCmd", "LinPos", "AngCmd", "AngPos", "Voltage", "Pa",
 )  # fmt: skip
 _SIMPLE = (
     ("Roll", "measured_roll", 1.0),
@@ -208,6 +209,7 @@ def _log(
     if "NavState" in columns:
         floats = time[columns["NavState"] == AT_SURFACE]
         track = {**track, "afloat": Channel(floats, np.ones(len(floats)))}
+    track = {**track, "awake": Channel(time, np.ones(len(time)))}
     channels |= _payload(payload, channels["measured_depth"], fixes, name, options, tally)
     return DeploymentLog(
         deployment=name,
@@ -268,6 +270,14 @@ def _positions(
     moved = np.zeros(len(time), bool)
     moved[1:] = (np.diff(raw_latitude) != 0.0) | (np.diff(raw_longitude) != 0.0)
     surfaced = columns["NavState"] == AT_SURFACE
+    reckons = columns.get("DeadReckoning", np.full(len(time), np.nan))
+    told = np.isfinite(reckons)
+    if (reckons == 0.0).any() and (reckons > 0.0).any():
+        surfaced = np.where(told, reckons == 0.0, surfaced)
+        # the first row of a log has none before it that it could repeat
+        moved[:1] = told[:1] & (reckons[:1] == 0.0)
+    else:  # a column that never changes is not kept
+        surfaced = surfaced & ~(reckons > 0.0)
     fixed = good & surfaced & moved
     tally.add(
         "left out", "GPS fixes", int((good & surfaced & ~moved).sum()),

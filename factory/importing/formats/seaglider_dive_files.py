@@ -22,6 +22,7 @@ from factory.importing.cleaning import (
 )
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
 from factory.importing.formats.base import WrongFormat
+from factory.importing.gps_fixes import NO_DILUTION
 from factory.importing.netcdf import as_array, open_netcdf, text_of
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
@@ -64,15 +65,19 @@ WAYPOINT = "log_TGT_LATLONG"
 _CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
 _FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
 _FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
+DILUTION, FLAGS = "log_gps_hdop", "log_gps_qc"
+"""What the receiver and the basestation say of the three fixes, where a file has it"""
 READ = (
     "time", *SAMPLES, "gc_end_secs", *MOVES, *PUMPED, *RECKONED, *NUMBERS, *ADCP,
     *_CALIBRATION, "start_of_climb_time", "trajectory", WAYPOINT,
-    *_FIX_PARTS.values(), *_FIX_FLAGS.values(), "ctd_time", "temperature",
+    *_FIX_PARTS.values(), *_FIX_FLAGS.values(), DILUTION, FLAGS, "ctd_time", "temperature",
     "temperature_qc", "salinity", "salinity_qc",
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
 _BAD_QC = frozenset("348")
 """Basestation flags: 3 probably bad, 4 bad, 8 interpolated."""
+_NO_FIX_QC = _BAD_QC | frozenset("69")
+"""And of a fix: 6 not sampled, 9 missing."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -236,18 +241,27 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
     row: Columns = {}
     if not all(source in variables for source in _FIX_PARTS.values()):
         return row
-    for part, source in _FIX_PARTS.items():
+    sources = {**_FIX_PARTS, **({"hdop": DILUTION} if DILUTION in variables else {})}
+    for part, source in sources.items():
         values = as_array(variables[source][:])
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
-    for fix in _FIXES:
-        flag = variables.get(_FIX_FLAGS[fix])
-        if flag is not None and f"{fix}_time" in row:
-            word = b"".join(np.ma.filled(flag[...], b"").ravel()).decode("latin-1")
-            if word[:1] in _BAD_QC:
-                row[f"{fix}_lat"] = np.array([np.nan])
-                tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
+    together = _letters(variables.get(FLAGS))
+    for k, fix in enumerate(_FIXES):
+        flags = _letters(variables.get(_FIX_FLAGS[fix]))[:1] + together[k : k + 1]
+        if f"{fix}_time" in row and _NO_FIX_QC & set(flags):
+            row[f"{fix}_lat"] = np.array([np.nan])
+            tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
     return row
+
+
+def _letters(flags: Any) -> str:
+    """Flags, a letter each; empty without the variable."""
+    if flags is None:
+        return ""
+    values = np.ma.filled(flags[...], b"0" if flags.dtype.kind == "S" else 0)
+    return "".join(str(one, "latin-1") if isinstance(one, bytes) else str(one)
+                   for one in np.ravel(values).tolist())  # fmt: skip
 
 
 def _waypoint(variables: Any) -> Columns:
@@ -305,7 +319,10 @@ def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
     for fix in ("gps1", "gps2", "gpsE"):
         if all(f"{fix}_{part}" in dives for part in ("time", "lat", "lon")):
             times.append(dives[f"{fix}_time"])
-            latitudes.append(dives[f"{fix}_lat"])
+            latitude = dives[f"{fix}_lat"]
+            none = dives.get(f"{fix}_hdop", np.zeros_like(latitude)) >= NO_DILUTION
+            tally.add("removed", "GPS fixes", int(none.sum()), "the receiver says that it has none")
+            latitudes.append(np.where(none, np.nan, latitude))
             longitudes.append(dives[f"{fix}_lon"])
     if not times:
         return NO_FIXES

@@ -86,7 +86,8 @@ SAMPLE_COLUMNS = (
 _READ = {
     "samples": (*SAMPLE_COLUMNS, "glider"),
     "dives": (
-        *(f"{fix}_{part}" for fix in ("gps1", "gps2", "gpsE") for part in ("time", "lat", "lon")),
+        *(f"{fix}_{part}" for fix in ("gps1", "gps2", "gpsE")
+          for part in ("time", "lat", "lon", "hdop")),
         "glider", "dive", "magnetic_variation", "depth_avg_curr_north", "depth_avg_curr_east",
         "log_C_PITCH", "log_PITCH_CNV", "log_INTERNAL_PRESSURE", *GAUGES,
     ),

@@ -16,13 +16,15 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from factory.importing.gps_fixes import NO_DILUTION
 from factory.watching.sources.base import SurfaceDialogue
 from factory.watching.sources.surface_dialogue import degrees_of, last_text, number_of
 
 CALL = re.compile(r"^Connected at (.+)$", re.MULTILINE)
 VEHICLE = re.compile(r"[(\[](sg\d+)[)\]]", re.IGNORECASE)
 COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
-FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),")
+FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
+"""Behind the place: seconds to the first fix, and the dilution of precision"""
 CODES = {
     "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
     "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),
@@ -100,6 +102,8 @@ def _fix(text: str) -> tuple[tuple[float, float] | None, float | None]:
     except ValueError:
         return None, None
     if latitude is None or longitude is None or abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        return None, None
+    if (number_of(found[5] or "") or 0.0) >= NO_DILUTION:  # the receiver had no fix
         return None, None
     return (latitude, longitude), moment.replace(tzinfo=datetime.UTC).timestamp()
 

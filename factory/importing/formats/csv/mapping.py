@@ -47,6 +47,7 @@ LOG_ONLY: dict[str, tuple[str, str]] = {
     "onboard_east": ("m", "the vehicle's own track, from any origin"),
     "gps_latitude": ("degree", "GPS fixes; a position that repeats is one fix"),
     "gps_longitude": ("degree", "GPS fixes"),
+    "gps_fix": ("1", "above 0 where the receiver has a fix: a quality, a number of satellites"),
     "conductivity": ("S m-1", "of the CTD; salinity and density are made of it"),
     "magnetic_variation": ("degree", "east positive"),
     "dive": ("1", "the vehicle's own number of the dive"),

@@ -160,6 +160,8 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
     ):
         if (name in signals) != (other in signals):
             raise InputError(f"{label}: {name} and {other} belong together; map both or neither")
+    if "gps_fix" in signals and "gps_latitude" not in signals and not timed:
+        raise InputError(f"{label}: gps_fix judges gps_latitude and gps_longitude; map these too")
     ignored = table(label, "ignored", data.get("ignored", {}))
     for pattern, why in ignored.items():
         if not isinstance(why, str) or not why.strip():

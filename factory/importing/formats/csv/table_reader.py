@@ -147,14 +147,19 @@ def mapped_log(
         )
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
-    fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
+    fixes = _fixes(
+        *(channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")), tally
+    )
     log = DeploymentLog(
         deployment=deployment,
         platform=mapping.vehicle,
         channels={n: c for n, c in channels.items() if n not in LOG_ONLY},
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary={n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+        auxiliary={
+            **{n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+            "awake": Channel(time, np.ones(len(time))),
+        },
         files=tuple(names),
         pieces=row_times(mapping, time, files),
         period=mapping.period_s or _spacing(time),
@@ -212,10 +217,14 @@ def _to_true_north(
         tally.add("note", name, len(heading), "turned from magnetic to true north")
 
 
-def _fixes(latitude: Channel, longitude: Channel, tally: Tally) -> LoggedFixes:
+def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) -> LoggedFixes:
     """GPS fixes: a position that a log repeats in every row is one fix, and at its beginning an
-    old one."""
+    old one. Positions without a fix by the receiver are none; its last word holds."""
     both = np.intersect1d(latitude.time, longitude.time)
+    if len(fix) and both.size:
+        said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0
+        tally.add("removed", "GPS fixes", int((~said).sum()), "the receiver says that it has none")
+        both = both[said]
     if not both.size:
         return NO_FIXES
     north = latitude.values[np.isin(latitude.time, both)]

@@ -25,6 +25,7 @@ from factory.importing.formats.og1.vocabulary import (
     DEPLOYED,
     DIVES,
     OWN_TRACK,
+    RECKONED,
     SALINITIES,
     TEMPERATURES,
     TRUE_TRACK,
@@ -173,10 +174,16 @@ def true_heading(
     return np.mod(values, 360.0), EMPTY
 
 
-def fixes_in(columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
+def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
     """The GPS fixes, each once."""
     if not all(name in columns for name in ("LATITUDE_GPS", "LONGITUDE_GPS")):
         return NO_FIXES
+    if RECKONED in columns and CORRECTED not in columns:
+        reckoned = (columns[RECKONED] == 1.0) & (columns["TIME_GPS"] == time)
+        reckoned &= np.isfinite(columns["LATITUDE_GPS"])
+        tally.add("removed", "GPS fixes", int(reckoned.sum()), f"reckoned, says {RECKONED}")
+        latitude = np.where(reckoned, np.nan, columns["LATITUDE_GPS"])
+        columns = {**columns, "LATITUDE_GPS": latitude}
     latitude, longitude = positions(
         columns["LATITUDE_GPS"], columns["LONGITUDE_GPS"], "GPS fixes", tally
     )

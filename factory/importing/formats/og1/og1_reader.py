@@ -26,7 +26,7 @@ from factory.exporting.og1.og1_terms import (
 )
 from factory.exporting.og1.variables import ENDING, ESTIMATED
 from factory.importing.angles import REACH, to_degrees
-from factory.importing.cleaning import clean, from_degrees, to_dbar
+from factory.importing.cleaning import clean, downward, from_degrees, to_dbar
 from factory.importing.columns import tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -57,6 +57,7 @@ from factory.importing.formats.og1.vocabulary import (
     ORIGINAL_TIMES,
     OURS,
     READ,
+    RECKONED,
     SALINITIES,
     TEMPERATURES,
     deployment_words,
@@ -118,6 +119,7 @@ def signals_in(
             sources[target] = found
     channels: dict[str, Channel] = {}
     depth = columns.get(sources.get("measured_depth", ""))
+    depth = None if depth is None else downward(depth, "depth", Tally())
     flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > _FLYING)
     for target, name in sources.items():
         values, units = columns[name], str(attributes[name].get("units", ""))
@@ -229,15 +231,14 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     extra = payload_names(options.payload)
     own = own_signals(attributes)
     read = (*READ, *own, *extra, *SENSORS, *(f"{n}{ENDING}" for n in ("TIME", *flags)))
-    if ours:
-        read = (*read, "PHASE", *DEPLOYED)
+    read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED)
     note_unread("OG1 file", names, read, tally)
     leave_out_made_again(names, read, tally)
     empty = [n for n, values in raw.items() if not np.isfinite(values).any()]
     note_empty("OG1 file", empty, tally)
     if simulated:
         tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
-    fixes = with_start(fixes_in(columns, tally), begun)
+    fixes = with_start(fixes_in(time, columns, tally), begun)
     track = tracks_in(time, columns, tally)
     stored = _series(time, columns, VARIATION)
     variation = Variation(options.variation_deg, places_for(fixes, track), name, stored)

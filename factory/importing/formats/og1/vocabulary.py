@@ -55,6 +55,8 @@ DIVES = ("dive_num", "divenum", "DIVE_NUMBER")
 """Numbers of the dives, as converters from Seaglider files keep them."""
 CORRECTED = "POSITION_SD"
 """Files of `factory export` have it beside a track that is corrected at the fixes."""
+RECKONED = "DEAD_RECKONING"
+"""1 where a position of another's file is reckoned, 0 at a GPS fix."""
 CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
 """[m/s] Reported depth-averaged current, at the measurements of its dive."""
 ORIGINAL_TIMES = {stored.removesuffix("_time"): name for stored, name in RAW_TIMES.items()}
@@ -153,6 +155,8 @@ Array = NDArray[np.float64]
 
 BAD = (3, 4)
 """Argo reference table 2: bad, and bad unless somebody corrects it"""
+NO_FIX = (*BAD, 8, 9)
+"""And of a fix: estimated, missing"""
 
 
 def flags_of(variables: Mapping[str, Any], raw: Mapping[str, Array]) -> dict[str, Array]:
@@ -160,17 +164,26 @@ def flags_of(variables: Mapping[str, Any], raw: Mapping[str, Array]) -> dict[str
     found = {}
     for name, values in raw.items():
         flag = variables.get(f"{name}{ENDING}")
-        if flag is not None and flag.dtype != str and flag.dtype.kind in "fiu":
-            codes = as_array(flag[:])
-            if len(codes) == len(values):
-                found[name] = codes
+        if flag is None or flag.dtype == str or flag.dtype.kind not in "fiuS":
+            continue
+        codes = _digits(flag[:]) if flag.dtype.kind == "S" else as_array(flag[:])
+        if len(codes) == len(values):
+            found[name] = codes
     return found
+
+
+def _digits(letters: Any) -> Array:
+    """Flags that are written as letters; NaN for one that is no digit."""
+    every = np.ravel(np.ma.filled(letters, b" ")).tolist()
+    return np.array([float(one) if one.isdigit() else np.nan for one in every])
 
 
 def without_bad(name: str, values: Array, flags: Mapping[str, Array], tally: Tally) -> Array:
     """Values that the file calls bad as NaN, counted."""
     if name not in flags:
         return values
-    bad = np.isin(flags[name], BAD) & np.isfinite(values)
-    tally.add("removed", name, int(bad.sum()), "bad by the file's own flags (3, 4)")
+    codes = NO_FIX if name.endswith("_GPS") else BAD
+    bad = np.isin(flags[name], codes) & np.isfinite(values)
+    said = ", ".join(str(code) for code in codes)
+    tally.add("removed", name, int(bad.sum()), f"bad by the file's own flags ({said})")
     return np.where(bad, np.nan, values)

@@ -53,6 +53,11 @@ ANGLES = {
 """Native name: schema name, kind of angle."""
 ATTITUDE = {"m_pitch": "pitch", "m_roll": "roll", "m_heading": "heading"}
 """Angles that share a unit in one log."""
+FLIGHT = (
+    "m_depth", "m_pressure", "m_water_pressure", *ATTITUDE, "m_fin", "m_battpos",
+    *(measured for measured, _ in PUMPS),
+)  # fmt: skip
+"""What the flight computer logs as long as it runs; the science computer is another one."""
 GOOD_FIX = 0
 """Status of a valid GPS line."""
 WANTED = (
@@ -144,6 +149,10 @@ def slocum_log(
         channels["true_speed"] = truth_speed
     auxiliary, reported = on_board(native, variation, tally)
     channels |= reported
+    flown = [native[name].time for name in FLIGHT if len(native.get(name, EMPTY))]
+    if flown:
+        awake = np.unique(np.concatenate(flown))
+        auxiliary["awake"] = Channel(awake, np.ones(len(awake)))
     return DeploymentLog(
         deployment=deployment,
         platform="Slocum glider",

@@ -31,6 +31,7 @@ from factory.importing.formats.slocum.native_sensors import (
     native_variation,
     slocum_log,
 )
+from factory.importing.gps_fixes import RECEIVER, has_fix
 from factory.importing.payload import payload_names
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
@@ -46,7 +47,7 @@ _ROLE_WORDS = re.compile(
 _READ: dict[str, tuple[str, ...]] = {
     "flight": WANTED,
     "science": WANTED,
-    "gps": (*LATITUDES, *LONGITUDES, *WANTED, "status", "mag_var_rad"),
+    "gps": (*LATITUDES, *LONGITUDES, *WANTED, "status", "mag_var_rad", *RECEIVER),
     "truth": ("U_dvl_ms",),
     "events": ("name", "value"),
     "segments": ("t_start", "magvar_rad"),
@@ -226,6 +227,9 @@ def _attach(
         longitude = next(columns[n] for n in LONGITUDES if n in columns)
         unknown = np.full(len(time), np.nan)
         status = columns.get("status", columns.get("m_gps_status", unknown))
+        unfixed = ~has_fix(columns, len(time))
+        tally.add("removed", "GPS fixes", int(unfixed.sum()), "the receiver says that it has none")
+        latitude = np.where(unfixed, np.nan, latitude)
         fixes = gps_fixes(time, latitude, longitude, status, tally=tally)
         fixes = _same_place(subject, fixes, parts, tally)
         parts.fixes.append(fixes)
