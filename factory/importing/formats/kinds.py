@@ -101,12 +101,16 @@ NGDAC = Importer(
 SPRAY = Importer(
     name="spray",
     vehicle="Spray glider",
-    files="binned netCDF of spraydata.ucsd.edu, a line or a project a file (a Spray's OG1.0 file: "
-    "`og1`; its profiles of the National Glider DAC: `ngdac`)",
+    files="binned netCDF of spraydata.ucsd.edu, a line or a project a file, and its OG1.0 files of "
+    "profiles without times of the samples (with such times: `og1`; profiles of the National "
+    "Glider DAC: `ngdac`)",
     channels="fixes and depth over time, made again of the middles of dives and profiles; CTD of "
     "the climb, reported current. Attitude and actuators are not in these files",
     suffixes=frozenset({".nc"}),
-    marks=frozenset({"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile"}),
+    marks=frozenset(
+        {"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile", "time_profile",
+         "latitude_profile", "latitude_uv", "TIME_PROFILE", "LATITUDE_PROFILE", "LATITUDE_UV"}
+    ),
     period=60.0,
     read="factory.importing.formats.spray_reader:read_spray",
     lacks=frozenset(

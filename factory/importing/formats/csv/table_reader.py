@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from factory.importing.cleaning import LIMITS, clean
 from factory.importing.columns import (
-    column_names,
     stacked,
     tidy,
 )
@@ -23,7 +22,7 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
 )
-from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions, likely_kind
+from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions, sniff
 from factory.importing.formats.csv.mapping import (
     HEADINGS,
     LOCKS,
@@ -52,7 +51,7 @@ def read_tables(
       InputError: no mapping, or one that does not fit the files; a velocity that is none.
     """
     if options.mapping is None:
-        kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
+        kind = sniff(paths[0]) if paths[0].suffix.lower() in TABLES else None
         hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
             f"{paths[0].name}: csv tables need a --mapping, a TOML file that gives each column's "
