@@ -49,6 +49,8 @@ class Table:
     columns: Mapping[str, Array]
     """Numbers; texts that are not numbers are in `texts`."""
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
+    owner: str = ""
+    """Vehicle or deployment, where the file says it"""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""

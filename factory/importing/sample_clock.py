@@ -95,11 +95,12 @@ def sample_clock(
       subject: file, for the report.
 
     Raises:
-      NoClock: all stand, or none has a time.
+      NoClock: those that have times stand.
+      InputError: none has a time.
     """
     known = {name: int(np.isfinite(time).sum()) for name, time in clocks.items()}
     if not any(known.values()):
-        raise NoClock(f"{subject} holds no measurement with a time")
+        raise InputError(f"{subject} holds no measurement with a time")
     still = {name: standing(time, columns) for name, time in clocks.items()}
     most = max(known.values())
     for name in clocks:

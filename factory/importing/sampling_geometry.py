@@ -45,11 +45,13 @@ class Geometry:
         there = [n for n in measured if n in file.variables and _is_number(file.variables[n])]
         largest = max(there, key=lambda n: int(file.variables[n].size), default=None)
         self._along: dict[str, Index] = {}
+        self._own: set[str] = set()  # dimensions of the samples themselves
         self.count = 0
         """Samples, those that pad an array among them"""
         if largest is None or not file.variables[largest].dimensions:
             return
         variable = file.variables[largest]
+        self._own = {d for d in variable.dimensions if file.dimensions[d].size > 1}
         self.count = int(variable.size)
         for name, at in zip(variable.dimensions, np.indices(variable.shape), strict=True):
             self._along[name] = at.ravel()
@@ -107,8 +109,7 @@ class Geometry:
 
     def single(self, name: str) -> bool:
         """Whether the variable has one value for several samples."""
-        own = set(self._variables[name].dimensions)
-        return any(self._along[d].max(initial=0) for d in set(self._along) - own)
+        return not self._own <= set(self._variables[name].dimensions)
 
     def column(self, name: str) -> Array:
         """Numbers of a variable, (samples,); of one that `reaches` them."""

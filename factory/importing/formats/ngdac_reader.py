@@ -31,6 +31,7 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
     each_file,
+    places_for,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_profiles import (
@@ -232,10 +233,7 @@ def _log(
         attributes |= one.attributes
     fixes = _fixes(time, columns, tally)
     track = _track(time, columns, tally)
-    places = fixes
-    if not len(fixes) and track:
-        latitude = track["latitude"]
-        places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
+    places = places_for(fixes, track)
     if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
         latitude, longitude = track["latitude"], track["longitude"]
         known = np.isfinite(columns["depth"])

@@ -35,6 +35,7 @@ from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
     each_file,
+    places_for,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.og1.derived import (
@@ -44,7 +45,6 @@ from factory.importing.formats.og1.derived import (
     dives_in,
     fixes_in,
     oxygen_per_volume,
-    places_for,
     tracks_in,
     true_heading,
     with_start,
