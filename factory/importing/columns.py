@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.sample_clock import tell_standing
 from factory.importing.tally import Tally
 from twin.bounded import check_declared
 from twin.errors import InputError
@@ -58,6 +59,8 @@ class Table:
     columns: Mapping[str, Array]
     """Numbers; texts that are not numbers are in `texts`."""
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
+    owner: str = ""
+    """Vehicle or deployment, where the file says it"""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -306,10 +309,12 @@ def tidy(
 ) -> tuple[Array, dict[str, Array]]:
     """Sort by time and make times unique; repeated times become one row.
 
-    Rows without a time are left out. Everything is counted.
+    Rows without a time are left out. Everything is counted; where the clock stands, the rows are
+    suspect.
     """
     known = np.isfinite(time) & (time >= _SECONDS_FROM) & (time <= _SECONDS_TO)
     tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
+    tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
     time = time[known]
     late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
     tally.add("sorted", subject, late.size, "rows earlier than one before them")

@@ -154,6 +154,14 @@ class LoggedFixes:
 NO_FIXES = LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
+def places_for(fixes: LoggedFixes, track: Mapping[str, Channel]) -> LoggedFixes:
+    """Where the vehicle was: its fixes, else its own track (`latitude`, `longitude` [degree])."""
+    latitude, longitude = (track.get(axis, EMPTY) for axis in ("latitude", "longitude"))
+    if len(fixes) or not len(latitude) or not len(longitude):
+        return fixes
+    return LoggedFixes(latitude.time, latitude.values, longitude.at(latitude.time))
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentLog:
     """One deployment of one vehicle.

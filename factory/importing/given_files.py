@@ -10,11 +10,13 @@ from factory.importing.columns import column_names
 from factory.importing.deployment_log import each_file
 from factory.importing.formats.base import (
     ARRAYS,
+    IMPORTERS,
     TABLES,
     Importer,
     WrongFormat,
+    kind_that_takes,
     kinds_by_bytes,
-    likely_kind,
+    likely_kinds,
     sniff,
 )
 from factory.importing.netcdf import holds_arrays, variable_names
@@ -176,6 +178,12 @@ def _check_contents(importer: Importer, path: Path) -> None:
         return
     if importer.takes_mapping and endings is TABLES and importer.suffixes & TABLES:
         return  # the mapping says what its columns are
-    foreign = not importer.marks & set(names) and likely_kind(names) is not None
-    if foreign or not importer.suffixes & endings:
+    if not importer.suffixes & endings:
         raise WrongFormat(path, names)
+    likely = likely_kinds(names)
+    if likely and importer.name != likely[0]:
+        own = len(importer.marks & set(names))
+        fewer = [n for n in IMPORTERS.names() if len(IMPORTERS[n].marks & set(names)) <= own]
+        kind = kind_that_takes(path, names, arrays=endings is ARRAYS, others=fewer)
+        if kind is not None:
+            raise WrongFormat(path, names, kind=kind)

@@ -21,9 +21,10 @@ from factory.importing.formats.base import (
     Reader,
     ReadOptions,
     WrongFormat,
-    likely_kind,
+    kind_that_takes,
 )
 from factory.importing.given_files import expand
+from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, OtherKind, Tally, summarise
@@ -278,13 +279,18 @@ def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:
     """The error with the kind of log that the file looks like."""
-    kind = error.kind or likely_kind(error.names)
+    kind = error.kind
+    if kind is None and error.names:
+        kind = kind_that_takes(
+            error.path, error.names, arrays=holds_arrays(error.path), others=(importer.name,)
+        )
     if kind is not None and kind != importer.name:
         return InputError(
             f"{error.path.name} is not a log of the kind {importer.name}, it looks like {kind}: "
             f"use `factory import {kind}`"
         )
+    why = f": {error.why}" if error.why else ""
     return InputError(
-        f"{error.path.name} is not a log of the kind {importer.name} as it is known here; it holds "
-        f"{error.some}"
+        f"{error.path.name} is not a log of the kind {importer.name} as it is known here{why}; it "
+        f"holds {error.some}"
     )

@@ -115,6 +115,8 @@ def text_of(variable: Any) -> str:
     return str(value)
 
 
+SINCE = " since "
+"""In the units of every CF time"""
 _UNITS_SINCE = re.compile(r"(\w+) since (.+)")
 _SECONDS_IN = {
     "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
@@ -129,7 +131,7 @@ def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: 
       InputError: units that are no times.
     """
     units = str(attributes.get("units", ""))
-    if " since " not in units:
+    if SINCE not in units:
         return unix_seconds(time, subject, tally)
     match = _UNITS_SINCE.fullmatch(units.strip())
     unit = match[1].lower() if match else ""

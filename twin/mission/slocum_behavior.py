@@ -20,12 +20,20 @@ from pathlib import Path
 from twin.bounded import MOST_SETTINGS, read_text
 from twin.errors import MissionError
 
-_VALUE = r"\s*:\s*(\w+)\s*(?:\(([^)]*)\))?\s*(\S+)?\s*$"
+_WORDS = r"\s*(?P<words>.*)$"
+"""Words behind what a line says: pilots write them, not always behind a `#`"""
+_VALUE = r"\s*:\s*(\w+)\s*(?:\(([^)]*)\))?\s*(\S+)?" + _WORDS
 _ARGUMENT = re.compile("b_arg" + _VALUE, re.IGNORECASE)
 _SENSOR = re.compile("sensor" + _VALUE, re.IGNORECASE)
-_BEHAVIOR = re.compile(r"behavior\s*:\s*(\w+)\s*$", re.IGNORECASE)
-_NAMED = re.compile(r"behavior_name\s*=\s*(\w+)\s*$", re.IGNORECASE)
-_BRACKET = re.compile(r"<(start|end):(\w+)>\s*$", re.IGNORECASE)
+_BEHAVIOR = re.compile(r"behavior\s*:\s*(\w+)" + _WORDS, re.IGNORECASE)
+_NAMED = re.compile(r"behavior_name\s*=\s*(\w+)" + _WORDS, re.IGNORECASE)
+_BRACKET = re.compile(r"<(start|end):(\w+)>" + _WORDS, re.IGNORECASE)
+_COORDINATE = r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)"
+_PLACE = re.compile(
+    rf"{_COORDINATE}(?:\s*[,;]\s*|\s+){_COORDINATE}(?![\w.]){_WORDS}", re.IGNORECASE
+)
+_NUMBER = re.compile(r"[\s,;]*[-+]?\.?\d")
+"""How words do not begin: a third number may be the end of a second one, as in 2022,0 -2510,0"""
 MINUTES = 60.0
 """of a degree"""
 
@@ -89,7 +97,8 @@ def parse(path: Path) -> Parsed:
         elif match := _BEHAVIOR.match(line) or _NAMED.match(line):
             found.behaviors.append(Behavior(name=match[1].lower(), file=path.name))
         elif bracket == "waypoints" and current is not None:
-            current.places.append(_place(where, line))
+            match = _PLACE.match(line)
+            current.places.append(_place(where, line, match))
         elif match := _SENSOR.match(line):
             found.sensors[match[1].lower()] = _number(where, match[1], match[3])
         elif (match := _ARGUMENT.match(line)) and current is not None:
@@ -97,6 +106,8 @@ def parse(path: Path) -> Parsed:
             current.lines[match[1].lower()] = where
         else:
             found.notes.append(f"{where}: not understood: {line}")
+        if match is not None and match["words"]:
+            found.notes.append(f"{where}: words are left out: {match['words']}")
     if not found.behaviors:
         raise MissionError(
             f"{path.name} has no behavior: a Slocum mission file (.mi) has lines 'behavior: NAME', "
@@ -123,11 +134,12 @@ def _number(where: str, name: str, text: str | None) -> float:
     return value
 
 
-def _place(where: str, line: str) -> tuple[float, float]:
-    words = line.replace(",", " ").split()
-    if len(words) != 2:
-        raise MissionError(f"{where}: {line}: give a longitude and a latitude as DDMM.mmm")
-    longitude, latitude = (degrees(where, word) for word in words)
+def _place(where: str, line: str, match: re.Match[str] | None) -> tuple[float, float]:
+    if match is None or _NUMBER.match(match["words"]):
+        raise MissionError(
+            f"{where}: {line}: give a longitude and a latitude as DDMM.mmm, and words behind a #"
+        )
+    longitude, latitude = (degrees(where, match[k]) for k in (1, 2))
     if abs(latitude) > 90.0 or abs(longitude) > 180.0:
         raise MissionError(
             f"{where}: {line}: longitude {longitude:g}, latitude {latitude:g} degree is not a "

@@ -109,14 +109,15 @@ def floor_table(scenario: Scenario, duration: float) -> Array:
         return _NONE
     from twin.water.floor.lookup import floor_depth
 
-    table = scenario.floor.compile(duration, scenario.place if scenario.has_place else None)
+    place = scenario.place if scenario.has_place else None
+    table = scenario.floor.compile(duration, place)
     start, label = scenario.begin, "the mission starts"
     bottom = float(floor_depth(table, start.north, start.east))
     if bottom <= 0.0:
-        raise FloorError(
-            f"{label} on land, {-bottom:g} m above the sea: start elsewhere (if the file counts "
-            "depths downward, say positive=down)"
-        )
+        other = scenario.floor.other_sense(duration, place)
+        way = "depths downward" if other == "positive=down" else "heights upward"
+        hint = f" (if the file counts {way}, say {other})" if other else ""
+        raise FloorError(f"{label} on land, {-bottom:g} m above the sea: start elsewhere{hint}")
     if start.depth >= bottom:
         raise FloorError(
             f"{label} at a depth of {start.depth:g} m, where the sea floor is at {bottom:g} m: "

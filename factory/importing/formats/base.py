@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory import seams
-from factory.importing.tally import OtherKind
+from factory.importing.tally import OtherKind, Tally
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
+from twin.plugins import imported
 from twin.registry import Registry, instance_of
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
     from factory.importing.payload import PayloadSignal
-    from factory.importing.tally import Tally
 
 
 TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
@@ -49,7 +49,7 @@ class ReadOptions:
     """Columns that the user maps to signals of the payload."""
 
 
-Reader = Callable[[Sequence[Path], ReadOptions, "Tally"], "list[DeploymentLog]"]
+Reader = Callable[[Sequence[Path], ReadOptions, Tally], "list[DeploymentLog]"]
 """Reads files into one log for each deployment, counting what it does in the tally.
 
 It raises `WrongFormat` for a file of another kind and `InputError` for one that it cannot use.
@@ -128,11 +128,15 @@ class Importer:
 class WrongFormat(OtherKind):
     """A file is not a log of the kind that is read; `names` are the columns or variables in it."""
 
-    def __init__(self, path: Path, names: Iterable[str], kind: str | None = None):
+    def __init__(
+        self, path: Path, names: Iterable[str], kind: str | None = None, *, why: str = ""
+    ) -> None:
         self.path = path
         self.names = tuple(names)
         self.kind = kind
         """What it is by its first bytes"""
+        self.why = why
+        """What it lacks to be of the kind, in words"""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
 
     @property
@@ -151,12 +155,43 @@ register = IMPORTERS.add
 """Add an importer of one's own."""
 
 
-def likely_kind(names: Iterable[str]) -> str | None:
-    """The importer with the most marks among the names; None when no importer has any."""
+def likely_kinds(names: Iterable[str]) -> list[str]:
+    """The importers with a mark among the names, those with most marks first."""
     found = set(names)
     scores = {importer.name: len(importer.marks & found) for importer in IMPORTERS.values()}
-    best = max(scores, key=lambda name: scores[name])
-    return best if scores[best] else None
+    return sorted((name for name in scores if scores[name]), key=lambda name: -scores[name])
+
+
+def kind_that_takes(
+    path: Path, names: Iterable[str], *, arrays: bool, others: Sequence[str] = ()
+) -> str | None:
+    """The kind of log that a table or netCDF file looks like, whose reader takes it; None: no kind.
+
+    A reader that says what else is wrong with the file takes it where the file has names that only
+    its kind has.
+
+    Args:
+      names: of its columns or variables.
+      arrays: whether it is netCDF or HDF5.
+      others: kinds that are not asked.
+    """
+    likely = likely_kinds(names)
+    endings = ARRAYS if arrays else TABLES
+    rest = [n for n, one in IMPORTERS.items() if arrays and one.marks and n not in likely]
+    for name in (*likely, *rest):
+        importer = IMPORTERS[name]
+        if name in others or not importer.suffixes & endings:
+            continue
+        try:
+            read = imported(importer.read) if isinstance(importer.read, str) else importer.read
+            if read([path], ReadOptions(), Tally()):
+                return name
+        except OtherKind:
+            continue
+        except (InputError, ModuleNotFoundError):
+            if name in likely:
+                return name
+    return None
 
 
 def kinds_by_bytes(path: Path) -> list[str]:
@@ -174,7 +209,7 @@ def kinds_by_bytes(path: Path) -> list[str]:
 
 
 def sniff(path: str | Path) -> str | None:
-    """The kind of log that a file looks like by what is in it; None when it looks like none.
+    """The kind of log that a file looks like, whose reader takes it; None when it looks like none.
 
     Raises:
       InputError: the file cannot be read.
@@ -190,4 +225,6 @@ def sniff(path: str | Path) -> str | None:
     begins = kinds_by_bytes(path)
     if begins:
         return begins[0]
-    return likely_kind(variable_names(path) if holds_arrays(path) else column_names(path))
+    arrays = holds_arrays(path)
+    names = variable_names(path) if arrays else column_names(path)
+    return kind_that_takes(path, names, arrays=arrays)

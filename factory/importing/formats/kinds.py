@@ -6,6 +6,9 @@ Readers are imported when they read: help texts and documents need these rows al
 from factory.importing.formats.base import TABLES, Importer
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 
+DBA = frozenset({".dba", ".asc"})
+"""Endings of a Slocum's data as text"""
+
 DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
 """What gliders have and most other vehicles lack."""
 
@@ -13,10 +16,11 @@ SLOCUM = Importer(
     name="slocum",
     vehicle="Slocum glider",
     files=".dbd .ebd .sbd .tbd .mbd .nbd with their .cac (beside the files, or `--cache FOLDER`); "
-    "tables (csv, csv.gz, parquet) with the vehicle's own sensor names",
+    "text of them (.dba .asc, as dbd2asc writes it); tables (csv, csv.gz, parquet) with the "
+    "vehicle's own sensor names",
     channels="attitude, ballast or oil volume, battery, rudder, CTD, GPS, on-board track, reported "
     "current, thruster, batteries; `U_dvl_ms` becomes `true_speed`",
-    suffixes=BINARY | CACHES | TABLES,
+    suffixes=BINARY | CACHES | DBA | TABLES,
     marks=frozenset(
         {"m_depth", "m_pressure", "m_pitch", "U_dvl_ms", "og_north_m", "sci_water_pressure",
          "m_gps_lat", "m_water_vx", "mag_var_rad"}
@@ -83,8 +87,8 @@ OG1 = Importer(
 NGDAC = Importer(
     name="ngdac",
     vehicle="any glider",
-    files="IOOS NGDAC netCDF, a profile a file, all of a deployment together; time series of "
-    "pyglider",
+    files="IOOS NGDAC netCDF, a profile a file, all of a deployment together; tables of the "
+    "National Glider DAC's ERDDAP; time series of pyglider",
     channels="depth, CTD, the file's track, reported current; attitude, actuators and fixes where "
     "the file keeps the vehicle's own sensors; the fixes that a time series' track goes through",
     suffixes=frozenset({".nc"}),
@@ -101,12 +105,16 @@ NGDAC = Importer(
 SPRAY = Importer(
     name="spray",
     vehicle="Spray glider",
-    files="binned netCDF of spraydata.ucsd.edu, a line or a project a file (a Spray's OG1.0 file: "
-    "`og1`; its profiles of the National Glider DAC: `ngdac`)",
+    files="binned netCDF of spraydata.ucsd.edu, a line or a project a file, and its OG1.0 files of "
+    "profiles without times of the samples (with such times: `og1`; profiles of the National "
+    "Glider DAC: `ngdac`)",
     channels="fixes and depth over time, made again of the middles of dives and profiles; CTD of "
     "the climb, reported current. Attitude and actuators are not in these files",
     suffixes=frozenset({".nc"}),
-    marks=frozenset({"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile"}),
+    marks=frozenset(
+        {"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile", "time_profile",
+         "latitude_profile", "latitude_uv", "TIME_PROFILE", "LATITUDE_PROFILE", "LATITUDE_UV"}
+    ),
     period=60.0,
     read="factory.importing.formats.spray_reader:read_spray",
     lacks=frozenset(

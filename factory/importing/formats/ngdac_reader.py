@@ -4,6 +4,10 @@ of pyglider's time series, a deployment a file.
 CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
 fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
 or ddmm.mmm). The current of a segment, `u` and `v` at `time_uv`, stands in each of its profiles.
+
+The data assembly's ERDDAP serves many profiles in one table (`row`, `obs`, ragged arrays), in which
+`time`, `latitude` and `longitude` are the profile's, and `precise_time`, `precise_lat` and
+`precise_lon` the sample's.
 """
 
 from __future__ import annotations
@@ -27,8 +31,15 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
     each_file,
+    places_for,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.ngdac_profiles import (
+    currents_of,
+    place_once,
+    profile_numbers,
+    reported_currents,
+)
 from factory.importing.formats.ngdac_pyglider import (
     MAGNETIC,
     RECKONS,
@@ -38,14 +49,10 @@ from factory.importing.formats.ngdac_pyglider import (
     fixes_of_track,
     sensor_columns,
 )
-from factory.importing.netcdf import (
-    as_array,
-    attributes_of,
-    open_netcdf,
-    seconds_of,
-    text_of,
-)
+from factory.importing.netcdf import attributes_of, open_netcdf
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.sample_clock import NoClock, sample_clock
+from factory.importing.sampling_geometry import Geometry
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
@@ -65,13 +72,22 @@ ANGLES = {
     "measured_heading": ("heading", "platform_heading", "m_heading"),
 }
 """Names of the attitude, where a file keeps it; a Slocum's own are radian, its heading magnetic."""
-TRACKS = (("lat", "lon"), ("latitude", "longitude"))
+PRECISE = "precise_time"
+TRACKS = (
+    ("precise_lat", "precise_lon"), ("lat", "lon"), ("latitude", "longitude"),
+    ("profile_lat", "profile_lon"),
+)  # fmt: skip
+"""Positions, in order of preference; the last are one for a profile, the first one for a sample."""
 FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
 CTD = ("temperature", "salinity", "conductivity")
-SCALARS = ("profile_id", "profile_time", "trajectory", "u", "v", "time_uv")
+CURRENT = ("u", "v", "time_uv")
+SCALARS = ("profile_id", "profile_time", "profile_lat", "profile_lon", "trajectory", *CURRENT)
 """Of a profile."""
+MEASURED = ("pressure", "depth", *CTD)
+"""Variables at the samples"""
+NEEDS = "such a file has time, and depth or pressure at the same samples"
 READ = (
-    CLOCK, "pressure", "depth", *CTD, *FIXES, *(n for pair in TRACKS for n in pair), *SCALARS,
+    CLOCK, PRECISE, *MEASURED, *FIXES, *(n for pair in TRACKS for n in pair), *SCALARS,
     *(name for names in ANGLES.values() for name in names), *SLOCUM_SENSORS,
 )  # fmt: skip
 """Variables that are read, beside those of the payload."""
@@ -87,8 +103,9 @@ class NgdacProfile:
     deployment: str
     columns: Columns
     """At `time`, unix seconds."""
-    current: tuple[float, float, float] | None
-    """Time [s], eastward and northward [m/s]."""
+    currents: list[tuple[float, float, float]]
+    """End of each profile [s] unix, and its segment's current eastward and northward [m/s]; NaN
+    where it has none."""
     attributes: dict[str, dict[str, Any]]
     platform: str
     """Model of the glider, where the file names it."""
@@ -108,9 +125,10 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
     extra = payload_names(options.payload)
     profiles: dict[str, list[NgdacProfile]] = {}
     files: dict[str, list[str]] = {}
-    for path, one in each_file(paths, lambda path: _profile(path, extra, tally), tally):
-        profiles.setdefault(one.deployment, []).append(one)
-        files.setdefault(one.deployment, []).append(path.name)
+    for path, several in each_file(paths, lambda path: _profiles(path, extra, tally), tally):
+        for one in several:
+            profiles.setdefault(one.deployment, []).append(one)
+            files.setdefault(one.deployment, []).append(path.name)
     filled = {
         name
         for several in profiles.values()
@@ -118,75 +136,86 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
         for name, values in one.columns.items()
         if np.isfinite(values).any()
     }
-    note_empty(_KIND, [n for n in (*READ, *extra) if n not in (*filled, *SCALARS)], tally)
+    note_empty(_KIND, [n for n in (*READ, *extra) if n not in (*filled, PRECISE, *SCALARS)], tally)
     return [
         _log(name, several, files[name], options, extra, tally)
         for name, several in profiles.items()
     ]
 
 
-def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
+def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfile]:
+    """What one file holds of each deployment."""
     with open_netcdf(path) as file:
         file.set_auto_mask(True)
         variables = file.variables
         names = [*variables, *file.groups]
-        if CLOCK not in variables or not {"profile_id", "profile_time", SERIES} & set(variables):
-            raise WrongFormat(path, names)
         try:
-            dimensions = variables[CLOCK].dimensions
+            geometry = Geometry(file, MEASURED, path.name)
             sensors = sensor_columns(variables)
-            wanted = [n for n in (*READ, *sensors.values(), *extra) if n in variables]
-            along = [
-                n for n in wanted
-                if variables[n].dimensions == dimensions and variables[n].dtype != str
-                and variables[n].dtype.kind in "fiu"
-            ]  # fmt: skip
-            columns = {n: _unflagged(variables, n, tally) for n in along}
+            wanted = dict.fromkeys((*READ, *sensors.values(), *extra))
+            along = [n for n in wanted if geometry.reaches(n)]
+            if not {"depth", "pressure"} & set(along) or not {CLOCK, PRECISE} & set(along):
+                raise WrongFormat(path, names, why=NEEDS)
+            columns = {n: _unflagged(geometry, n, tally) for n in along}
             attributes = {n: attributes_of(variables[n]) for n in along}
             flags = [f"{n}_qc" for n in along if f"{n}_qc" in variables]
-            name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
+            owners = geometry.texts("trajectory")
+            name = str(getattr(file, "id", path.stem))
             platform = str(getattr(file, "glider_model", "glider"))
-            time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
-            current = _current(variables, path, tally)
+            single = {n for n in along if geometry.single(n)}
+            sampled = {n: columns[n] for n in MEASURED if n in along and n not in single}
+            note_unread(_KIND, names, (*wanted, *flags), tally)
+            clocks = geometry.clocks(CLOCK, tally)
+            clock = sample_clock(clocks, sampled, path.name, tally)
+        except NoClock as error:
+            raise WrongFormat(path, names, why=str(error)) from error
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
-    if not np.isfinite(time).any():
-        raise InputError(f"{path.name} holds no measurement with a time")
-    note_unread(_KIND, names, (*READ, *sensors.values(), *extra, *flags), tally)
+    if clock != CLOCK and CLOCK in clocks:
+        leave_out([CLOCK], f"a profile's; {clock} is the sample's", tally)
+    time = clocks[clock]
+    unknown = np.full(len(time), np.nan)
+    when = next((clocks[n] for n in (CLOCK, "profile_time") if n in clocks and n != clock), unknown)
+    number = profile_numbers(
+        len(time), [when, *(columns[n] for n in ("profile_id", *CURRENT) if n in columns)]
+    )
+    for pair in TRACKS:
+        repeated = clock != CLOCK and pair != TRACKS[0]
+        if set(pair) <= set(columns) and (set(pair) <= single or repeated):
+            place_once(columns, pair, when, time)
     series = SERIES in names and not {"profile_id", "profile_time"} & set(names)
     what = "measurements" if series else "measurements of a profile"
     tally.add("read", path.name, len(time), what)
-    return NgdacProfile(
-        deployment=name,
-        columns={CLOCK: time, **columns},
-        current=current,
-        attributes=attributes,
-        platform=platform,
-        sensors=sensors,
-        series=series,
-    )
+    every = np.full(len(time), name, object) if owners is None else np.where(owners, owners, name)
+    found = []
+    for owner in dict.fromkeys(every):
+        mine = {n: values[every == owner] for n, values in {**columns, CLOCK: time}.items()}
+        found.append(
+            NgdacProfile(
+                deployment=owner,
+                columns={n: values for n, values in mine.items() if n not in _OF_PROFILE},
+                currents=currents_of(mine, number[every == owner], mine[CLOCK]),
+                attributes=attributes,
+                platform=platform,
+                sensors=sensors,
+                series=series,
+            )
+        )
+    return found
 
 
-def _unflagged(variables: Any, name: str, tally: Tally) -> Array:
+_OF_PROFILE = frozenset({PRECISE, "profile_id", "profile_time", "trajectory", *CURRENT})
+"""Variables of which nothing is left once the profiles are known"""
+
+
+def _unflagged(geometry: Geometry, name: str, tally: Tally) -> Array:
     """Values without those that the file's own quality control calls bad, counted."""
-    values = as_array(variables[name][:])
-    flags = variables.get(f"{name}_qc")
-    if flags is None or flags.shape != variables[name].shape or flags.dtype.kind not in "fiu":
+    values = geometry.column(name)
+    if not geometry.reaches(f"{name}_qc"):
         return values
-    bad = np.isin(as_array(flags[:]), _BAD) & np.isfinite(values)
+    bad = np.isin(geometry.column(f"{name}_qc"), _BAD) & np.isfinite(values)
     tally.add("removed", name, int(bad.sum()), "flagged suspect or bad in the file")
     return np.where(bad, np.nan, values)
-
-
-def _current(variables: Any, path: Path, tally: Tally) -> tuple[float, float, float] | None:
-    """Time, east and north of the segment's current; None where the file has none."""
-    if not all(name in variables for name in ("u", "v", "time_uv")):
-        return None
-    u, v, time = (as_array(variables[name][...])[:1] for name in ("u", "v", "time_uv"))
-    if not all(one.size and np.isfinite(one[0]) for one in (u, v, time)):
-        return None
-    when = seconds_of(time, attributes_of(variables["time_uv"]), f"{path.name} time_uv", tally)
-    return float(when[0]), float(u[0]), float(v[0])
 
 
 def _log(
@@ -205,10 +234,7 @@ def _log(
         attributes |= one.attributes
     fixes = _fixes(time, columns, tally)
     track = _track(time, columns, tally)
-    places = fixes
-    if not len(fixes) and track:
-        latitude = track["latitude"]
-        places = LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
+    places = places_for(fixes, track)
     if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
         latitude, longitude = track["latitude"], track["longitude"]
         known = np.isfinite(columns["depth"])
@@ -247,15 +273,7 @@ def _log(
     }
     units = {n: str(attributes[n].get("units", "")) for n in found}
     channels |= payload_channels(found, options.payload, tally, units=units)
-    reported = sorted({one.current for one in profiles if one.current is not None})
-    if reported:
-        when, east, north = (np.array(part) for part in zip(*reported, strict=True))
-        when, first = np.unique(when, return_index=True)
-        # it is known when the vehicle has surfaced: at the end of its segment, not in the middle
-        after = _ends(time, when)
-        track |= {
-            "dac_east": Channel(after, east[first]), "dac_north": Channel(after, north[first])
-        }  # fmt: skip
+    track |= reported_currents([end for one in profiles for end in one.currents], fixes)
     return DeploymentLog(
         deployment=name,
         platform=profiles[0].platform,
@@ -265,13 +283,6 @@ def _log(
         auxiliary=track,
         files=tuple(files),
     )
-
-
-def _ends(time: Array, when: Array) -> Array:
-    """[s] The last measurement before the next segment's, strictly increasing."""
-    middle = np.append(0.5 * (when[1:] + when[:-1]), np.inf)
-    at = np.clip(np.searchsorted(time, middle, side="right") - 1, 0, len(time) - 1)
-    return np.maximum.accumulate(np.maximum(time[at], when) + 1e-3 * np.arange(len(when)))
 
 
 def _fixes(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:

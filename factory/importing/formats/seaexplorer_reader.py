@@ -35,9 +35,11 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
     each_file,
+    places_for,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.sample_clock import expect_going
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
@@ -144,7 +146,9 @@ def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
         raise WrongFormat(path, names)
     if not len(table):
         raise InputError(f"{path.name} holds column names and no rows")
-    return what, table, _timed(table, clock, tally)
+    columns = _timed(table, clock, tally)
+    expect_going(clock, columns["time"], table.columns, path.name)
+    return what, table, columns
 
 
 def deployment_of(path: Path) -> str:
@@ -181,7 +185,8 @@ def _log(
             tally.add("removed", column, int(off.sum()), "switched off (-9999)")
             columns[column] = np.where(off, np.nan, columns[column])
     fixes, track = _positions(time, columns, tally)
-    variation = _variation(time, columns, fixes, name, options.variation_deg, tally)
+    places = places_for(fixes, track)
+    variation = _variation(time, columns, places, name, options.variation_deg, tally)
     depth = columns.get("Depth", np.full(len(time), np.nan))
     flying = bool(np.nanmax(depth, initial=0.0) > _FLYING)
     channels: dict[str, Channel] = {}
@@ -200,8 +205,8 @@ def _log(
         if source in columns:
             if not len(variation):
                 raise InputError(
-                    f"{name}: {source} is magnetic and the log has no Declination and no fix from "
-                    "which it follows; give it with --variation-deg, east positive"
+                    f"{name}: {source} is magnetic and the log has no Declination and no position "
+                    "from which it follows; give it with --variation-deg, east positive"
                 )
             magnetic = heading_degrees(columns[source], source, tally)
             true = np.mod(magnetic + variation.at(time), 360.0)
@@ -225,7 +230,7 @@ def _log(
 def _variation(
     time: Array,
     columns: Columns,
-    fixes: LoggedFixes,
+    places: LoggedFixes,
     name: str,
     variation_deg: float | None,
     tally: Tally,
@@ -238,7 +243,7 @@ def _variation(
     values = columns.get("Declination", np.full(len(time), np.nan))
     there = np.isfinite(values)
     if not (there & (values != 0.0)).any():
-        found = reference_declination(fixes, name, tally)
+        found = reference_declination(places, name, tally)
         if len(found):
             return found
     unset = there & (values == 0.0)

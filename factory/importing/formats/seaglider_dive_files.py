@@ -24,6 +24,7 @@ from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFix
 from factory.importing.formats.base import WrongFormat
 from factory.importing.gps_fixes import NO_DILUTION
 from factory.importing.netcdf import as_array, open_netcdf, text_of
+from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 
@@ -121,6 +122,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             for source, column in SAMPLES.items():
                 if source in variables:
                     samples[column] = _along(variables[source], time, path)
+            expect_going("time", time, {n: v for n, v in samples.items() if n != "time"}, path.name)
             dive = _number(file)
             samples["dive"] = np.full(len(time), dive)
             _moves(variables, samples)

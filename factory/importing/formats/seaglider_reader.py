@@ -30,6 +30,7 @@ from factory.importing.formats.seaglider_dive_files import dive_fixes, per_dive
 from factory.importing.formats.seaglider_log_signals import signals_of, water_of
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.bounded import LONGEST_NAME
 from twin.errors import InputError
@@ -187,6 +188,9 @@ def _kind_of(table: Table) -> str:
         raise WrongFormat(table.path, [*table.columns, *table.texts])
     if not len(table):
         raise InputError(f"{table.path.name} holds column names and no rows")
+    if what == "samples" and "glider" not in table.texts:
+        measured = {n: v for n, v in table.columns.items() if n != "time"}
+        expect_going("time", table.columns["time"], measured, table.path.name)
     return what
 
 

@@ -161,11 +161,27 @@ def test_a_correction_turns_a_column_of_some_files(folder: Path) -> None:
 
 def test_magnetic_headings_need_a_variation(folder: Path) -> None:
     heading = {**mine()["signals"]["measured_heading"], "north": "magnetic"}
+    nowhere = with_signals(measured_heading=heading, gps_latitude=None, gps_longitude=None)
+    with pytest.raises(InputError, match="from magnetic north, and the log has neither a varia"):
+        bring(folder, nowhere)
     data = with_signals(measured_heading=heading)
-    with pytest.raises(InputError, match="from magnetic north and the log has no variation"):
-        bring(folder, data)
     dataset, _ = bring(folder, data, variation_deg=10.0)
     assert float(np.nanmedian(dataset["measured_heading"])) == pytest.approx(FLIGHT.heading + 10.0)
+
+
+@pytest.mark.parametrize("places", [("gps_latitude", "gps_longitude"), ("latitude", "longitude")])
+def test_a_place_gives_the_variation(folder: Path, places: tuple[str, str]) -> None:
+    """The field at the flight's place and date, whether a fix or the vehicle's own track tells."""
+    signals = mine()["signals"]
+    heading = {**signals["measured_heading"], "north": "magnetic"}
+    moved = dict.fromkeys(("gps_latitude", "gps_longitude"))
+    moved |= {name: signals[f"gps_{name.split('_')[-1]}"] for name in places}
+    dataset, _ = bring(folder, with_signals(measured_heading=heading, **moved))
+    variation = float(dataset["magnetic_variation"][0])
+    assert variation == pytest.approx(-18.05, abs=0.1)
+    assert float(np.nanmedian(dataset["measured_heading"])) == pytest.approx(
+        FLIGHT.heading + variation, abs=1e-3
+    )
 
 
 def test_a_position_that_repeats_is_one_fix_and_the_first_an_old_one(folder: Path) -> None:

@@ -58,6 +58,20 @@ def test_seaexplorer_navigation_logs_come_back(tmp_path: Path, delimiter: str) -
     assert report.count("removed", "DesiredH") == report.count("read", path.name)
 
 
+def test_a_seaexplorer_s_reckoned_place_gives_its_variation(tmp_path: Path) -> None:
+    """Without a row at the surface no position is a fix; the field is known all the same."""
+    path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", FLIGHT)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    names = rows[0]
+    for row in rows[1:]:
+        row[names.index("NavState")] = row[names.index("NavState")].replace("116", "117")
+        row[names.index("Declination")] = ""
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    dataset, report = import_logs("seaexplorer", [path])
+    assert report.rows_with_fixes == 0
+    assert dataset["magnetic_variation"].values == pytest.approx(-18.05, abs=0.1)
+
+
 def test_seaexplorer_refusals(tmp_path: Path) -> None:
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", FLIGHT)
     payload = write_csv(

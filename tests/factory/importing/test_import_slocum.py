@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from logs import SHARED, START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
-from factory.importing import import_logs
+from factory.importing import import_logs, sniff
 from factory.importing.formats.slocum.caches import read_header, vehicle_of
 from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
@@ -27,6 +27,56 @@ def seconds(dataset: Any) -> np.ndarray:
         if values.dtype.kind == "M"
         else values
     )
+
+
+def write_text(path: Path, columns: dict[str, np.ndarray], *, segments: int = 1) -> Path:
+    """A Slocum's data as dbd2asc writes them: header, names, units, sizes, rows."""
+    header = {
+        "dbd_label": "DBD_ASC(dinkum_binary_data_ascii)file", "encoding_ver": 2,
+        "num_ascii_tags": 13 + segments, "all_sensors": 0, "filename": "unit_7-2023-261-0-4-sf",
+        "the8x3_filename": "07160004", "filename_extension": "dbd",
+        "filename_label": "unit_7-2023-261-0-4-dbd(07160004)", "mission_name": "MICRO.MI",
+        "fileopen_time": "Thu_Jul_24_17:03:02_2023", "sensors_per_cycle": len(columns),
+        "num_label_lines": 3, "num_segments": segments,
+        **{f"segment_filename_{k}": f"unit_7-2023-261-0-{4 + k}" for k in range(segments)},
+    }  # fmt: skip
+    lines = [f"{key}: {value}" for key, value in header.items()]
+    lines += [" ".join(columns), " ".join(["x"] * len(columns)), " ".join(["8"] * len(columns))]
+    rows = np.stack(list(columns.values()), axis=1)
+    lines += [" ".join("NaN" if np.isnan(v) else f"{v:.12g}" for v in row) for row in rows]
+    path.write_text(" \n".join(lines) + " \n")
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.dba", "a.asc", "a.txt", "a.dbd"])
+def test_data_as_text_are_read_whatever_they_are_called(tmp_path: Path, name: str) -> None:
+    columns = slocum_columns(FLIGHT)
+    gps = gps_columns(FLIGHT)
+    at = np.isin(columns["time"], gps["time"])
+    for sensor, source in (("m_gps_lat", "lat"), ("m_gps_lon", "lon")):
+        columns[sensor] = np.full(len(at), np.nan)
+        columns[sensor][at] = gps[source]
+    columns["m_gps_mag_var"] = np.full(len(at), -np.radians(FLIGHT.variation))
+    columns = {"m_present_time": columns.pop("time"), **columns}
+    path = write_text(tmp_path / name, columns, segments=3)
+    assert sniff(path) == "slocum"
+    dataset, report = import_logs("slocum", [path])
+    assert report.deployments == ("unit7",)
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    tables, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    for signal in ("measured_depth", "measured_pitch", "measured_heading", "measured_pump"):
+        np.testing.assert_allclose(dataset[signal], tables[signal], atol=1e-4)
+    whole = path.read_text()
+    path.write_text(whole[:-30])
+    _, report = import_logs("slocum", [path])
+    assert any(e.detail.startswith("truncated: ") for e in report.entries)
+    path.write_text(whole[:200])
+    with pytest.raises(InputError, match="truncated within its header"):
+        import_logs("slocum", [path])
+    lines = whole.splitlines()
+    path.write_text("\n".join([*lines[:30], "1 2 3", *lines[30:]]))
+    with pytest.raises(InputError, match="has 3 numbers, and 12 sensors are named"):
+        import_logs("slocum", [path])
 
 
 def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path: Path) -> None:

@@ -137,6 +137,35 @@ def test_logs_are_told_from_those_of_every_other_kind(
                 assert f"looks like {kind}: use `factory import {kind}`" in str(caught.value)
 
 
+def what_is_wrong(kind: str, path: Path) -> str:
+    try:
+        import_logs(kind, [path], variation_deg=0.0)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "layout"),
+    [("ngdac", 0), ("og1", 0), ("spray", 0), ("seaglider", 1), ("lrauv", 1), ("dorado", 2)],
+)
+def test_advice_never_goes_in_a_circle(kind: str, layout: int, tmp_path: Path) -> None:
+    """A file that lost what its kind needs: the kind that an error names takes it, or says why."""
+    path = write(kind, layout, tmp_path / "logs")[0]
+    with netCDF4.Dataset(path) as file:
+        needed = [n for n in file.variables if n.lower() in ("time", "depth", "pressure", "pres")]
+    for lost in needed:
+        spoilt = tmp_path / f"{lost}.nc"
+        spoilt.write_bytes(path.read_bytes())
+        with netCDF4.Dataset(spoilt, "a") as file:
+            file.renameVariable(lost, "LOST")
+        for asked in ("slocum", "seaglider", "og1", "ngdac", "spray", "lrauv", "dorado"):
+            named = re.search(r"looks like (\w+)", what_is_wrong(asked, spoilt))
+            if named is not None:
+                said = what_is_wrong(named[1], spoilt)
+                assert "is not a log of the kind" not in said, (asked, lost)
+
+
 def test_a_folder_of_other_logs_names_their_kind(tmp_path: Path) -> None:
     write("seaglider", 1, tmp_path / "logs", FLIGHT)
     with pytest.raises(InputError, match=r"p9990001\.nc looks like seaglider: use"):

@@ -44,6 +44,71 @@ def test_dives_are_made_again_of_their_middles(tmp_path: Path) -> None:
     assert any("made again" in note for note in notes)
 
 
+def write_rows(path: Path, *, upper: bool = False) -> Path:
+    """OG1.0 of the Spray data center: a row a sample of the climb, deepest first, with the times of
+    its profile and dive."""
+    columns: dict[str, list[np.ndarray]] = {}
+    for dive in range(FLIGHT.dives):
+        start, end = FLIGHT.dive_times(dive)
+        deep = np.arange(FLIGHT.depth, 2.0, -4.0)
+        latitude, longitude = FLIGHT.position(np.array([start, end]))
+        known = {"profile_index": dive + 30.0, "wcur_x": FLIGHT.east, "wcur_y": FLIGHT.north}
+        for name, share in (("profile", 0.75), ("uv", 0.5)):
+            known[f"time_{name}"] = start + share * (end - start)
+            known[f"latitude_{name}"] = latitude[0] + share * np.ptp(latitude)
+            known[f"longitude_{name}"] = longitude[0] + share * (longitude[1] - longitude[0])
+        known["time"] = known["time_profile"]
+        rows = {name: np.full(len(deep), value) for name, value in known.items()}
+        rows |= {"depth": deep, "temp": 15.0 - 0.02 * deep, "psal": 33.0 + 0.0 * deep}
+        rows |= {"latitude": rows["latitude_profile"], "longitude": rows["longitude_profile"]}
+        for name, values in rows.items():
+            columns.setdefault(name, []).append(values)
+    with netCDF4.Dataset(path, "w") as file:
+        dimension = "N_MEASUREMENTS" if upper else "n_measurements"
+        file.createDimension(dimension, len(np.concatenate(columns["depth"])))
+        file.createVariable("TRAJECTORY" if upper else "trajectory", str, ())[...] = "sp028_2023"
+        for name, parts in columns.items():
+            name = name.upper() if upper else name
+            variable = file.createVariable(name, "f8", (dimension,))
+            variable[:] = np.concatenate(parts)
+            if "time" in name.lower():
+                variable.units = "seconds since 1970-01-01T00:00:00Z"
+    return path
+
+
+@pytest.mark.parametrize("upper", [False, True], ids=["small", "capital"])
+def test_profiles_without_times_are_read_as_bins_are(tmp_path: Path, upper: bool) -> None:
+    path = write_rows(tmp_path / "sp028.nc", upper=upper)
+    assert sniff(path) == "spray"
+    dataset, report = import_logs("spray", [path])
+    assert report.deployments == ("sp028_2023",)
+    assert report.rows == report.rows_with_fixes == FLIGHT.dives
+    for dive in range(FLIGHT.dives):
+        row = dataset.isel(mission=dive)
+        start, end = FLIGHT.dive_times(dive)
+        assert float(row["dive_duration"]) == pytest.approx(end - start, abs=1e-3)
+        moved = FLIGHT.displacement(start, end)
+        assert float(row["displacement_north"]) == pytest.approx(moved[0], rel=2e-3)
+        assert float(row["vehicle_dac_east"]) == pytest.approx(FLIGHT.east)
+        depth, warm = row["measured_depth"].values, row["measured_temperature"].values
+        known = FLIGHT.state(start + 60.0 * np.arange(len(depth)))["depth"]
+        there = np.isfinite(depth)
+        np.testing.assert_allclose(depth[there], known[there], atol=6.0)
+        both = np.isfinite(warm) & (np.arange(len(depth)) > there.sum() / 2 + 2) & (depth > 15)
+        assert both.sum() > 10
+        np.testing.assert_allclose(warm[both], 15.0 - 0.02 * depth[both], atol=0.05)
+    for kind in ("og1", "ngdac"):
+        with pytest.raises(InputError, match="looks like spray: use `factory import spray`"):
+            import_logs(kind, [path])
+    with netCDF4.Dataset(path, "a") as file:  # what the reader makes times of
+        lost = "TIME_UV" if upper else "time_uv"
+        file.renameVariable(lost, "lost")
+        del file["lost"].units
+    if upper:
+        with pytest.raises(InputError, match=r"'TIME' gives .* no time of their own"):
+            import_logs("og1", [path])
+
+
 def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path: Path) -> None:
     path = write_spray(tmp_path / "GoM.nc", FLIGHT, missions=(3, 12))
     with netCDF4.Dataset(path, "a") as file:

@@ -152,6 +152,34 @@ def test_an_overdepth_that_would_abort_at_once_is_listed(tmp_path, depth):
     assert any(f"overdepth {depth} m is left out" in note for note in reading.notes)
 
 
+@pytest.mark.parametrize(
+    "words",
+    ["| far away, any words", "// 36 m deep", "; WP 1", "far", "-- north", "(A)", ", B"],
+)
+def test_words_behind_numbers_are_left_out_and_told(tmp_path, words):
+    """Pilots write them behind waypoints and arguments, not always behind a #."""
+    plain = read_slocum(written(tmp_path)).mission
+    path = written(
+        tmp_path,
+        goto_l10=[
+            ("3648.000", f"3648.000 {words}"),
+            ("<end:waypoints>", f"<end:waypoints> {words}"),
+        ],
+        yo10=[("d_target_depth(m)     90", f"d_target_depth(m)     90 {words}")],
+        box=[("behavior: yo", f"behavior: yo {words}")],
+    )
+    reading = read_slocum(path)
+    assert reading.mission == plain
+    assert sum(f"words are left out: {words}" in note for note in reading.notes) == 4
+
+
+@pytest.mark.parametrize("place", ["-12221,0 3648,0", "-12221.0 3648.0 90", "-122 21.0 36 48.0"])
+def test_a_third_number_of_a_waypoint_is_no_word(tmp_path, place):
+    path = written(tmp_path, goto_l10=[("-12221.000   3648.000", place)])
+    with pytest.raises(MissionError, match=r"GOTO_L10\.MA line 12: .*words behind a #"):
+        read_slocum(path)
+
+
 def test_a_pitch_in_degrees_is_refused_with_its_line(tmp_path):
     path = written(tmp_path, yo10=[("d_pitch_value(X)  -0.4538", "d_pitch_value(X)  -26")])
     with pytest.raises(MissionError, match=r"yo10\.ma line 10: yo: .*radian: write -0\.4538"):

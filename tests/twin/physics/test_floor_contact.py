@@ -152,6 +152,10 @@ def test_an_altitude_without_a_floor_is_refused():
 def test_a_start_needs_water_under_it():
     with pytest.raises(FloorError, match="at a depth of 300 m, where the sea floor is at 200 m"):
         simulate(Scenario(mission=YO, floor=FlatFloor(depth_m=200.0), start=Start(depth=300.0)))
+    with pytest.raises(FloorError, match=r"20 m above the sea: start elsewhere$"):
+        simulate(Scenario(mission=YO, floor=GridFloor(
+            north_m=AXIS, east_m=AXIS, depth_m=0.0 * NORTH - 20.0
+        )))  # fmt: skip
     land = GridFloor(north_m=AXIS, east_m=AXIS, depth_m=NORTH - 10.0)
     with pytest.raises(FloorError, match="on land, 10 m above the sea"):
         simulate(Scenario(mission=YO, floor=land))

@@ -14,6 +14,8 @@ from scipy.interpolate import RegularGridInterpolator
 from twin.commands.simulate import Simulate
 from twin.errors import FloorError
 from twin.geodesy import from_tangent_plane
+from twin.physics.lookup_tables import floor_table
+from twin.physics.scenario import Scenario, Start
 from twin.water.current.axes import Origin
 from twin.water.floor import (
     Bathymetry,
@@ -306,3 +308,17 @@ def test_page_and_help_have_every_setting_of_a_rough_floor_with_its_default(name
     else:
         assert f"| {float(default):g} |" in row
         assert f",{name}={float(default):g}" in told.replace("[,", ",")
+
+
+@pytest.mark.parametrize(
+    ("name", "sign", "other"), [("bathymetry", -1.0, "up"), ("elevation", 1.0, "down")]
+)
+def test_a_floor_upside_down_is_told_how_it_turns(tmp_path, name: str, sign: float, other: str):
+    """The advice is the sense that the file was not read in, and following it helps."""
+    path = str(tmp_path / "floor.nc")
+    gebco(LAT, LON, name=name, sign=sign).to_netcdf(path)
+    start = Start(latitude=36.8, longitude=-121.9)
+    with pytest.raises(FloorError, match=rf"on land, \d+ m above.* say positive={other}\)"):
+        floor_table(Scenario(floor=Bathymetry(path=path), start=start), 600.0)
+    turned = Scenario(floor=Bathymetry(path=path, positive=other), start=start)
+    assert floor_table(turned, 600.0).size

@@ -43,6 +43,10 @@ class Floor:
         laid out once more, or refused when a file has changed."""
         return self
 
+    def other_sense(self, duration_s: float, origin: Origin | None = None) -> str:
+        """Setting that turns the floor upside down; empty where none does."""
+        return ""
+
     def describe(self) -> dict[str, Any]:
         """JSON-able; `spec.floor_from_dict` is the inverse."""
         return {"kind": self.kind, **_plain(dataclasses.asdict(self))}

@@ -155,6 +155,11 @@ class Bathymetry(Floor):
         """With variable, sense, extent and hash of the part that was used."""
         return self._load(duration_s, origin)[1]
 
+    def other_sense(self, duration_s: float, origin: Origin | None = None) -> str:
+        """Sense that the file was not read in."""
+        used = self.pinned(duration_s, origin).positive
+        return f"positive={UP if used == DOWN else DOWN}"
+
     def _load(self, duration_s: float, origin: Origin | None) -> tuple[Array, Bathymetry]:
         from twin.water.current.velocity_file import open_data_set
 

@@ -22,6 +22,7 @@ from factory.importing.columns import (
 from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
 from factory.importing.formats.csv.velocity_checks import check_values
 from factory.importing.netcdf import SECONDS, in_unit
+from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, leave_out, note_unread
 from twin.errors import InputError, unknown_name
 
@@ -52,6 +53,12 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Log
         for name, (signal, why) in signals.items()
         if signal.column in present
     }
+    others = [n for n in present if "time" in n.lower() and n != mapping.time.column]
+    hint = f": {', '.join(others)}?" if others else ""
+    expect_going(
+        mapping.time.column, time, columns, path.name,
+        f"; name the column of the samples' own time in [time] of {mapping.name}{hint}",
+    )  # fmt: skip
     if mapping.deployment == "name":
         return [(mapping.deployment_word, LogPiece(path, time, columns))]
     if mapping.deployment == "file":

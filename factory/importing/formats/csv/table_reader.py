@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import reference_declination
 from factory.importing.cleaning import LIMITS, clean
 from factory.importing.columns import (
-    column_names,
     stacked,
     tidy,
 )
@@ -22,8 +22,9 @@ from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
     LoggedFixes,
+    places_for,
 )
-from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions, likely_kind
+from factory.importing.formats.base import SHORTEST, TABLES, ReadOptions, sniff
 from factory.importing.formats.csv.mapping import (
     HEADINGS,
     LOCKS,
@@ -52,7 +53,7 @@ def read_tables(
       InputError: no mapping, or one that does not fit the files; a velocity that is none.
     """
     if options.mapping is None:
-        kind = likely_kind(column_names(paths[0])) if paths[0].suffix.lower() in TABLES else None
+        kind = sniff(paths[0]) if paths[0].suffix.lower() in TABLES else None
         hint = f". It looks like {kind}: use `factory import {kind}`" if kind else ""
         raise InputError(
             f"{paths[0].name}: csv tables need a --mapping, a TOML file that gives each column's "
@@ -146,10 +147,13 @@ def mapped_log(
             "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
         )
     variation = channels.pop("magnetic_variation", EMPTY)
-    _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
     fixes = _fixes(
         *(channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")), tally
     )
+    magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
+    if magnetic and variation_deg is None and not len(variation):
+        variation = reference_declination(places_for(fixes, channels), deployment, tally)
+    _to_true_north(deployment, channels, magnetic, variation, variation_deg, tally)
     log = DeploymentLog(
         deployment=deployment,
         platform=mapping.vehicle,
@@ -197,20 +201,19 @@ def _clean(name: str, signal: Signal, time: Array, values: Array, tally: Tally) 
 def _to_true_north(
     deployment: str,
     channels: dict[str, Channel],
-    mapping: Mapping,
+    magnetic: Sequence[str],
     variation: Channel,
     variation_deg: float | None,
     tally: Tally,
 ) -> None:
     """Turn magnetic headings to true ones, in place."""
-    for name in HEADINGS & set(channels):
-        if mapping.signals[name].north == "true":
-            continue
+    for name in magnetic:
         heading = channels[name]
         if variation_deg is None and not len(variation):
             raise InputError(
-                f"{deployment}: {name} is from magnetic north and the log has no variation: give "
-                "--variation-deg, or map magnetic_variation"
+                f"{deployment}: {name} is from magnetic north, and the log has neither a variation "
+                "nor a position from which it follows: give --variation-deg, or map "
+                "magnetic_variation, or latitude and longitude"
             )
         turn = variation.at(heading.time) if variation_deg is None else variation_deg
         channels[name] = Channel(heading.time, np.mod(heading.values + turn, 360.0))

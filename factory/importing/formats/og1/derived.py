@@ -136,14 +136,6 @@ class Variation:
         return found.at(time) if len(found) else None
 
 
-def places_for(fixes: LoggedFixes, track: Mapping[str, Channel]) -> LoggedFixes:
-    """Where the vehicle was: its fixes, else its own track."""
-    if len(fixes) or "latitude" not in track:
-        return fixes
-    latitude = track["latitude"]
-    return LoggedFixes(latitude.time, latitude.values, track["longitude"].at(latitude.time))
-
-
 def true_heading(
     values: Array,
     time: Array,

@@ -7,6 +7,7 @@ our own export also say of which grid they were written.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -34,6 +35,7 @@ from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
     each_file,
+    places_for,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.og1.derived import (
@@ -43,7 +45,6 @@ from factory.importing.formats.og1.derived import (
     dives_in,
     fixes_in,
     oxygen_per_volume,
-    places_for,
     tracks_in,
     true_heading,
     with_start,
@@ -66,6 +67,7 @@ from factory.importing.formats.og1.vocabulary import (
     without_bad,
 )
 from factory.importing.netcdf import (
+    SINCE,
     as_array,
     attributes_of,
     open_netcdf,
@@ -73,6 +75,7 @@ from factory.importing.netcdf import (
     text_of,
 )
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.sample_clock import NoClock, sample_clock
 from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.errors import InputError
@@ -190,7 +193,8 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     with open_netcdf(path) as file:
         variables = file.variables
         if "TIME" not in variables or DIMENSION not in file.dimensions:
-            raise WrongFormat(path, [*variables, *file.groups])
+            why = f"an OG1.0 file has TIME along the dimension {DIMENSION}"
+            raise WrongFormat(path, [*variables, *file.groups], why=why)
         try:
             raw = {
                 name: as_array(variable[:])
@@ -213,14 +217,13 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     for key, values in raw.items():
         values = without_bad(key, values, flags, tally)
         raw[key] = _within_limits(key, values, attributes[key], tally)
-    time = raw.pop("TIME")
-    if not np.isfinite(time).any():
-        raise InputError(f"{path.name} holds no measurement with a time")
+    clock = _clock(path, raw, attributes, names, tally)
+    time = raw.pop(clock)
     columns = dict(raw)
     for key in ("TIME_GPS", *ORIGINAL_TIMES.values()):
         if np.isfinite(raw.get(key, np.zeros(0))).any():
             columns[key] = seconds_of(raw[key], attributes[key], path.name, tally)
-    time = seconds_of(time, attributes["TIME"], path.name, tally)
+    time = seconds_of(time, attributes[clock], path.name, tally)
     if not np.isfinite(columns.get("TIME_GPS", np.zeros(0))).any():
         columns["TIME_GPS"] = time  # the fixes are at the measurements
     ours = CORRECTED in raw
@@ -234,6 +237,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED)
     note_unread("OG1 file", names, read, tally)
     leave_out_made_again(names, read, tally)
+    leave_out(["TIME"] if clock != "TIME" else [], f"{clock} is the samples' time", tally)
     empty = [n for n, values in raw.items() if not np.isfinite(values).any()]
     note_empty("OG1 file", empty, tally)
     if simulated:
@@ -280,6 +284,32 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         simulated=simulated,
         said=said,
     )
+
+
+def _clock(
+    path: Path,
+    raw: Mapping[str, Array],
+    attributes: Mapping[str, Mapping[str, Any]],
+    names: Sequence[str],
+    tally: Tally,
+) -> str:
+    """Name of the samples' clock, TIME where it is one.
+
+    Raises:
+      WrongFormat: every clock stands for the profiles, as those of a Spray's bins do.
+    """
+    if "TIME" not in raw:
+        raise WrongFormat(path, names, why=f"its TIME is no number along {DIMENSION}")
+    clocks = {"TIME": seconds_of(raw["TIME"], attributes["TIME"], path.name, Tally())}
+    for name in raw:
+        if SINCE in str(attributes[name].get("units", "")):
+            with contextlib.suppress(InputError):  # units that are none: no clock
+                clocks.setdefault(name, seconds_of(raw[name], attributes[name], "", Tally()))
+    measured = {name: values for name, values in raw.items() if name not in clocks}
+    try:
+        return sample_clock(clocks, measured, path.name, tally)
+    except NoClock as error:
+        raise WrongFormat(path, names, why=str(error)) from error
 
 
 PER_MASS = "DOXY"

@@ -25,10 +25,11 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
     Raises:
       InputError: as the two readers, where neither finds a log.
     """
+    from factory.importing.formats.slocum.ascii_tables import is_text
     from factory.importing.formats.slocum.binary import read_slocum_binary
     from factory.importing.formats.slocum.sensor_tables import read_slocum_tables
 
-    binary = [p for p in paths if p.suffix.lower() in BINARY]
+    binary = [p for p in paths if p.suffix.lower() in BINARY and not is_text(p)]
     caches = [p for p in paths if p.suffix.lower() in CACHES]
     tables = [p for p in paths if p not in binary and p not in caches]
     if not binary and not tables:

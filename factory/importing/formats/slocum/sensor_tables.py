@@ -6,6 +6,7 @@ values; a truth table the speed by a DVL. Files are joined by the time and place
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ from factory.importing.deployment_log import (
     joined,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.slocum.ascii_tables import is_text, read_text_table
 from factory.importing.formats.slocum.native_sensors import (
     WANTED,
     gps_fixes,
@@ -33,6 +35,7 @@ from factory.importing.formats.slocum.native_sensors import (
 )
 from factory.importing.gps_fixes import RECEIVER, has_fix
 from factory.importing.payload import payload_names
+from factory.importing.sample_clock import sample_clock
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 from twin.geodesy import offset
@@ -96,14 +99,14 @@ def role(table: Table) -> str | None:
     return "science" if any(name.startswith("sci_") for name in names) else None
 
 
-def _with_role(path: Path) -> tuple[str, Table]:
+def _with_role(path: Path, tally: Tally) -> tuple[str, Table]:
     """A table and what it is.
 
     Raises:
       WrongFormat: no Slocum's.
       InputError: it cannot be read, or is empty.
     """
-    table = read_table(path)
+    table = read_text_table(path, tally) if is_text(path) else read_table(path)
     which = role(table)
     if which is None or (which == "gps" and "NavState" in table.columns):
         raise WrongFormat(path, [*table.columns, *table.texts])
@@ -122,7 +125,7 @@ def read_slocum_tables(
       InputError: no flight table, or a table that belongs to none.
     """
     tables: dict[str, list[Table]] = {}
-    for _, (which, table) in each_file(paths, _with_role, tally):
+    for _, (which, table) in each_file(paths, lambda path: _with_role(path, tally), tally):
         tables.setdefault(which, []).append(table)
     extra = payload_names(options.payload)
     for which, some in tables.items():
@@ -141,7 +144,7 @@ def read_slocum_tables(
     for table in tables["flight"]:
         time, columns = _timed(table, tally)
         tally.add("read", table.path.name, len(time), "flight rows")
-        key = _ROLE_WORDS.split(table.path.name.split(".")[0])[0]
+        key = table.owner or _ROLE_WORDS.split(table.path.name.split(".")[0])[0]
         parts = groups.setdefault(key, DeploymentTables(key))
         _native(parts, time, columns, extra)
         parts.files.append(table.path.name)
@@ -174,18 +177,29 @@ def read_slocum_tables(
 
 def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Array, dict]:
     subject = table.path.name
-    name = time_name or next((n for n in TIMES if n in table.columns or n in table.texts), None)
-    if name is None:
+    names = [time_name] if time_name else TIMES
+    there = [n for n in names if n in table.columns or n in table.texts]
+    if not there:
         raise InputError(
             f"{subject} has no column of time ({', '.join(TIMES)}); it has "
             f"{', '.join(list(table.columns)[:5])}"
         )
-    time = parse_stamps(table.texts[name]) if name in table.texts else table.columns[name]
-    if not np.isfinite(time).any():
-        raise InputError(f"{subject}: column {name} holds no time")
-    time = unix_seconds(time, subject, tally)
+    measured = {n: v for n, v in table.columns.items() if n not in TIMES}
+    clocks = {there[0]: _seconds(table, there[0], tally)}
+    for one in there[1:]:
+        with contextlib.suppress(InputError):  # no clock: its numbers are no times
+            clocks[one] = _seconds(table, one, Tally())
+    name = sample_clock(clocks, measured, subject, tally)
+    time = clocks[name]
     columns = {n: v for n, v in table.columns.items() if n != name}
     return tidy(time, columns, subject, tally)
+
+
+def _seconds(table: Table, name: str, tally: Tally) -> Array:
+    """[s] unix times of a column of numbers or of texts."""
+    words = table.texts.get(name)
+    time = table.columns[name] if words is None else parse_stamps(words)
+    return unix_seconds(time, table.path.name, tally)
 
 
 def _native(

@@ -1,0 +1,144 @@
+"""Clock of a log's samples: the variable of time that goes on from sample to sample.
+
+Public tables often repeat one time for a whole profile and keep the samples' own times under
+another name, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.tally import Tally
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+TICK = 1.0
+"""[s] Clocks that count whole seconds repeat a second for the samples within it"""
+FEWEST = 4
+"""Samples with one time from which on the clock stands: a log may write a row two or three times"""
+MOST = 0.5
+"""Part of the samples during which the clock of a log may stand"""
+
+
+def standing(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """Rows during which the clock stands, (rows,).
+
+    These are `FEWEST` or more that have one time and other values, where the times before and
+    after are more than a `TICK` away.
+
+    Args:
+      time: [s], in any order, (rows,).
+      columns: measured values, (rows,) each.
+    """
+    found = np.zeros(len(time), bool)
+    known = np.flatnonzero(np.isfinite(time))
+    known = known[np.argsort(time[known], kind="stable")]
+    own = time[known]
+    first = np.flatnonzero(np.append(True, own[1:] != own[:-1])) if own.size else known
+    count = np.diff(np.append(first, own.size))
+    step = np.concatenate([[np.inf], np.diff(own[first]), [np.inf]])
+    still = (count >= FEWEST) & (np.minimum(step[:-1], step[1:]) > TICK)
+    if not still.any():
+        return found
+    differs = np.zeros(first.size, bool)
+    for values in columns.values():
+        low, high = (f.reduceat(values[known], first) for f in (np.fmin, np.fmax))
+        differs |= low < high  # False where all are NaN
+    found[known] = np.repeat(still & differs, count)
+    return found
+
+
+def expect_going(
+    name: str, time: Array, columns: Mapping[str, Array], subject: str, hint: str = ""
+) -> None:
+    """Refuse a clock that stands for most of a log.
+
+    Args:
+      name: of the variable or column of time.
+      time, columns: as of `standing`.
+      subject: file, for the error.
+      hint: next step, for the error.
+
+    Raises:
+      InputError: it stands.
+    """
+    still = standing(time, columns)
+    if still.sum() > MOST * len(time):
+        raise InputError(f"{subject}: {_why(name, time, still)}{hint}")
+
+
+def _why(name: str, time: Array, still: NDArray[np.bool_]) -> str:
+    times = np.unique(time[still]).size
+    return (
+        f"{name!r} gives {still.sum()} of {len(time)} samples no time of their own: it has "
+        f"{times} time{'' if times == 1 else 's'} for them, as a profile's time that is repeated, "
+        "or one without enough digits"
+    )
+
+
+class NoClock(InputError):
+    """No variable of time goes on from sample to sample."""
+
+
+def sample_clock(
+    clocks: Mapping[str, Array], columns: Mapping[str, Array], subject: str, tally: Tally
+) -> str:
+    """Name of the clock of the samples: the usual one, unless it stands and another one goes.
+
+    Args:
+      clocks: times [s] by name, the usual one first, (samples,) each.
+      columns: measured values, (samples,) each.
+      subject: file, for the report.
+
+    Raises:
+      NoClock: those that have times stand.
+      InputError: none has a time.
+    """
+    known = {name: int(np.isfinite(time).sum()) for name, time in clocks.items()}
+    if not any(known.values()):
+        raise InputError(f"{subject} holds no measurement with a time")
+    still = {name: standing(time, columns) for name, time in clocks.items()}
+    most = max(known.values())
+    for name in clocks:
+        stands = int(still[name].sum())
+        if stands <= MOST * known[name] and known[name] - stands > MOST * most:
+            break
+    else:
+        usual = next(name for name in clocks if still[name].any())
+        raise NoClock(f"{subject}: {_why(usual, clocks[usual], still[usual])}")
+    usual = next(iter(clocks))
+    if name != usual:
+        count = int(still[usual].sum())
+        why = f"{usual} stands for {count}" if count else f"{usual} has {known[usual]}"
+        tally.add("note", name, known[name], f"the samples' clock: {why} of {len(clocks[usual])}")
+    return name
+
+
+def tell_standing(
+    time: Array, columns: Mapping[str, Array], subject: str, tally: Tally, deployment: str = ""
+) -> None:
+    """Mark the stretches during which the clock stands as suspect.
+
+    Args: as of `standing`; deployment: that the rows belong to, where it is known.
+    """
+    still = standing(time, columns)
+    if not still.any():
+        return
+    moments = np.unique(time[np.isfinite(time)])
+    at, rows = np.unique(np.searchsorted(moments, time[still]), return_counts=True)
+    first = np.flatnonzero(np.append(True, np.diff(at) > 1))
+    last = np.append(first[1:], len(at)) - 1
+    for begin, end in zip(first, last, strict=True):
+        # their own times lie somewhere between the times before and after
+        tally.doubt(
+            subject,
+            "several samples have one time and other values: the clock stands",
+            int(rows[begin : end + 1].sum()),
+            deployment=deployment,
+            start=float(moments[max(at[begin] - 1, 0)]),
+            end=float(moments[min(at[end] + 1, len(moments) - 1)]),
+        )
