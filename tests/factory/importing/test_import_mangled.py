@@ -207,7 +207,7 @@ def test_rows_of_a_glider_with_an_endless_name_are_left_out(tmp_path):
     (dives,) = tmp_path.glob("*_dives.csv")
     lines = dives.read_text().splitlines()
     dives.write_text("\n".join([*lines, lines[-1].replace("SG999", "S" * 300)]))
-    dataset, report = import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
+    _, report = import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
     assert report.rows == FLIGHT.dives
     assert report.count("left out", dives.name) == 1
     assert max(map(len, report.deployments)) < 10
