@@ -240,8 +240,8 @@ def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
     parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
     if importer is None:
         return parts[0]
-    if importer.takes_mapping:
-        parts.append(f"mapping {deployment.mapping}")
+    if importer.takes_mapping and not deployment.place(deployment.mapping).is_file():
+        parts.append(f"mapping {deployment.mapping}")  # the name of a shipped one
     if importer.takes_cache:
         parts.append(f"cache {bool(deployment.cache)}")
     module = _module_of(importer)
