@@ -237,6 +237,7 @@ def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
     found = stored(made.folder / LOG)
     assert found.attrs[DEPLOYMENT_METADATA] == "glider_name: calypso\n"
     xr.testing.assert_identical(found, imported(tmp_path, "csv", source, mapping=mapping))
+    assert not log_of_files(made, made.folder).changed
 
 
 # --- files that no reader can read ----------------------------------------------------------------
