@@ -369,9 +369,6 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, help="their lists of sensors")
     parser.add_argument("--seed", type=int, default=0, help="of kills and orders")
     options = parser.parse_args()
-    for dives in options.dives:
-        with tempfile.TemporaryDirectory() as place:
-            print(json.dumps(measure(dives, Path(place))), flush=True)
     for folder in options.real:
         with tempfile.TemporaryDirectory() as place:
             print(json.dumps(real_passes(folder, options.cache, Path(place))), flush=True)
@@ -380,6 +377,9 @@ def main() -> None:
             print(json.dumps(real_orders(*given)), flush=True)
     if options.real:
         return
+    for dives in options.dives:
+        with tempfile.TemporaryDirectory() as place:
+            print(json.dumps(measure(dives, Path(place))), flush=True)
     for harm, times in ((kills, options.kills), (orders, options.orders)):
         with tempfile.TemporaryDirectory() as place:
             if times:

@@ -224,23 +224,28 @@ def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
         changed=changed,
         kind=found.kind,
         files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
-        unreadable=tuple(said),
+        unreadable=tuple(map(_as_text, said)),
         short=tuple(
-            f"{entry['subject']} is {entry['detail']}"
+            _as_text(f"{entry['subject']} is {entry['detail']}")
             for entry in entries
             if entry["detail"].startswith(TRUNCATED)
         ),
     )
 
 
-def _without(store: Path, found: ArrivedFiles, why: str, damage: str) -> LogOfFiles:
+def _without(store: Path, found: ArrivedFiles, missing: str, damage: str) -> LogOfFiles:
     return LogOfFiles(
         store=store if is_store(store) and not damage else None,
         digest=found.digest,
         changed=False,
         kind=found.kind,
         files=0,
-        unreadable=tuple(f"{name}: {reason}" for name, reason in found.refused.items()),
-        missing=why,
+        unreadable=tuple(_as_text(f"{name}: {why}") for name, why in found.refused.items()),
+        missing=_as_text(missing),
         damage=damage,
     )
+
+
+def _as_text(said: str) -> str:
+    """What is said, without bytes of a file's name that are no UTF-8 and that no page can hold."""
+    return said.encode(errors="backslashreplace").decode()

@@ -10,8 +10,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import importlib.util
+import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from factory.importing import IMPORTERS, Importer, sniff
@@ -63,7 +64,7 @@ class ArrivedFiles:
         """Of names, contents and how they are read: equal where the import must be equal."""
         files = [f"{name} {self.sums[name]}" for name in sorted(self.sums)]
         text = "\n".join([__version__, self.kind, self.reading, *files])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(os.fsencode(text)).hexdigest()  # names need be no UTF-8
 
     def copied(self, folder: Path) -> ArrivedFiles:
         """Copies of all files in a folder, for a reader: whoever copies them here may still write.
@@ -113,7 +114,12 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         kind = way.logs[0] if kind == AUTO else kind
     if source.exists() and not source.is_dir():
         raise InputError(f"source {source} is a file; name the folder in which files arrive")
-    names = _names(source, recursive=deployment.recursive)
+    names: list[str] = []
+    missing = ""
+    try:
+        names = _names(source, recursive=deployment.recursive)
+    except OSError as error:
+        missing = f"the source {source} cannot be read: {error.strerror or error}"
     if kind == AUTO:
         kind = _kind_of([source / name for name in names]) or ""
     importer = IMPORTERS[kind] if kind else None
@@ -121,20 +127,6 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     sums = _without_copies(_sums({f"{FILES}/{name}": source / name for name in logs}, refused))
     beside = _beside(deployment, source, names, importer)
     places = {name: source / name.removeprefix(f"{FILES}/") for name in sums} | beside
-    missing = ""
-    if not source.exists():
-        missing = f"the source {source} is not there"
-    elif not names:
-        missing = f"no file has arrived in {source}"
-        if not deployment.recursive and (below := _names(source, recursive=True)):
-            folders = sorted({name.partition("/")[0] for name in below})
-            missing += (
-                f", but {counted(len(below), 'file')} in folders below it, such as {folders[0]}: "
-                "name that folder as source in deployment.toml, or set recursive = true for all"
-            )
-    elif not sums:
-        logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
-        missing = f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
     return ArrivedFiles(
         source=source_of(deployment.source, kind),
         folder=source,
@@ -142,9 +134,34 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         places=places,
         sums=sums | _sums(beside, refused),
         refused=refused,
-        missing=missing,
+        missing=missing or _missing(deployment, source, names, sums, kind),
         reading=_reading(deployment, importer),
     )
+
+
+def _missing(
+    deployment: WatchedDeployment,
+    source: Path,
+    names: Sequence[str],
+    sums: Mapping[str, str],
+    kind: str,
+) -> str:
+    """Why there is nothing to import; empty where there is."""
+    if not source.exists():
+        return f"the source {source} is not there"
+    if names and sums:
+        return ""
+    if names:
+        logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
+        return f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
+    missing = f"no file has arrived in {source}"
+    if not deployment.recursive and (below := _names(source, recursive=True)):
+        folders = sorted({name.partition("/")[0] for name in below})
+        missing += (
+            f", but {counted(len(below), 'file')} in folders below it, such as {folders[0]}: "
+            "name that folder as source in deployment.toml, or set recursive = true for all"
+        )
+    return missing
 
 
 def kind_of(deployment: WatchedDeployment) -> str:
@@ -240,8 +257,8 @@ def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
     parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
     if importer is None:
         return parts[0]
-    if importer.takes_mapping:
-        parts.append(f"mapping {deployment.mapping}")
+    if importer.takes_mapping and not deployment.place(deployment.mapping).is_file():
+        parts.append(f"mapping {deployment.mapping}")  # the name of a shipped one
     if importer.takes_cache:
         parts.append(f"cache {bool(deployment.cache)}")
     module = _module_of(importer)

@@ -6,6 +6,7 @@ Damage of a deployment's folder, which the next pass mends.
 from __future__ import annotations
 
 import json
+import os
 import random
 import shutil
 from collections.abc import Callable, Mapping
@@ -32,7 +33,7 @@ from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import DIGEST, LOG, log_of_files
 from factory.watching.made_parts import content_of
 from factory.watching.morning_page import PAGE
-from factory.watching.noticed import EVENTS
+from factory.watching.noticed import EVENTS, noticed, write_events
 from twin.__main__ import PROGRAM
 from twin.errors import WriteError
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
@@ -236,6 +237,7 @@ def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
     found = stored(made.folder / LOG)
     assert found.attrs[DEPLOYMENT_METADATA] == "glider_name: calypso\n"
     xr.testing.assert_identical(found, imported(tmp_path, "csv", source, mapping=mapping))
+    assert not log_of_files(made, made.folder).changed
 
 
 # --- files that no reader can read ----------------------------------------------------------------
@@ -265,6 +267,29 @@ def test_a_file_with_a_changed_byte_is_named_and_left_out(
     assert found.files == len(segments) - 3
     path.write_bytes(content)
     assert log_of_files(made, made.folder).unreadable == ()
+
+
+def test_names_that_are_no_text_and_what_is_no_file_stop_no_pass(
+    tmp_path: Path, source: Path, segments: list[Path]
+) -> None:
+    for path in segments:
+        shutil.copy(path, source)
+    odd = os.fsencode(source) + b"/unit_1-2023-317-0-\xff.sbd"
+    (source / "unit_1-2023-317-0-0.sbd").rename(os.fsdecode(odd))
+    os.mkfifo(source / "a.sbd")
+    (source / "b.sbd").symlink_to("/dev/zero")
+    (source / "c.sbd").symlink_to(source / "nowhere")
+    (source / "d.sbd").mkdir()
+    (source / "metadata.yml").mkdir()
+    made = deployment(tmp_path, source)
+    found = log_of_files(made, made.folder)
+    assert found.changed, found
+    for said in found.unreadable:
+        said.encode()
+    write_events(noticed(found, None), made.folder)
+    assert not log_of_files(made, made.folder).changed
+    source.rename(tmp_path / "elsewhere")
+    assert "is not there" in log_of_files(made, made.folder).missing
 
 
 def test_a_lone_science_file_of_another_vehicle_hides_no_log(
