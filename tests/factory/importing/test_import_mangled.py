@@ -157,7 +157,7 @@ def test_numbers_beyond_any_measurement_are_removed_and_counted(tmp_path):
     rows[40] = ",".join([*cells[:column], "1e308", *cells[column + 1 :]])
     table.write_text("\n".join([header, first, *rows]))
     _, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
-    assert report.count("removed", "measured_pitch") == 1
+    assert report.count("removed", "theta") == 1
 
 
 def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):
@@ -207,7 +207,7 @@ def test_rows_of_a_glider_with_an_endless_name_are_left_out(tmp_path):
     (dives,) = tmp_path.glob("*_dives.csv")
     lines = dives.read_text().splitlines()
     dives.write_text("\n".join([*lines, lines[-1].replace("SG999", "S" * 300)]))
-    dataset, report = import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
+    _, report = import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
     assert report.rows == FLIGHT.dives
     assert report.count("left out", dives.name) == 1
     assert max(map(len, report.deployments)) < 10
