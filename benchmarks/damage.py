@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from logs import Flight, pack
+from written_logs import Sound
 
 Array = Any
 Random = np.random.Generator
@@ -36,23 +37,8 @@ NAMES = ("units", "_FillValue", "missing_value", "valid_min", "valid_max", "vali
 
 
 @dataclasses.dataclass(frozen=True)
-class Sound(Flight):
-    """A flight whose attitude moves a little, as that of every vehicle at sea does."""
-
-    dives: int = 2
-    surface: float = 600.0
-
-    def state(self, time: Array) -> dict[str, Array]:
-        found = super().state(time)
-        found["heading"] = found["heading"] + np.sin(0.05 * time)
-        found["pitch"] = found["pitch"] + np.where(found["under"] > 0, np.sin(0.07 * time), 0.0)
-        found["speed"] = self.speed + 0.01 * np.sin(0.06 * time)
-        return found
-
-
-@dataclasses.dataclass(frozen=True)
 class Damaged(Sound):
-    """The same with one signal, or the clock, that went wrong at some moment."""
+    """A sound flight with one signal, or the clock, that went wrong at some moment."""
 
     signal: str = ""
     change: Callable[[Array], Array] = np.asarray

@@ -15,19 +15,16 @@ import argparse
 import contextlib
 import dataclasses
 import gc
-import hashlib
 import itertools
 import json
 import multiprocessing
 import multiprocessing.connection
 import os
-import re
 import shutil
 import signal
 import sys
 import tempfile
 import time
-import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -40,15 +37,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from logs import write_pyglider  # noqa: E402
-from written_logs import WRITERS, mapping, variation  # noqa: E402
+from written_logs import WRITERS, Sound  # noqa: E402
 
-from benchmarks.damage import COLUMNS, OPERATIONS, Sound, damage, damaged_flight  # noqa: E402
+from benchmarks.damage import COLUMNS, OPERATIONS, damage, damaged_flight  # noqa: E402
+from benchmarks.verdict import UNDAMAGED, Mutant, Verdict, judge, place  # noqa: E402
 
 LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 10**9, 3 * 10**9
 """Processor time [s] and memory [byte] of one import; and the memory at which it is stopped"""
 FULL_BYTES = 7 * 10**8
 """[byte] A process that held more is not used again: it would not give all of it back"""
-UNDAMAGED = "none"
 WRITERS = WRITERS | {
     "ngdac": (*WRITERS["ngdac"], lambda f, flight: [write_pyglider(f / "series.nc", flight)])
 }
@@ -65,55 +62,19 @@ REAL = {
     "lsf": ("auv_lauv_noptilus_2015/*.lsf.gz",),
 }
 """Files of `--real`, by kind"""
-NUMBER = re.compile(r"-?\d[\d.e+-]*")
 CORPUS = ROOT / "tests" / "data" / "mutants.json"
 """Names of mutants that failed once"""
-
-
-@dataclasses.dataclass(frozen=True)
-class Mutant:
-    """One damaged log."""
-
-    layout: str
-    """KIND:NUMBER of a writer, or KIND:PATTERN of real logs."""
-    operation: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"{self.layout}/{self.operation}/{self.seed}"
-
-    @classmethod
-    def parse(cls, name: str) -> Mutant:
-        """The mutant of that name."""
-        layout, operation, seed = name.rsplit("/", 2)
-        return cls(layout, operation, int(seed))
-
-    @property
-    def kind(self) -> str:
-        return self.layout.partition(":")[0]
-
-
-@dataclasses.dataclass
-class Verdict:
-    """What an import made of a mutant."""
-
-    mutant: Mutant
-    outcome: str = "read"
-    """read, refused, unfit (the operation changes nothing of such files) or failed"""
-    file: str = ""
-    failures: list[str] = dataclasses.field(default_factory=list)
-    raised: list[str] = dataclasses.field(default_factory=list)
-    """Errors of readers for which a file was left out, and what it was told by"""
-    seconds: float = 0.0
-    bytes: int = 0
 
 
 def mutants(count: int, seed: int, layouts: Iterable[str] = LAYOUTS) -> Iterator[Mutant]:
     """Every layout undamaged, then every layout and operation in turn."""
     layouts = list(layouts)
     yield from (Mutant(one, UNDAMAGED, 0) for one in layouts)
-    turns = [(o, one) for o in OPERATIONS for one in layouts]
+    turns = [
+        (OPERATIONS[(k + turn) % len(OPERATIONS)], one)
+        for turn in range(len(OPERATIONS))
+        for k, one in enumerate(layouts)
+    ]
     no = [*itertools.product(COLUMNS, BARE), *itertools.product(("attributes", "shape"), TABLES)]
     fit = [one for one in turns if one not in no and (one[0] != "flight" or one[1] in LAYOUTS)]
     for k, (operation, layout) in enumerate(itertools.islice(itertools.cycle(fit), count)):
@@ -132,9 +93,7 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
     else:
         flight = damaged_flight(random) if flying else Sound()
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                WRITERS[mutant.kind][int(pattern)](folder, flight)
+            WRITERS[mutant.kind][int(pattern)](folder, flight)
         except Exception:  # a format has no such value
             if not flying:
                 raise
@@ -144,101 +103,6 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
     with contextlib.suppress(Exception):  # its library writes no such file
         return damage(random, folder, mutant.operation)
     return ""
-
-
-def place(error: BaseException) -> str:
-    """Module and line of the project where an error came from, and its type."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if f.filename.startswith(str(ROOT)) and "benchmarks" not in f.filename]
-    last = own[-1] if own else frames[-1]
-    return f"{_short(last.filename)}:{last.lineno} {type(error).__name__}"
-
-
-def _short(filename: str) -> str:
-    """A file's place in the project or in its library."""
-    return filename.removeprefix(f"{ROOT}/").rpartition("site-packages/")[2]
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Digests of the files of a folder and of those below."""
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
-def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) -> None:
-    """Import a prepared log and look for all that may not be."""
-    from factory.importing import deployment_log, import_logs
-    from factory.soundness import verify_logs
-    from twin.errors import TwinError
-    from twin.records.logged import LogStore
-    from twin.records.schema.limits import recorded_limits
-    from twin.records.store import write_store
-
-    logs, out = folder / "logs", folder / "out"
-    layout = mutant.layout.partition(":")[2]
-    given = variation(mutant.kind, int(layout), Sound()) if layout.isdigit() else None
-    told = deployment_log.failed_reading
-
-    def failed_reading(path: Path, error: Exception) -> Any:
-        verdict.raised.append(place(error))
-        return told(path, error)
-
-    deployment_log.failed_reading = failed_reading
-    before = contents(logs)
-    written.clear()
-    report = None
-    try:
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            dataset, report = import_logs(
-                mutant.kind, [logs], variation_deg=given, mapping=mapping(mutant.kind, logs)
-            )
-    except TwinError as error:
-        verdict.outcome, said = "refused", str(error)
-        if "\n" in said or not said.strip() or len(said) > 2100 or "this is a bug" in said:
-            verdict.failures.append(f"message of {len(said)} characters: {said[:200]!r}")
-    except Exception as error:
-        verdict.failures.append(f"{place(error)}: {str(error)[:200]}")
-    finally:
-        deployment_log.failed_reading = told
-    with warnings.catch_warnings(record=True) as left:
-        warnings.simplefilter("always")
-        gc.collect()  # files that nobody closed
-    verdict.failures += [
-        f"warning at {_short(one.filename)}:{one.lineno} {one.category.__name__}: "
-        f"{' '.join(str(one.message).split())}" for one in (*warned, *left)
-    ]  # fmt: skip
-    verdict.failures += [f"written outside: {path}" for path in written]
-    if contents(logs) != before:
-        verdict.failures.append("the folder of the logs was changed")
-    if report is None:
-        return
-    suspect = " ".join(e.subject for e in report.entries if e.action == "suspect")
-    problems: list[tuple[str, list[str]]] = []
-    names = [str(name) for name in dataset.data_vars]
-    for name, variable in dataset.data_vars.items():
-        with contextlib.suppress(LookupError):
-            low, high = recorded_limits(str(name))
-            values = np.asarray(variable.values)
-            if values.dtype.kind == "f" and ((values < low) | (values > high)).any():
-                problems.append((f"{name} outside of {low:g} to {high:g}", [str(name)]))
-    try:
-        write_store(dataset, out / "log.zarr")
-        for check in verify_logs(LogStore(str(out / "log.zarr"))).checks:
-            problems += [
-                (f"{check.name}: {NUMBER.sub('#', problem)}", [n for n in names if n in problem])
-                for problem in check.problems
-            ]
-    except Exception as error:
-        verdict.failures.append(f"{place(error)}: {str(error)[:200]}")
-    for problem, of in problems:
-        if not suspect or any(name not in suspect for name in of):
-            verdict.failures.append(f"not told: {problem}")
-    if mutant.operation == UNDAMAGED and layout.isdigit():
-        if report.rows != Sound().dives:
-            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {Sound().dives}")
-        verdict.failures += [f"suspect undamaged logs: {e.subject}: {e.detail}"
-                             for e in report.entries if e.action == "suspect"]  # fmt: skip
 
 
 def _memory(word: str) -> int:
@@ -286,7 +150,9 @@ def work(pipe: Any, real: Path | None) -> None:
             verdict = Verdict(mutant)
             begun = time.process_time()
             try:
-                verdict.file = prepare(mutant, folder / "logs", real)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    verdict.file = prepare(mutant, folder / "logs", real)
                 begun = time.process_time()
                 with contextlib.suppress(OSError):
                     Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
@@ -375,7 +241,7 @@ def run(
                 if hand.pipe in ready:
                     try:
                         verdict = hand.pipe.recv()
-                    except EOFError:
+                    except (EOFError, OSError):
                         hand.process.join()
                         failure = f"its process ended with {hand.process.exitcode}"
                 if verdict is None and failure:
@@ -401,7 +267,7 @@ def main() -> int:
     parser.add_argument("--kinds", help="of logs, separated by commas")
     parser.add_argument("--only", nargs="+", help="names of mutants")
     parser.add_argument("--real", type=Path, help="folder of real logs, damaged too")
-    parser.add_argument("--json", type=Path, help="file of all verdicts")
+    parser.add_argument("--json", type=Path, help="file to which a line is added for each")
     options = parser.parse_args()
     layouts = [*LAYOUTS]
     if options.real:
@@ -411,17 +277,25 @@ def main() -> int:
     every = map(Mutant.parse, options.only or ()) if options.only else mutants(
         options.mutants, options.seed, layouts
     )  # fmt: skip
-    verdicts = []
-    for one in run(every, workers=options.workers, seconds=options.seconds, real=options.real):
-        verdicts.append(one)
-        for failure in one.failures:
-            print(f"{one.mutant.name} ({one.file}): {failure}", flush=True)
-        if options.only:
-            print(one, flush=True)
-    if options.json:
-        options.json.write_text(json.dumps([dataclasses.asdict(one) for one in verdicts]))
-    kinds = {one.mutant.kind for one in verdicts}
-    for kind in sorted(kinds):
+    verdicts: list[Verdict] = []
+    with contextlib.suppress(KeyboardInterrupt):  # what is done is counted
+        for one in run(every, workers=options.workers, seconds=options.seconds, real=options.real):
+            verdicts.append(one)
+            for failure in one.failures:
+                print(f"{one.mutant.name} ({one.file}): {failure}", flush=True)
+            if options.only:
+                print(one, flush=True)
+            if options.json:
+                with options.json.open("a") as lines:
+                    lines.write(json.dumps(dataclasses.asdict(one)) + "\n")
+    if verdicts:
+        report(verdicts)
+    return 1 if any(one.failures for one in verdicts) else 0
+
+
+def report(verdicts: list[Verdict]) -> None:
+    """Print outcomes by kind, causes with a mutant of each, and what took the most."""
+    for kind in sorted({one.mutant.kind for one in verdicts}):
         of = [one for one in verdicts if one.mutant.kind == kind]
         count = Counter("failed" if one.failures else one.outcome for one in of)
         said = ", ".join(f"{n} {outcome}" for outcome, n in sorted(count.items()))
@@ -429,15 +303,14 @@ def main() -> int:
         print(f"{kind}: {len(of)} mutants: {said}; a reader raised in {raised}")
     causes: dict[str, list[str]] = {}
     for one in verdicts:
-        for cause in dict.fromkeys(f"reader raised {cause}" for cause in one.raised):
+        told = [f if f.startswith("not told") else f.partition(": ")[0] for f in one.failures]
+        for cause in dict.fromkeys([*told, *(f"reader raised {cause}" for cause in one.raised)]):
             causes.setdefault(cause, []).append(one.mutant.name)
     for cause, found in sorted(causes.items(), key=lambda item: -len(item[1])):
         print(f"{len(found):5d} {cause} ({found[0]})")
-    most = max((one.bytes for one in verdicts), default=0)
-    slowest = max((one.seconds for one in verdicts), default=0.0)
+    most, slowest = (max(getattr(o, n) for o in verdicts) for n in ("bytes", "seconds"))
     failed = sum(bool(one.failures) for one in verdicts)
     print(f"{len(verdicts)} mutants, {failed} failed; at most {most / 1e6:.0f} MB, {slowest:.1f} s")
-    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dorado_logs import write_dorado, write_dorado_netcdf, write_dorado_product
 from imc_logs import write_lsf
 from logs import (
+    Array,
     Flight,
     write_basestation,
     write_dbd,
@@ -27,6 +30,22 @@ from message_logs import write_ardusub, write_mcap, write_rosbag2
 from factory.importing import IMPORTERS
 
 TABLES = (Path(__file__).resolve().parents[1] / "docs" / "howto" / "import_tables.md").read_text()
+
+
+@dataclasses.dataclass(frozen=True)
+class Sound(Flight):
+    """A flight whose attitude moves a little, as that of every vehicle at sea does."""
+
+    dives: int = 2
+    surface: float = 600.0
+
+    def state(self, time: Array) -> dict[str, Array]:
+        found = super().state(time)
+        found["heading"] = found["heading"] + np.sin(0.05 * time)
+        found["pitch"] = found["pitch"] + np.where(found["under"] > 0, np.sin(0.07 * time), 0.0)
+        found["speed"] = self.speed + 0.01 * np.sin(0.06 * time)
+        return found
+
 
 WRITERS: dict[str, tuple[Callable[[Path, Flight], list[Path]], ...]] = {
     "slocum": (write_slocum, write_dbd),

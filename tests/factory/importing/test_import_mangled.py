@@ -157,7 +157,7 @@ def test_numbers_beyond_any_measurement_are_removed_and_counted(tmp_path):
     rows[40] = ",".join([*cells[:column], "1e308", *cells[column + 1 :]])
     table.write_text("\n".join([header, first, *rows]))
     _, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
-    assert report.count("removed", "measured_pitch") == 1
+    assert report.count("removed", "theta") == 1
 
 
 def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):

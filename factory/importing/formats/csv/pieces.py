@@ -189,7 +189,9 @@ def values_of(
         tally.add("note", name, int(np.isfinite(values).sum()), f"{file}: {why}")
     missing = np.isin(values, signal.sentinels)
     tally.add("removed", column, int(missing.sum()), "no measurement: a sentinel of the mapping")
-    values[missing] = np.nan
+    infinite = np.isinf(values)
+    tally.add("removed", column, int(infinite.sum()), "infinite")
+    values[missing | infinite] = np.nan
     values = in_unit(values, signal.unit, signal.wanted(name), f"{file} {column}")
     if name in HEADINGS:
         values = -values if signal.turns == "counterclockwise" else values
