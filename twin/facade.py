@@ -293,9 +293,8 @@ def with_sensors(
         assert isinstance(scenario.navigate, Navigation)
         suite, seed = scenario.navigate.suite, scenario.navigate.seed
         bottom_depth = scenario.navigate.bottom_depth
-    under_way: dict[str, Any] = {}
-    if scenario.navigate is not None:
-        under_way = {n: a for n, a in trajectory.signals.items() if n.startswith("measured_")}
+    live = scenario.navigate is not None
+    under_way = {n: a for n, a in trajectory.signals.items() if live and n.startswith("measured_")}
     measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth, under_way)
     if scenario.faults:
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAULTS,)))
