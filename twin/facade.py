@@ -20,7 +20,7 @@ from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
-from twin.physics.condition import healthy
+from twin.physics.condition import BODY, INSTRUMENTS, differs, healthy
 from twin.physics.electric import electric
 from twin.physics.lookup_tables import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
@@ -293,14 +293,21 @@ def with_sensors(
         assert isinstance(scenario.navigate, Navigation)
         suite, seed = scenario.navigate.suite, scenario.navigate.seed
         bottom_depth = scenario.navigate.bottom_depth
-    measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth)
+    live = scenario.navigate is not None
+    under_way = {n: a for n, a in trajectory.signals.items() if live and n.startswith("measured_")}
+    measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth, under_way)
     if scenario.faults:
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAULTS,)))
         measured |= electric(scenario, trajectory, rng)
         given = {**trajectory.signals, **measured}
-        measured |= read_by(
-            scenario.faults, given, trajectory.time, rng, period=scenario.sample_period
-        )
+        wrong = read_by(scenario.faults, given, trajectory.time, rng, period=scenario.sample_period)
+        # what was measured under way was faulty there
+        wrong = {name: values for name, values in wrong.items() if name not in under_way}
+        measured |= wrong
+        late = suite.readers(wrong, trajectory.signals) - {*wrong, *under_way}
+        if late:
+            known = {name: values for name, values in measured.items() if name not in late}
+            measured |= _measure(suite, scenario, trajectory, seed, bottom_depth, known)[0]
     said = json.dumps({"settings": suite.settings(), "drawn": drawn, "seed": seed})
     return dataclasses.replace(
         trajectory,
@@ -316,12 +323,10 @@ _FAULTS = 0xFA17
 def _refuse_unseen(scenario: Scenario) -> None:
     """Raise InputError for a fault that nothing of a flight without sensors shows."""
     for fault in scenario.faults:
-        sound = healthy(scenario)
-        changed = fault.change(sound, fault.size)
-        if all(
-            getattr(changed, name) is getattr(sound, name)
-            for name in ("vehicle", "volume", "zeros", "iron")
-        ):
+        plan = scenario.mission
+        above_floor = isinstance(plan, Mission) and plan.needs_floor
+        seen = [n for n in INSTRUMENTS if n != "echoes_lost" or above_floor]
+        if not differs(fault, healthy(scenario), (*BODY, *seen)):
             raise InputError(
                 f"fault {fault.kind} changes what the vehicle measures and takes, not how it "
                 "flies: give sensors too, such as field (--sensors field)"
@@ -370,8 +375,9 @@ def _measure(
     trajectory: Trajectory,
     seed: int,
     bottom_depth: float | None,
+    known: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, float]]:
-    """The measured signals and the constants that were drawn."""
+    """The measured signals, of which some are known, and the constants that were drawn."""
     tree = np.random.SeedSequence(seed)
     drawn = suite.draw(tree)
     current = scenario.current
@@ -395,10 +401,6 @@ def _measure(
         longitude=scenario.place.longitude_deg,
         density=scenario.density,
         current=None if current is None else program,
-        measured=(
-            None
-            if scenario.navigate is None
-            else {n: a for n, a in trajectory.signals.items() if n.startswith("measured_")}
-        ),
+        measured=known,
     )
     return measured, drawn

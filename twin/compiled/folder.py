@@ -211,6 +211,36 @@ class ContentLocator(_CacheLocator):
         return cls(py_func, py_file)
 
 
+NOTE = "note.txt"
+"""Name of the file beside the code of one version"""
+
+
+def keep_note(module: str, stamp: str | None, text: str) -> None:
+    """Keep a text, which may be empty, beside the code of one version, for other processes.
+
+    A folder that cannot be written keeps none, as it keeps no code.
+    """
+    root = cache_root()
+    if stamp is None or root is None:
+        return
+    with contextlib.suppress(OSError):
+        folder = version_folder(root, f"{module}-{stamp}")
+        with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
+            file.write(text)
+        Path(file.name).replace(folder / NOTE)  # whole or not at all
+
+
+def kept_note(module: str, stamp: str | None) -> str | None:
+    """The text that a process has kept beside the code of one version; None: there is none."""
+    root = cache_root()
+    if stamp is None or root is None:
+        return None
+    try:
+        return (version_folder(root, f"{module}-{stamp}") / NOTE).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
 SELDOM = 50_000
 """Objects from one look for garbage to the next while numba compiles"""
 

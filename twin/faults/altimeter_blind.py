@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from twin.faults.base import Array, Fault, Readings
+from twin.faults.base import Array, Condition, Fault, Readings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -28,6 +28,11 @@ class AltimeterBlind(Fault):
 
     part: float = 1.0
     """of its echoes that are lost"""
+
+    def change(self, condition: Condition, size: float) -> Condition:
+        """Guidance hears the other echoes alone, and flies by the last one for a while."""
+        heard = (1.0 - condition.echoes_lost) * (1.0 - size)
+        return condition.replace(echoes_lost=1.0 - heard)
 
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Of the echoes that earlier dives had, its part is missing."""

@@ -52,6 +52,10 @@ class Condition:
     """Part of its batteries that is connected"""
     iron: tuple[float, float] = (0.0, 0.0)
     """[rad] that guidance's compass reads beyond the true heading, times its sine and cosine"""
+    depth_offset: float = 0.0
+    """[m] that guidance's depth, by the pressure gauge, is beyond the true one"""
+    echoes_lost: float = 0.0
+    """Share of the echoes that guidance's altimeter does not hear"""
     taken: float = 0.0
     """[m3] of water inside the hull, whose air it compresses"""
 
@@ -174,6 +178,13 @@ class Fault:
         """
         return {}
 
+    def begin(self) -> FaultRun:
+        """Begin to change readings, a stretch of a mission after the other.
+
+        A kind whose readings depend on earlier samples gives a run that remembers them.
+        """
+        return FaultRun(self)
+
     def expected(self, way: Array) -> Mapping[str, Array] | None:
         """What a fault of size 1 adds to the channels of `twin.health` in each dive, (dives,), by
         name; None: flights of the twin with and without it tell.
@@ -217,6 +228,21 @@ class Fault:
     def describe(self) -> dict[str, Any]:
         """A JSON-able dict from which `fault_from_dict` rebuilds it."""
         return {"kind": self.kind, **dataclasses.asdict(self)}
+
+
+@dataclasses.dataclass(eq=False)
+class FaultRun:
+    """A fault at work in one mission, a stretch of samples after the other."""
+
+    fault: Fault
+    carried: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    """What later readings depend on"""
+
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
+        """See `Fault.readings`, of the stretch that follows the one before."""
+        return self.fault.readings(signals, size, period, rng)
 
 
 def _lacks(kind: type[Fault]) -> str:

@@ -60,7 +60,9 @@ class CompassIron(Fault):
     def readings(
         self, signals: Readings, size: Array, period: float, rng: np.random.Generator
     ) -> Readings:
-        """A heading that is off by it."""
-        heading = signals["measured_heading"]
+        """A heading that is off by it; nothing where it has no compass."""
+        heading = signals.get("measured_heading")
+        if heading is None:
+            return {}
         off = size * np.sin(np.deg2rad(heading - self.toward))
         return {"measured_heading": np.mod(heading + off, 360.0)}

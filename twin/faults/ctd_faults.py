@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import ClassVar
 
 import numpy as np
 from scipy.signal import lfilter
 
-from twin.faults.base import Array, Fault, Readings
+from twin.faults.base import Array, Fault, FaultRun, Readings
 
 NAMES = ("measured_temperature", "measured_conductivity", "measured_pressure")
 MILLISIEMENS_PER_CM = 10.0
@@ -69,11 +70,41 @@ class _Late(Fault):
         """The late reading, and salinity and density of it; nothing where it has no CTD."""
         if any(name not in signals for name in NAMES):
             return {}
+        return self.shown(signals, lagged(signals[self.late], size, period))
+
+    def shown(self, signals: Readings, late: Array) -> Readings:
+        """The CTD's readings where one instrument shows `late`."""
         temperature, conductivity = (
-            lagged(signals[name], size, period) if name == self.late else signals[name]
-            for name in NAMES[:2]
+            late if name == self.late else signals[name] for name in NAMES[:2]
         )
         return derived(signals, temperature, conductivity)
+
+    def begin(self) -> FaultRun:
+        """See `Fault.begin`."""
+        return _LateRun(self, np.array([math.nan, 0.0]))
+
+
+class _LateRun(FaultRun):
+    """A late instrument; it carries what it showed last, and how long ago [s] that was."""
+
+    def readings(
+        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
+    ) -> Readings:
+        """See `FaultRun.readings`."""
+        fault = self.fault
+        assert isinstance(fault, _Late)
+        if any(name not in signals for name in NAMES):
+            return {}
+        found = signals[fault.late].copy()
+        for k, lag in enumerate(size):
+            self.carried[1] += period
+            if not math.isfinite(found[k]):
+                continue
+            before, since = self.carried
+            if lag > 0.0 and math.isfinite(before):
+                found[k] = before + (1.0 - math.exp(-since / lag)) * (found[k] - before)
+            self.carried[:] = found[k], 0.0
+        return fault.shown(signals, found)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from twin.faults.base import Array, Fault, Readings
+from twin.faults.base import Array, Condition, Fault, Readings
+
+METRES_PER_DBAR = 0.99
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -30,11 +32,13 @@ class PressureDrift(Fault):
     per_day: float = 0.3
     """[dbar] added a day"""
 
+    def change(self, condition: Condition, size: float) -> Condition:
+        """Guidance turns by the depth of the drifted pressure."""
+        return condition.replace(depth_offset=condition.depth_offset + METRES_PER_DBAR * size)
+
     def readings(
         self, signals: Readings, size: Array, period: float, rng: np.random.Generator
     ) -> Readings:
-        """Pressure, and the depth of it: 1 dbar is 0.99 m."""
-        found = {"measured_depth": signals["measured_depth"] + 0.99 * size}
-        if "measured_pressure" in signals:
-            found["measured_pressure"] = signals["measured_pressure"] + size
-        return found
+        """Pressure, and the depth of it."""
+        added = {"measured_depth": METRES_PER_DBAR * size, "measured_pressure": size}
+        return {name: signals[name] + more for name, more in added.items() if name in signals}

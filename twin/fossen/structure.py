@@ -58,19 +58,37 @@ class Structure:
 
     def arithmetic(self, lanes: int) -> Arithmetic:
         """What that function does, by compiling it anew: the cache keeps no text of it."""
-        return Arithmetic.of(_loop(self, self.text, lanes, keep=False))
+        return Arithmetic.of(_loop(self, self.text, lanes))
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled(structure: Structure, lanes: int, _: int) -> Any:
-    function = _loop(structure, structure.text, lanes)
-    if function.cache_hits == 0 and not Arithmetic.of(function).vector_code:
-        _warn(structure)
+    from twin.compiled.folder import keep_note, kept_note
+
+    function, stamp = _kept_loop(structure, structure.text, lanes)
+    # kept code has no text any more: what was found in it when it was compiled is kept beside it
+    slow = kept_note(__name__, stamp) if function.cache_hits else None
+    if slow is None:
+        text = structure.arithmetic(lanes) if function.cache_hits else Arithmetic.of(function)
+        slow = "" if text.vector_code else _blamed(structure)
+        keep_note(__name__, stamp, slow)
+    if slow:
+        _warn(slow)
     return function
 
 
-def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> Any:
-    """A loop over so many lanes, compiled; `keep`: between processes."""
+def _loop(structure: Structure, body: str, lanes: int) -> Any:
+    """A loop over so many lanes, compiled for this process alone."""
+    return _kept_loop(structure, body, lanes, keep=False)[0]
+
+
+def _kept_loop(
+    structure: Structure, body: str, lanes: int, *, keep: bool = True
+) -> tuple[Any, str | None]:
+    """A loop over so many lanes, compiled, and the stamp under which it is kept, None: it is not.
+
+    `keep`: between processes.
+    """
     import numba
     from numba import types
 
@@ -100,11 +118,12 @@ def _loop(structure: Structure, body: str, lanes: int, *, keep: bool = True) -> 
         joined = "\n".join([text, *map(str, stamps)])
         stamp = hashlib.sha256(joined.encode()).hexdigest()[:32]
     signature = types.void(types.CPointer(types.float64), types.float64)
-    return decorated(
+    function = decorated(
         lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(space["rate"]),
         __name__,
         stamp,
     )
+    return function, stamp
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,20 +173,24 @@ _ALONE = 4096
 """lanes of a loop with one kind's function: so many that the loop stays one"""
 
 
-def _warn(structure: Structure) -> None:
-    """Say which kind is to blame."""
+def _blamed(structure: Structure) -> str:
+    """The functions of kinds that did not become vector code, in words."""
     blamed = []
     for name, text in structure.kernels:
-        found = Arithmetic.of(_loop(structure, text, _ALONE, keep=False))
+        found = Arithmetic.of(_loop(structure, text, _ALONE))
         if not found.vector_code:
             calls = f", calls {', '.join(found.calls)}" if found.calls else ""
             blamed.append(
                 f"{name} ({found.packed} packed operations, {found.scalar} scalar{calls})"
             )
+    return " and ".join(blamed) or "its equations together"
+
+
+def _warn(blamed: str) -> None:
+    """Warn that lanes are slow, and of what is to blame."""
     warnings.warn(
-        "the lanes of this vehicle fly 4 to 7 times slower than they could, because "
-        + (" and ".join(blamed) or "its equations together")
-        + " did not become vector code: write it of scalars, with @scalar of "
+        f"the lanes of this vehicle fly 4 to 7 times slower than they could, because {blamed}"
+        " did not become vector code: write it of scalars, with @scalar of "
         "twin.compiled.elementary, without loops, arrays or calls of other libraries "
         "(docs/howto/extending.md)",
         RuntimeWarning,

@@ -20,6 +20,7 @@ from twin.health.channels import FLOWN, NAMES, PLACE
 from twin.health.dive_channels import channels_of, flight_model
 from twin.health.dive_signals import DiveSignals
 from twin.mission import Mission, SawTooth, Surface
+from twin.physics.condition import BODY, differs, healthy
 from twin.physics.electric import electric
 from twin.physics.lanes import Lane, flown_abreast
 from twin.physics.scenario import Scenario
@@ -179,13 +180,13 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
         )
     loose = np.nan_to_num(np.abs(beside - sound))
     off = max(math.exp(each[PLACE["heading_error"]]) for each in (sound, beside))
-    found = []
+    found, built = [], healthy(dive_scenario(vehicle, one))
     for fault, channels in zip(flown, table, strict=True):
         shown = channels - sound
         shown = np.sign(shown) * np.maximum(np.abs(shown) - loose, 0.0)
         signature = shown / (fault.size * (GROWN if fault.grows else 1.0))
         signature[~FLOWN] = 0.0
-        if type(fault).change is not Fault.change:
+        if differs(fault, built, BODY):
             # how deep it floats is the affair of a bladder, which no twin has
             signature[PLACE["surface_depth"]] = 0.0
         if off > ASTRAY:

@@ -22,7 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from twin.compiled import borrowing
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, guidance
-from twin.mission.mission_file import ABORTED, DONE, SEGMENT
+from twin.mission.instruments import altitude_read, heading_read
+from twin.mission.mission_file import ABORTED, DEPTH_OFFSET, DONE, HOLDING, PHASE, SEGMENT
+from twin.mission.reckoning import compass
 from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
@@ -59,6 +61,8 @@ class Observation:
     """[m/s] a navigator's estimate of the current; NaN: no navigator, guidance dead-reckons"""
     current_east: float = math.nan
     """[m/s], likewise"""
+    fixed: bool = False
+    """True where a receiver has a fix: it is at the surface, whatever its depth says"""
 
     def __getattr__(self, name: str) -> float:
         """A part's position by its name: `observation.pump`."""
@@ -67,6 +71,26 @@ class Observation:
             return float(parts[name])
         known = [*(name for name in self.__slots__ if name != "parts"), *parts]
         raise AttributeError(unknown_name("field of an observation", name, known))
+
+
+def misread(seen: Observation, gains: Array, memory: Array, surfaced: float) -> Observation:
+    """The observation by instruments that err, as guidance reads them.
+
+    Args:
+      seen: the truth.
+      gains: with the errors of the instruments, shape (GAINS,).
+      memory: as guidance's state, zeros at first; it is updated.
+      surfaced: [m] depth of the CB above which a receiver has a fix.
+    """
+    altitude = altitude_read(gains, memory, seen.time, seen.altitude)
+    memory[PHASE] = HOLDING  # begun
+    return dataclasses.replace(
+        seen,
+        depth=seen.depth + float(gains[DEPTH_OFFSET]),
+        heading=compass(heading_read(gains, seen.heading)),
+        altitude=altitude,
+        fixed=seen.depth <= surfaced,
+    )
 
 
 class Command(Mapping[str, float]):
@@ -162,6 +186,7 @@ class MissionController:
             o.east,
             o.current_north,
             o.current_east,
+            float(o.fixed),
         )
         return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 

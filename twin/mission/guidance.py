@@ -22,6 +22,7 @@ import numpy as np
 
 from twin.compiled import borrowing, jit
 from twin.mission import mission_file as g
+from twin.mission.instruments import altitude_read, heading_read
 from twin.mission.phases import advance
 from twin.mission.reckoning import compass, pid, reckon, wrapped
 from twin.numbers import Array
@@ -233,6 +234,18 @@ def _go_along(gains: Array, command: Array) -> None:
 
 
 @borrowing
+def _has_a_fix(row: Array, gains: Array, state: Array, depth: float) -> bool:
+    """Whether a fix tells the surface to a vehicle whose depth gauge does not.
+
+    `depth`: true one [m].
+    """
+    highest = row[g.SURFACE_DEPTH]
+    if state[g.PHASE] == g.CLIMB and row[g.MIN_DEPTH] < highest:
+        highest = row[g.MIN_DEPTH]
+    return bool(gains[g.DEPTH_OFFSET] != 0.0 and depth <= highest)
+
+
+@borrowing
 def _steer(
     table: Array,
     gains: Array,
@@ -251,15 +264,16 @@ def _steer(
     east: float,
     current_north: float,
     current_east: float,
+    fixed: float,
 ) -> None:
     """A tick as `guidance_step` says it, for the parts that steer alone."""
-    seen = heading + gains[g.COMPASS_OFFSET]
-    if gains[g.IRON_SINE] != 0.0 or gains[g.IRON_COSINE] != 0.0:
-        seen += gains[g.IRON_SINE] * math.sin(heading) + gains[g.IRON_COSINE] * math.cos(heading)
-    heading = compass(seen)
+    heading = compass(heading_read(gains, heading))
+    altitude = altitude_read(gains, state, t, altitude)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
+    afloat = fixed != 0.0 or _has_a_fix(row, gains, state, depth)
+    depth += gains[g.DEPTH_OFFSET]
     reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
-    advance(table, state, t, depth, altitude, heading)
+    advance(table, state, t, depth, altitude, heading, afloat)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
     phase = state[g.PHASE]
     depth_rate = (depth - state[g.LAST_DEPTH]) / gains[g.PERIOD]
@@ -298,7 +312,7 @@ def _steer(
         _command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
-    if setpoint < 0.0 and depth < row[g.SURFACE_DEPTH]:
+    if setpoint < 0.0 and (afloat or depth < row[g.SURFACE_DEPTH]):
         _leave_surface(gains, command)
 
     part = int(gains[g.TURN_PART])
@@ -357,6 +371,7 @@ def guidance_step(
     east: float = math.nan,
     current_north: float = math.nan,
     current_east: float = math.nan,
+    fixed: float = 0.0,
 ) -> None:
     """One control tick: reads the vehicle's state, writes `command` and updates `state`.
 
@@ -366,17 +381,20 @@ def guidance_step(
       state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
       t: [s] since the mission's start; call once per control period.
       depth: [m] of the CB, positive down.
-      roll, pitch, heading: [rad]; the compass adds its offset to the heading.
+      roll, pitch, heading: [rad]. The errors of the instruments (`instruments`) are added to
+        heading, depth and altitude here.
       p, q, r: body rates [rad/s].
       command: (parts,) float64, out: the wanted position of each part.
       altitude: [m] of the CB above the sea floor, inf without one.
       north, east: [m] of the vehicle: what a fix at the surface says; NaN: there are no fixes.
       current_north, current_east: [m/s] estimate of a navigator, whose position north and east then
         are, under water too; NaN: there is none, and guidance dead-reckons (`reckoning`).
+      fixed: 1 where a receiver has a fix, so that it is at the surface whatever its gauge says;
+        0: the depth alone tells.
     """
     _steer(
         table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,
-        north, east, current_north, current_east,
+        north, east, current_north, current_east, fixed,
     )  # fmt: skip
     if gains[g.FOLLOWERS] > 0.0 and state[g.PHASE] != g.HOLDING:
         _go_along(gains, command)

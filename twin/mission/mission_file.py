@@ -84,7 +84,9 @@ FOLLOWER_COLUMNS = 6
 IRON_SINE = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 IRON_COSINE = IRON_SINE + 1
 TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery turns it by its roll, dives and climbs apart
-GAINS = TURNS_BY_ROLL + 1
+DEPTH_OFFSET = TURNS_BY_ROLL + 1  # [m] that the depth by the pressure gauge is beyond the true one
+ECHOES_LOST = DEPTH_OFFSET + 1  # share of the altimeter's echoes
+GAINS = ECHOES_LOST + 1
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -114,7 +116,9 @@ LAST_FIX = 31  # [s] at the surface, or of the mission's start
 FIXED = 32  # 1 while fixes come in
 YOS_UNDER = 33  # yos since the last surfacing, in halves
 ARRIVED = 34  # 1 once the waypoint being flown to has been reached
-GUIDANCE_STATE = 35
+ECHOES_DUE = 35  # fraction of the next echo of an altimeter that loses some
+ECHO, ECHO_TIME = 36, 37  # [m] altitude by the last echo, and its time [s]
+GUIDANCE_STATE = 38
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 ON_LEVEL, HOVERING = 6.0, 7.0

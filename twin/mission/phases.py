@@ -110,9 +110,18 @@ def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
 
 @borrowing
 def advance(
-    table: Array, state: Array, t: float, depth: float, altitude: float, heading: float
+    table: Array,
+    state: Array,
+    t: float,
+    depth: float,
+    altitude: float,
+    heading: float,
+    afloat: bool,
 ) -> None:
-    """Phases and segments: turn at the limits of depth and altitude, count, go on, abort."""
+    """Phases and segments: turn at the limits of depth and altitude, count, go on, abort.
+
+    `afloat`: it is known to be at the surface, where no climb goes on whatever the depth says.
+    """
     end = table.shape[0] - 1
     if state[g.PHASE] == g.NOT_STARTED:
         state[g.LAST_DEPTH] = depth
@@ -129,11 +138,11 @@ def advance(
         following = g.CLIMB
         state[g.YO_COUNT] += 0.5
         state[g.YOS_UNDER] += 0.5
-    elif phase == g.CLIMB and depth <= table[index, g.MIN_DEPTH]:
+    elif phase == g.CLIMB and (afloat or depth <= table[index, g.MIN_DEPTH]):
         following = g.DIVE
         state[g.YO_COUNT] += 0.5
         state[g.YOS_UNDER] += 0.5
-    elif phase == g.SURFACING and depth <= table[index, g.SURFACE_DEPTH]:
+    elif phase == g.SURFACING and (afloat or depth <= table[index, g.SURFACE_DEPTH]):
         following = g.AT_SURFACE
         state[g.ARRIVAL] = t
         state[g.YOS_UNDER] = 0.0
@@ -153,7 +162,9 @@ def advance(
         else:
             over = t - state[g.SEGMENT_START] >= duration - TIME_TOLERANCE
         over = over or there or state[g.YO_COUNT] >= table[index, g.YO_LIMIT]
-        over = over or (depth - table[index, g.UNTIL_DEPTH]) * state[g.UNTIL_SIDE] >= 0.0
+        until = table[index, g.UNTIL_DEPTH]
+        over = over or (depth - until) * state[g.UNTIL_SIDE] >= 0.0
+        over = over or (afloat and until >= 0.0 and state[g.UNTIL_SIDE] < 0.0)
         if over and index + 1 == end and table[end, g.KIND] == g.END_HOLDING:
             state[g.DONE] = 1.0  # the last segment goes on without limits
             state[g.ARRIVED] = 0.0

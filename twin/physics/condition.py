@@ -6,12 +6,14 @@ on: MuJoCo's model is given other numbers, a lane other rows of its block.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
-from twin.faults.base import Condition, conditions
+from twin.faults.base import Condition, Fault, conditions
 from twin.frames import flip_vector
-from twin.mission.mission_file import IRON_COSINE, IRON_SINE
+from twin.mission.mission_file import DEPTH_OFFSET, ECHOES_LOST, IRON_COSINE, IRON_SINE
 from twin.numbers import Array
 from twin.physics.ballast import Ballast
 from twin.physics.initial_state import apply_real_vehicle
@@ -20,6 +22,17 @@ from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.scenario import Scenario
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle
+
+BODY = ("vehicle", "volume", "zeros")
+"""Fields of a condition that say how the body flies"""
+INSTRUMENTS = ("iron", "depth_offset", "echoes_lost")
+"""Fields that say how guidance's instruments err"""
+
+
+def differs(fault: Fault, sound: Condition, fields: Sequence[str]) -> bool:
+    """Whether a fault changes one of some fields of a sound vehicle's condition."""
+    changed = fault.change(sound, fault.size)
+    return any(getattr(changed, name) is not getattr(sound, name) for name in fields)
 
 
 def conditions_of(scenario: Scenario, duration: float) -> tuple[tuple[float, Condition], ...]:
@@ -68,12 +81,18 @@ def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Cond
     for name, value in kept.items():
         head[name] = value
     head["control_period"] = kept_numbers["control_period"]
-    head["gains"][IRON_SINE], head["gains"][IRON_COSINE] = condition.iron
+    write_instruments(head["gains"], condition)
     model.qpos0[:] = zeros
     apply_real_vehicle(
         model, vehicle, ballast=Ballast(volume=condition.volume), density=None,
         encoder_zeros=condition.zeros,
     )  # fmt: skip
+
+
+def write_instruments(gains: Array, condition: Condition) -> None:
+    """Write the errors of the instruments that guidance reads among its gains, shape (GAINS,)."""
+    gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
+    gains[DEPTH_OFFSET], gains[ECHOES_LOST] = condition.depth_offset, condition.echoes_lost
 
 
 def _write_hull(model: mujoco.MjModel, vehicle: Vehicle) -> None:

@@ -25,9 +25,9 @@ from twin.fossen import terms
 from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
 from twin.fossen.structure import Structure, structure_of
 from twin.mission.controller import FollowedPositions
-from twin.mission.mission_file import GAINS, GUIDANCE_STATE, IRON_COSINE, IRON_SINE
+from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
-from twin.physics.condition import conditions_of
+from twin.physics.condition import conditions_of, write_instruments
 from twin.physics.lookup_tables import Plans, Tables, tables_of
 from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.native import block as b
@@ -131,7 +131,7 @@ class Lane:
         for name, values in _response(condition.vehicle).items():
             at = PARTS_AT + PART.index(name) * structure.parts
             rows[at : at + structure.parts] = values
-        gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
+        write_instruments(gains, condition)
 
     def column(self) -> Array:
         """Its numbers in a block, see `column`."""

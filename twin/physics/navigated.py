@@ -15,6 +15,7 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.mission.controller import MissionController, Observation
+from twin.mission.instruments import ALTITUDE_S, OUT_OF_REACH
 from twin.mission.plan import Mission
 from twin.navigation.navigator import (
     ATTITUDE,
@@ -39,10 +40,6 @@ if TYPE_CHECKING:
 
 
 ALTITUDE = "measured_altitude"
-ALTITUDE_S = 20.0
-"""[s] for which the last echo of the altimeter holds"""
-OUT_OF_REACH = 1e4
-"""[m] of water below a vehicle whose altimeter has no echo: deeper than it can dive"""
 
 
 class OnBoard:
@@ -123,6 +120,7 @@ class OnBoard:
                 current=current if current.size else None,
             ),
             wanted=[name for name in wanted if name.startswith("measured_")],
+            faults=scenario.faults,
         )
         self._track = np.full((2, samples), np.nan)
         self._sample: dict[str, float] = {}
@@ -179,6 +177,7 @@ class OnBoard:
             east=belief.east,
             current_north=belief.current_north,
             current_east=belief.current_east,
+            fixed=math.isfinite(seen[FIX[0]] + seen[FIX[1]]),
         )
 
     def signals(self) -> dict[str, Array]:

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
 from twin.frames import flip_quaternion, flip_vector
-from twin.mission.controller import Command, Controller, Observation
+from twin.mission.controller import Command, Controller, Observation, misread
+from twin.mission.guidance import new_state
 from twin.mission.mission_file import DONE
+from twin.mission.segments.base import surfaced_depth
 from twin.numbers import Array
 from twin.physics.condition import become, conditions_of, healthy
 from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
@@ -303,9 +305,13 @@ class Simulation:
     def _run_controlled(self, controller: Controller) -> None:
         vehicle, timestep = self.scenario.vehicle, self.model.opt.timestep
         per_tick = max(1, round(vehicle.control_period / timestep))
-        done = 0
+        done, memory = 0, new_state()
         while done < self.steps and not self.failed:
-            command = controller(observe(self.data, vehicle, self.tables.floor))
+            self._change()  # a fault that is due now is in what the controller sees
+            seen = observe(self.data, vehicle, self.tables.floor)
+            if self._conditions:
+                seen = misread(seen, header(self.model)["gains"], memory, surfaced_depth(vehicle))
+            command = controller(seen)
             if not isinstance(command, Command):
                 raise InputError(f"the controller returned {command!r}; it must return a Command")
             self.data.ctrl[:] = command.as_array(vehicle)

@@ -6,15 +6,17 @@ random numbers, drawn in the same order.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.faults.base import Fault
 from twin.numbers import Array
 from twin.sensors.base import NOWHERE, Outset, SensorRun, Surroundings
+from twin.sensors.faulty import FaultySensors
 from twin.sensors.noise import sensor_generator
 from twin.sensors.suite import SensorSuite, is_exact
 
@@ -38,6 +40,7 @@ class LiveSuite:
         drawn: Mapping[str, float] | None = None,
         surroundings: Surroundings = NOWHERE,
         wanted: Iterable[str] | None = None,
+        faults: Sequence[Fault] = (),
     ):
         """Begin before the first sample.
 
@@ -49,6 +52,7 @@ class LiveSuite:
           surroundings: water, place and sea floor.
           wanted: measured signals; sensors that neither measure one nor are read for one stay out.
             None: all.
+          faults: of the vehicle, which change what its sensors read.
 
         Raises:
           InputError: a signal is missing, or a sensor measures whole missions only.
@@ -67,6 +71,7 @@ class LiveSuite:
         self._runs: list[tuple[SensorRun | None, int, dict[str, str]]] = []
         delays: dict[str, int] = {}
         channels: list[str] = []
+        order: list[tuple[Sequence[str], Sequence[str], int]] = []
         needed = _needed(suite, self.signals, wanted)
         for name, sensor in suite.items():
             if name not in needed:
@@ -91,6 +96,8 @@ class LiveSuite:
             delays |= dict.fromkeys((c for c in own if c not in truths), delay)
             channels += own
             self._runs.append((run, delay, truths))
+            order.append((sensor.inputs(self.signals), own, delay))
+        self._faulty = FaultySensors(faults, order, dt=dt, rng_seed=rng_seed)
         self.channels = tuple(channels)
         """What it measures."""
         self._delays = delays
@@ -116,11 +123,12 @@ class LiveSuite:
         for name in self.signals:
             self._arrays[name][k] = sample[name]
         self.count += 1
-        for run, delay, truths in self._runs:
+        for place, (run, delay, truths) in enumerate(self._runs):
             for channel, true in truths.items():
                 self._arrays[channel][k] = self._arrays[true][k]
             if run is not None and k >= delay:
                 self._put(run, truths, k - delay, k - delay + 1)
+            self._faulty.act(place, self._arrays, k)
         return {name: self._last(name) for name in self.channels}
 
     def _put(self, run: SensorRun, truths: Mapping[str, str], first: int, last: int) -> None:
@@ -148,7 +156,9 @@ class LiveSuite:
             first = max(self.count - delay, 0)
             for channel, values in run.finish(ended, first, self.count).items():
                 if channel not in truths:
-                    out[channel][first:] = ended[channel][first:] = values
+                    ended[channel][first:] = values
+        self._faulty.finish(ended, self.count)
+        out |= {name: ended[name].copy() for name in self.channels}
         self.restore(kept)
         return out
 
@@ -160,7 +170,7 @@ class LiveSuite:
         for index, (run, _, _) in enumerate(self._runs):
             if run is not None:
                 state |= {f"run:{index}:{k}": v for k, v in run.state().items()}
-        return state
+        return state | self._faulty.state()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from where `state` was called, with sensors that were made in the same way.
@@ -183,6 +193,7 @@ class LiveSuite:
             if run is not None:
                 own = f"run:{index}:"
                 run.restore({k[len(own) :]: v for k, v in state.items() if k.startswith(own)})
+        self._faulty.restore(state)
 
 
 def _needed(suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] | None) -> set[str]:

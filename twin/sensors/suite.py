@@ -157,6 +157,22 @@ class SensorSuite(Mapping[str, Sensor]):
         names = list(signals)
         return tuple(entry for sensor in self.values() for entry in sensor.channels(names))
 
+    def readers(self, changed: Iterable[str], signals: Iterable[str]) -> set[str]:
+        """Measured signals that are made of some measured ones, directly or not.
+
+        Args:
+          changed: names of measured signals.
+          signals: of the vehicle.
+        """
+        names, sources = list(signals), set(changed)
+        found: set[str] = set()
+        for sensor in self.values():  # each comes after those that it reads
+            if sources & set(sensor.inputs(names)):
+                own = {entry.name for entry in sensor.channels(names)}
+                found |= own
+                sources |= own
+        return found
+
     def drawn_units(self) -> dict[str, str]:
         """Every constant that a mission draws, with its unit, in the order of `draw`."""
         return {name: unit for sensor in self.values() for name, unit in sensor.draws.items()}

@@ -161,6 +161,21 @@ def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, stor
         assert 0.1 < np.median(speed) < 0.6
 
 
+def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1: Path) -> None:
+    with netCDF4.Dataset(og1) as file:
+        depth, time, up = (
+            np.ma.filled(file[name][:].astype(float), np.nan)
+            for name in ("DEPTH", "TIME", "GLIDER_VERT_VELO_MODEL")
+        )
+    rises = -np.gradient(depth, time)
+    steady = (depth > 10.0) & (depth < FLIGHT.depth - 10.0) & np.isfinite(up)
+    for sign in (-1.0, 1.0):
+        way = steady & (sign * rises > 0.05)
+        assert way.sum() > 50
+        # the water of the log is still: the model rises as the depth falls
+        np.testing.assert_allclose(np.median(up[way]), np.median(rises[way]), rtol=0.3)
+
+
 def test_conductivity_is_what_salinity_was_made_of(og1: Path) -> None:
     import gsw
 

@@ -1,8 +1,11 @@
 """Actuators that logs hide: an oil pump beside a lone zero, a rotation in counts alone."""
 
+import netCDF4
 import numpy as np
 import pytest
+from logs import Flight, write_basestation
 
+from factory.importing import import_logs
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel
 from factory.importing.formats.seaglider_log_signals import ROLL_CNV, rotation_from_counts
 from factory.importing.formats.slocum.native_sensors import slocum_log
@@ -42,3 +45,22 @@ def test_the_oil_pump_is_read_beside_a_lone_zero_of_a_ballast_pump():
     }
     log = slocum_log("unit", native, fixes=NO_FIXES, variation=EMPTY, tally=Tally())
     assert np.ptp(log.channels["measured_pump"].values) == pytest.approx(450.0)
+
+
+def test_a_dive_file_s_counts_are_a_rotation_about_the_centre_of_dives_and_of_climbs(tmp_path):
+    flight, convert = Flight(dives=1), 0.028
+    (path,) = write_basestation(tmp_path, flight)
+    with netCDF4.Dataset(path, "r+") as file:
+        file["log_C_ROLL_DIVE"][...], file["log_C_ROLL_CLIMB"][...] = 1900.0, 2500.0
+        file["log_ROLL_CNV"][...] = convert
+        file["gc_roll_ad"][:] = [2000.0, 2300.0]  # the first until the bottom
+        begin = float(file["time"][0]) - flight.dive_times(0)[0]
+        file.createVariable("start_of_climb_time", "f8", ())[...] = flight.leg - begin
+    dataset, _ = import_logs("seaglider", [path])
+    rotation, depth, pitch = (
+        dataset[f"measured_{name}"].values[0] for name in ("rotation", "depth", "pitch")
+    )
+    deep = (depth > 10.0) & (depth < flight.depth - 5.0)
+    # more counts than the centre bring the mass to starboard, which is a negative rotation
+    np.testing.assert_allclose(rotation[deep & (pitch < -20.0)], -100.0 * convert, rtol=1e-6)
+    np.testing.assert_allclose(rotation[deep & (pitch > 20.0)], 200.0 * convert, rtol=1e-6)

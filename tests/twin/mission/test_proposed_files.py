@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import re
 from pathlib import Path
 
 import pytest
@@ -78,6 +80,16 @@ def test_slocum_arguments_are_read_back_as_the_mission(tmp_path: Path) -> None:
         for axis in ("latitude", "longitude"):
             assert read[axis] == pytest.approx(written[axis], abs=1e-6)  # 0.1 m
     assert not any("not understood" in note or "left out" in note for note in reading.notes)
+
+
+def test_a_slocum_is_told_to_dive_nose_down_and_heavy_and_to_climb_nose_up_and_light() -> None:
+    files = slocum_arguments(MISSION)
+    told = dict(re.findall(r"b_arg: (\w+)\(\w+\) +(\S+)", files["yo10.ma"]))
+    assert float(told["d_pitch_value"]) == pytest.approx(-math.radians(26.0), abs=1e-4)
+    assert float(told["c_pitch_value"]) == pytest.approx(math.radians(24.0), abs=1e-4)
+    assert float(told["d_bpump_value"]) < 0.0 < float(told["c_bpump_value"])
+    surfaces = dict(re.findall(r"b_arg: (\w+)\(\w+\) +(\S+)", files["surfac10.ma"]))
+    assert float(surfaces["c_pitch_value"]) == pytest.approx(math.radians(24.0), abs=1e-4)
 
 
 def test_a_dive_turns_above_the_floor_where_nobody_says_how_far() -> None:

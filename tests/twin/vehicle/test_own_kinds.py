@@ -110,6 +110,15 @@ for _ in range(2):  # the second time it is known
         structure.rate(8)
     print([str(one.message) for one in found])
 """
+FORGET = """
+from twin.compiled.folder import NOTE, cache_root
+from twin.fossen.structure import _kept_loop
+
+_, stamp = _kept_loop(structure, structure.text, 8)
+note = cache_root() / f"twin.fossen.structure-{stamp}" / NOTE
+print(int(note.is_file()))
+note.unlink()
+"""
 LOST = {
     "an array": "force = np.zeros(3)\n    force[0] = position",
     "a loop": "n = 0.0\n    while n * n < position:\n        n += 1.0\n    force = (n, 0.0, 0.0)",
@@ -123,9 +132,27 @@ def test_a_kind_that_spoils_vector_code_is_named(tmp_path, how):
     text, right = KINDS.read_text(encoding="utf-8"), "force = (position, 0.0, 0.0)"
     assert text.count(right) == 1
     kinds.write_text(text.replace(right, LOST.get(how, right)), encoding="utf-8")
-    done = run(["-c", COMPILE, str(vehicle)], GLIDER_TWIN_PLUGINS=str(kinds))
-    assert done.returncode == 0, done.stderr
-    first, second = done.stdout.splitlines()
-    assert second == "[]"
-    assert ("fossen_wrench of part kind 'thruster'" in first) == (how != "nothing"), first
-    assert "hull law" not in first
+    for _ in range(2):  # compiled, and then loaded by another process
+        done = run(["-c", COMPILE, str(vehicle)], GLIDER_TWIN_PLUGINS=str(kinds))
+        assert done.returncode == 0, done.stderr
+        first, second = done.stdout.splitlines()
+        assert second == "[]"
+        assert ("fossen_wrench of part kind 'thruster'" in first) == (how != "nothing"), first
+        assert "hull law" not in first
+
+
+def test_code_that_was_kept_without_its_note_is_looked_at_again(tmp_path):
+    kinds, vehicle = tmp_path / "kinds.py", tmp_path / "own.xml"
+    vehicle.write_text(own_vehicle(), encoding="utf-8")
+    text = KINDS.read_text(encoding="utf-8")
+    kinds.write_text(
+        text.replace("force = (position, 0.0, 0.0)", LOST["an array"]) + f"# {tmp_path}\n",
+        encoding="utf-8",
+    )
+    for _ in range(2):
+        done = run(["-c", COMPILE + FORGET, str(vehicle)], GLIDER_TWIN_PLUGINS=str(kinds))
+        assert done.returncode == 0, done.stderr
+        first, second, forgotten = done.stdout.splitlines()
+        assert "fossen_wrench of part kind 'thruster'" in first
+        assert second == "[]"
+        assert forgotten == "1"

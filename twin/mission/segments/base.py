@@ -81,11 +81,16 @@ class Segment:
         raise NotImplementedError
 
 
+def surfaced_depth(vehicle: Vehicle) -> float:
+    """Depth [m] of the CB above which a vehicle counts as surfaced."""
+    return 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
+
+
 def blank_row(vehicle: Vehicle) -> Array:
     """A row without limits, shape (SEGMENT_COLUMNS + 3 parts,), whose three commands rest."""
     row = np.full(g.SEGMENT_COLUMNS, np.nan)
     row[g.ABORT_DEPTH] = np.inf
-    row[g.SURFACE_DEPTH] = 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
+    row[g.SURFACE_DEPTH] = surfaced_depth(vehicle)
     row[g.TURN_LIMIT] = 0.0
     row[g.DIVE_TURN] = row[g.CLIMB_TURN] = 1.0
     pitching = vehicle.steered("pitch")
