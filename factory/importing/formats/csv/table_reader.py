@@ -254,9 +254,9 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
     made = ctd_channels(
         both,
         temperature=warm.values,
-        pressure=dbar.at(both),
-        practical=fresh.at(both) if len(fresh) else None,
-        conductivity=None if len(fresh) or conductivity is None else conductivity.at(both),
+        pressure=dbar.known(both),
+        practical=fresh.known(both) if len(fresh) else None,
+        conductivity=None if len(fresh) or conductivity is None else conductivity.known(both),
         latitude=latitude,
         longitude=longitude,
         tally=tally,
