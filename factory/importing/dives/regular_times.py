@@ -188,7 +188,7 @@ _FEWEST = 20
 
 def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
     """When a sensor that reports on change says nothing any more: for longer than ever before."""
-    if not name.startswith("measured_"):  # an order stands until the next one
+    if name in KNOWN_FROM or not name.startswith("measured_"):  # stands until the next one
         return np.zeros(len(times), bool)
     longest = float(np.diff(channel.time).max(initial=0.0))
     return times - channel.time[-1] > max(longest, NEAR)
