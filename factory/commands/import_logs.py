@@ -72,7 +72,7 @@ class ImportLogs(JsonOption):
 
     def run(self, console: Console) -> int:
         """Import, store and report."""
-        from factory.importing import OTHER_KIND, UNREADABLE, DiveRules, import_logs
+        from factory.importing import OTHER_KIND, TRUNCATED, UNREADABLE, DiveRules, import_logs
         from twin.errors import InputError
         from twin.records import check_target, write_store
 
@@ -95,6 +95,8 @@ class ImportLogs(JsonOption):
         for entry in report.entries:
             if entry.action == "suspect":
                 console.warn(f"{entry.subject}: {entry.detail}")
+            elif entry.detail.startswith(TRUNCATED):
+                console.warn(f"{entry.subject} is {entry.detail}")
             elif entry.subject in (UNREADABLE, OTHER_KIND):
                 console.warn(f"left out: {entry.detail}")
         console.table(report.table(), title="what was done to the logs")

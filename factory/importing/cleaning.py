@@ -204,6 +204,8 @@ _RUN = 3
 _UPWARD, _ABOVE = 2.0, 0.1
 """[m], [dbar] A column that counts upward moves by more than the first, and is above the sea by no
 more than this part of how far it is below."""
+_SENTINELS = 2
+"""Values of a column that are no measurements, on either side of those that are."""
 _FEWEST = 10
 """Different values without which a column does not say which way it counts."""
 
@@ -226,7 +228,8 @@ def counts_upward(values: Array) -> bool:
     found = np.unique(values[np.isfinite(values) & possible])
     if found.size < _FEWEST:
         return False
-    low, high = np.quantile(found, [0.02, 0.98])
+    wrong = max(_SENTINELS, round(_RARE * found.size))
+    low, high = found[wrong], found[-1 - wrong]
     return bool(high - low > _UPWARD and high < 0.5 * _UPWARD - _ABOVE * low and low < -_UPWARD)
 
 

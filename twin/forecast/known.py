@@ -31,7 +31,7 @@ from twin.navigation.current import CurrentFilter
 from twin.navigation.current.models import CurrentPool
 from twin.navigation.dead_reckoning import chi_squared
 from twin.physics.start import parse_place, utc_text
-from twin.records.coordinates import unix_seconds
+from twin.records.coordinates import unix_seconds, utc_minute
 from twin.records.logged import LogStore
 from twin.water.current.axes import Origin
 
@@ -42,6 +42,26 @@ MOST_DAYS, MOST_AWAY, MOST_PER_DAY = 30.0, 100.0, 100.0
 """[d], [km], [km/d] beyond which they are refused: more than a glider drifts at 1.2 m/s"""
 MOST_BEFORE = 60.0
 """[s] by which clocks may differ"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LastSeen:
+    """The newest sample of a log: no surfacing to come is earlier."""
+
+    time: float
+    """[s] unix"""
+    depth: float
+    """[m]"""
+    rise: float
+    """[s] to come up from there as fast as it moved up and down before."""
+
+    @property
+    def words(self) -> str:
+        """In words."""
+        return (
+            f"the log has it at {self.depth:.0f} m at {utc_minute(self.time)} UTC: it comes up "
+            f"{self.rise / 60.0:.0f} min later at the earliest"
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,6 +89,8 @@ class Known:
     """How long it stays at the surface and how its dives keep the time; None: not known."""
     silent: str = ""
     """What the log does not tell of its dives, in words; empty where nothing is missing"""
+    last_seen: LastSeen | None = None
+    """The newest sample of the log, where it is newer than the last fix."""
     by_model: bool = False
     """Whether the way through the water was the vehicle's flight model's: the filter's errors of
     speed and compass are then the model's."""
@@ -150,6 +172,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
                 "give --from, and leave --logs out"
             )
         times = dive_times(logs, deployment)
+        seen = _last_seen(logs, deployment)
     latitude = float(np.median([one.begin[0] for one in legs]))
     walked = walk(legs, latitude=latitude, dives=times.dives)
     last = legs[-1]
@@ -165,6 +188,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         reach=walked.reach[1],
         rhythm=walked.rhythm,
         silent=times.silent,
+        last_seen=seen if seen is not None and seen.time > last.leg.end else None,
         by_model=vehicle is not None and all(one.method == MODEL for one in legs),
     )
 
@@ -221,6 +245,25 @@ def _last_deployment(logs: LogStore) -> tuple[str, str]:
     best = int(np.argmax(np.where(fixed, starts, -np.inf))) if fixed.any() else last
     names = str(logs.deployments[best]), str(logs.deployments[last])
     return names[0], "" if names[0] == names[1] else names[1]
+
+
+MOVING = 0.03
+"""[m/s] A vehicle that sinks and rises slower hangs, or lies at the surface"""
+
+
+def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:
+    """The newest sample of a deployment; None where its newest dive has no depth."""
+    ends = {row: float(logs.time(row)[-1]) for row in logs.missions_of(deployment)}
+    row = max(ends, key=lambda one: ends[one])
+    if "measured_depth" not in logs:
+        return None
+    depth = np.asarray(logs.signal("measured_depth", row), float)
+    if not np.isfinite(depth[-1]):
+        return None
+    rate = np.abs(np.diff(depth)) / logs.period
+    moving = rate[rate > MOVING]
+    rise = float(depth[-1] / np.median(moving)) if len(moving) else 0.0
+    return LastSeen(time=ends[row], depth=float(depth[-1]), rise=max(rise, 0.0))
 
 
 def _moved(metres: tuple[float, float], begin: tuple[float, float]) -> tuple[float, float]:

@@ -80,13 +80,15 @@ class Members:
     """By what they come up later than they fly; None where no log tells it."""
     drift: Array | None = None
     """[m/s] north and east of each at the surface, (member, 2)."""
+    earliest: float = 0.0
+    """[s] after the start: the log has the vehicle under water until then."""
 
     def delayed(self, number: int, flight: MemberFlight) -> MemberFlight:
-        """The flight of a member, as late as was drawn for it."""
-        if self.delays is None or self.drift is None:
-            return flight
-        stays, late = self.delays.stays[number], float(self.delays.late[number])
-        return flight.delayed(stays, late, self.drift[number])
+        """The flight of a member, as late as was drawn for it, and as its log has it."""
+        if self.delays is not None and self.drift is not None:
+            stays, late = self.delays.stays[number], float(self.delays.late[number])
+            flight = flight.delayed(stays, late, self.drift[number])
+        return flight.not_before(self.earliest)
 
 
 def members_of(request: Request, known: Known) -> Members:
@@ -147,7 +149,16 @@ def members_of(request: Request, known: Known) -> Members:
         waited = unix_seconds(str(request.place.time)) - known.time
         delays = known.rhythm.draw(count, dives, waited, rng)
         spread["times"] = known.rhythm.words
-    return Members(scenarios=scenarios, spread=spread, delays=delays, drift=water.current[:, 0])
+    earliest = 0.0
+    if known.last_seen is not None:
+        begin = unix_seconds(str(request.place.time))
+        earliest = max(known.last_seen.time + known.last_seen.rise - begin, 0.0)
+        if earliest > 0.0:
+            spread["under water"] = known.last_seen.words
+    return Members(
+        scenarios=scenarios, spread=spread, delays=delays, drift=water.current[:, 0],
+        earliest=earliest,
+    )  # fmt: skip
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
@@ -327,6 +338,23 @@ class MemberFlight:
             track=np.vstack(
                 [self.track[:1], self.track + stayed[ended, None] * drift + farther[ended]]
             ),
+        )
+
+    def not_before(self, earliest: float) -> MemberFlight:
+        """The same with its first surfacing no earlier than a time [s]: its first dive lasts so
+        much longer, along its own way; energy is as flown."""
+        if not len(self.time) or self.time[0] >= earliest:
+            return self
+        first = float(self.time[0])
+        later = earliest - first
+        farther = later / first * self.place[0]
+        dived = np.clip(self.times / first, 0.0, 1.0)  # how much of the first dive is over
+        return dataclasses.replace(
+            self,
+            time=self.time + later,
+            place=self.place + farther,
+            times=self.times + dived * later,
+            track=self.track + dived[: len(self.track), None] * farther,
         )
 
     def rates(self) -> tuple[float, float]:

@@ -188,7 +188,7 @@ _FEWEST = 20
 
 def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
     """When a sensor that reports on change says nothing any more: for longer than ever before."""
-    if not name.startswith("measured_"):  # an order stands until the next one
+    if name in KNOWN_FROM or not name.startswith("measured_"):  # stands until the next one
         return np.zeros(len(times), bool)
     longest = float(np.diff(channel.time).max(initial=0.0))
     return times - channel.time[-1] > max(longest, NEAR)
@@ -293,6 +293,8 @@ def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
     missing = ~there & np.isfinite(depth)
     if not missing.any() or there.sum() < 10:
         return
+    shallowest, deepest = float(depth[there].min()), float(depth[there].max())
+    missing &= (depth > shallowest - _BEYOND) & (depth < deepest + _BEYOND)
     order = np.argsort(depth[there])
     signals["measured_density"] = np.where(
         missing, np.interp(depth, depth[there][order], density[there][order]), density
@@ -301,6 +303,10 @@ def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
         "interpolated", "measured_density", int(missing.sum()),
         "grid samples without CTD: from the row's own profile at that depth",
     )  # fmt: skip
+
+
+_BEYOND = 25.0
+"""[m] A profile says nothing of the water that is further above or below it."""
 
 
 def _put_fixes(

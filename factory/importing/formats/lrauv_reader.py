@@ -219,12 +219,12 @@ def _log(
         practical = None
         if "sea_water_salinity" in series:
             fresh = channel("measured_salinity", "sea_water_salinity", "1")
-            practical = fresh.at(warm.time)
+            practical = fresh.known(warm.time)
         north, east = fixes.at(warm.time)
         channels |= ctd_channels(
             warm.time,
             temperature=warm.values,
-            pressure=depth.at(warm.time),
+            pressure=depth.known(warm.time),
             practical=practical,
             latitude=north,
             longitude=east,

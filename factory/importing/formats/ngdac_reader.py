@@ -385,7 +385,7 @@ def _water(
     return ctd_channels(
         time,
         temperature=temperature,
-        pressure=at.at(time),
+        pressure=at.known(time),
         practical=practical,
         conductivity=conductivity,
         latitude=latitude,

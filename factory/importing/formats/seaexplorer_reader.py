@@ -328,7 +328,7 @@ def _payload(
     longitude = float(np.median(fixes.longitude)) if len(fixes) else 0.0
     pressure = columns.get(f"{ctd}_PRESSURE")
     if pressure is None:
-        pressure = pressure_of(depth.at(time), latitude)
+        pressure = pressure_of(depth.known(time), latitude)
     practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
     if practical is not None and conductivity is not None:
         leave_out([f"{ctd}_CONDUCTIVITY"], f"{ctd}_SALINITY is there", tally)

@@ -164,7 +164,7 @@ def water_of(
         return ctd_channels(
             own,
             temperature=columns["temp_c"],
-            pressure=at.at(own),
+            pressure=at.known(own),
             practical=columns["sal_psu"],
             latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
             longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from collections.abc import Callable
 from pathlib import Path
 
 import gsw
@@ -22,6 +23,7 @@ from logs import (
 
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
+from factory.importing.cleaning import counts_upward
 from factory.importing.columns import column_names, read_table, tidy
 from factory.importing.deployment_log import (
     EMPTY,
@@ -32,6 +34,7 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.dives.dive_store import with_depth
 from factory.importing.plausibility import unreachable
+from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
@@ -362,3 +365,77 @@ def test_depth_is_of_the_latitude_where_the_log_was_made(fixes: LoggedFixes) -> 
     expected = -gsw.z_from_p(pressure, 5.0 if len(fixes) else 70.0)
     np.testing.assert_allclose(depth, expected, atol=1e-9)
     assert abs(gsw.z_from_p(1000.0, 70.0) - gsw.z_from_p(1000.0, 5.0)) > 1.0
+
+
+DEPTH_ONLY = """
+vehicle = "x"
+rows = "dives"
+[time]
+column = "t"
+unit = "s"
+[signals]
+measured_depth = { column = "z", unit = "m" }
+"""
+
+
+def depth_table(folder: Path, change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Path:
+    """Two dives to 100 m in 40 min, a sample every 5 s."""
+    time = np.arange(0.0, 2400.0, 5.0)
+    depth = 100.0 * (1.0 - np.abs((time / 1200.0) % 1.0 * 2.0 - 1.0))
+    (folder / "mine.toml").write_text(DEPTH_ONLY)
+    return write_csv(folder / "one.csv", {"t": 1.7e9 + time, "z": change(time, depth)})
+
+
+@pytest.mark.parametrize("height", [5.5, 8.0, 19.0])
+def test_a_sample_above_the_sea_goes_and_the_dives_stay(tmp_path: Path, height: float) -> None:
+    path = depth_table(tmp_path, lambda t, z: np.where(t == 1175.0, -height, z))
+    dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
+    assert report.rows == 2
+    assert report.count("removed", "measured_depth") == 1
+    assert report.count("repaired") == 0
+    assert float(dataset["measured_depth"].max()) == pytest.approx(100.0, abs=0.5)
+    assert float(dataset["measured_depth"].min()) > -0.1
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_column_that_counts_upward_is_turned(tmp_path: Path, noisy: bool) -> None:
+    """A sentinel in every twentieth row, which counts neither way, does not change that."""
+    path = depth_table(tmp_path, lambda t, z: np.where(noisy & (t % 100.0 == 50.0), -9999.0, -z))
+    dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
+    assert report.rows == 2
+    assert report.count("repaired", "measured_depth") > 400
+    assert float(dataset["measured_depth"].max()) == pytest.approx(100.0, abs=1.0)
+
+
+def test_an_offset_is_no_column_that_counts_upward(tmp_path: Path) -> None:
+    """A sensor that shows 8 m above the sea while it floats; no fix tells that it floats."""
+    path = depth_table(tmp_path, lambda t, z: np.maximum(z - 20.0, 0.0) - 8.0)
+    dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
+    assert report.count("repaired") == 0
+    assert report.count("suspect", "measured_depth") > 50
+    (why,) = [e.detail for e in report.entries if e.action == "suspect"]
+    assert "above the sea by up to 8.0 m: the sensor has an offset" in why
+    assert float(dataset["measured_depth"].max()) == pytest.approx(72.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("values", "upward"),
+    [
+        (-np.linspace(0.0, 30.0, 50), True),
+        (np.linspace(0.0, 30.0, 50), False),
+        (np.linspace(-15.0, 40.0, 50), False),  # an offset
+        (np.linspace(-1.5, 0.2, 50), False),  # waves
+        (np.append(np.linspace(0.0, 30.0, 20), np.full(200, -999.0)), False),  # a sentinel
+        (np.full(50, -12.0), False),
+    ],
+)
+def test_which_way_a_column_counts(values: np.ndarray, upward: bool) -> None:
+    assert counts_upward(values) is upward
+
+
+def test_the_pressure_above_the_sea_goes_on_as_below(tmp_path: Path) -> None:
+    depth = np.array([-20.0, -4.0, -2.0, 0.0, 2.0, 1000.0])
+    pressure = pressure_of(depth, 45.0)
+    np.testing.assert_allclose(pressure[1:], gsw.p_from_z(-depth[1:], 45.0), rtol=1e-12)
+    slope = np.diff(pressure[:3]) / np.diff(depth[:3])
+    np.testing.assert_allclose(slope, slope[-1], rtol=1e-4)

@@ -193,3 +193,77 @@ def test_a_vehicle_that_never_met_a_satellite_needs_a_start(tmp_path: Path) -> N
     mapping.write_text('vehicle = "our ROV"\nstart = 2026-06-25T08:00:00Z\n[signals]\n')
     dataset, _ = import_logs("ardusub", [log], mapping=mapping)
     assert str(dataset["start_time"].values[0]).startswith("1782374401")
+
+
+def write_odometry(path: Path, frame: str, body: str, *, down: bool) -> Path:
+    """A vehicle 20 m deep that goes 0.4 m/s north and 0.3 m/s east at a heading of 30 degree, nose
+    down by 5, as Odometry: z counts down and x north, or z up and x east."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    kind = types.types
+    point, turn = kind["geometry_msgs/msg/Point"], kind["geometry_msgs/msg/Quaternion"]
+    pitch, yaw = np.radians([-5.0, 30.0]) if down else np.radians([5.0, 60.0])
+    cp, sp, cy, sy = np.cos(pitch / 2), np.sin(pitch / 2), np.cos(yaw / 2), np.sin(yaw / 2)
+    attitude = turn(w=cp * cy, x=-sp * sy, y=sp * cy, z=cp * sy)
+    nothing = kind["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        name = "nav_msgs/msg/Odometry"
+        connection = writer.add_connection("/odom", name, typestore=types)
+        for k in range(600):
+            since = 0.5 * k
+            depth = min(20.0, max(0.0, 0.2 * (since - 20.0)), max(0.0, 0.2 * (280.0 - since)))
+            north, east = 0.4 * since, 0.3 * since
+            place = point(x=north, y=east, z=depth) if down else point(x=east, y=north, z=-depth)
+            stamp = kind["builtin_interfaces/msg/Time"](
+                sec=1_700_000_000 + k // 2, nanosec=500_000_000 * (k % 2)
+            )
+            message = kind[name](
+                header=kind["std_msgs/msg/Header"](stamp=stamp, frame_id=frame),
+                child_frame_id=body,
+                pose=kind["geometry_msgs/msg/PoseWithCovariance"](
+                    pose=kind["geometry_msgs/msg/Pose"](position=place, orientation=attitude),
+                    covariance=np.zeros(36),
+                ),
+                twist=kind["geometry_msgs/msg/TwistWithCovariance"](
+                    twist=kind["geometry_msgs/msg/Twist"](linear=nothing, angular=nothing),
+                    covariance=np.zeros(36),
+                ),
+            )
+            moment = 1_700_000_000_000_000_000 + round(since * 1e9)
+            writer.write(connection, moment, types.serialize_cdr(message, name))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("frame", "body", "down"),
+    [
+        ("world_ned", "base_link_frd", True),
+        ("odom", "sam/base_link_ned", True),
+        ("NED", "", True),
+        ("odom", "base_link", False),
+        ("planned", "base_link", False),  # no word of it
+    ],
+)
+def test_a_pose_is_in_the_frame_that_it_names(
+    frame: str, body: str, down: bool, tmp_path: Path
+) -> None:
+    bag = write_odometry(tmp_path / "run", frame, body, down=down)
+    dataset, report = import_logs("rosbag2", [bag])
+    assert values(dataset, "measured_depth").max() == pytest.approx(20.0, abs=0.01)
+    assert values(dataset, "measured_heading")[0] == pytest.approx(30.0, abs=1e-3)
+    assert values(dataset, "measured_pitch")[0] == pytest.approx(-5.0, abs=1e-3)
+    north, east = (values(dataset, f"measured_onboard_{axis}") for axis in ("north", "east"))
+    assert north[-2] / east[-2] == pytest.approx(4.0 / 3.0, rel=1e-3)
+    assert report.count("suspect", "/odom") == 0
+    assert report.count("repaired") == 0
+
+
+def test_a_pose_below_the_sea_with_z_up_is_asked_about(tmp_path: Path) -> None:
+    bag = write_odometry(tmp_path / "run", "odom", "base_link", down=True)
+    dataset, report = import_logs("rosbag2", [bag])
+    assert values(dataset, "measured_depth").max() == pytest.approx(20.0, abs=0.01)
+    assert report.count("repaired", "measured_depth") == 600
+    (why,) = [e.detail for e in report.entries if (e.action, e.subject) == ("suspect", "/odom")]
+    assert "is positive under water: NED? Its frame 'odom'" in why

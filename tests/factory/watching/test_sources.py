@@ -116,6 +116,7 @@ def test_every_call_of_a_seaglider_is_read(tmp_path: Path) -> None:
         ("GPS,160226,192609,4723.391", "GPS,160226,192609,9923.391", None),
         ("GPS,160226,192609", "GPS,169926,192609", None),
         (" GPS,160226,192609,4723.391,-12613.988,22,0.9,22,15.6", "", None),
+        (",-12613.988,22,0.9,", ",-12613.988,22,99.0,", None),  # the receiver's word for none
     ],
 )
 def test_a_call_without_a_fix_has_its_counters(

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from logs import START, Flight, write_slocum
+from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
 import twin
 from factory.importing import import_logs
@@ -33,6 +33,7 @@ from twin.errors import (
 )
 from twin.forecast import Request, forecast, known_from_logs, known_without_logs, mission_to
 from twin.forecast.draws import draw_models, draw_water
+from twin.forecast.known import begun
 from twin.forecast.members import fly, members_of, surfacings
 from twin.forecast.surfacing import HALF, NINETY, left_out, prediction_quantile, surfacings_of
 from twin.geodesy import offset
@@ -40,8 +41,11 @@ from twin.identify.start_values import other_kind
 from twin.navigation.current import Leg
 from twin.physics.lanes import fly_in_lanes
 from twin.physics.scenario import Scenario
+from twin.physics.start import utc_text
+from twin.records.coordinates import unix_seconds
 from twin.records.logged import LogStore
 from twin.records.store import write_store
+from twin.show.dates import moment_of
 from twin.show.forecast_page import forecast_row, page, write_forecast
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
@@ -406,6 +410,45 @@ def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
     assert known.at(known.time + 86400.0).filter_.current[1][0, 0] > before
     with pytest.raises(InputError, match="before the last fix"):
         known.at(end - 3600.0)
+
+
+def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path) -> None:
+    """A dive that goes on for two hours, seen near 40 m: what usual dives of 11 min would have said
+    is past already."""
+    flight = Flight(dives=4, depth=50.0, north=0.05, east=0.0, step=10.0)
+    columns, gps = slocum_columns(flight), gps_columns(flight)
+    begin = START + 3 * flight.cycle + flight.surface
+    flown = columns["time"] < begin + 0.8 * flight.leg
+    seen = begin + 7200.0
+    longer = np.arange(columns["time"][flown][-1] + 10.0, seen + 5.0, 10.0)
+    whole = {
+        name: np.append(values[flown], np.full(len(longer), values[flown][-1]))
+        for name, values in columns.items()
+    }
+    whole["time"][flown.sum() :] = longer
+    write_csv(tmp_path / "unit1_flight.csv", whole)
+    before = gps["time"] < begin
+    write_csv(tmp_path / "unit1_gps.csv", {name: one[before] for name, one in gps.items()})
+    dataset, _ = import_logs("slocum", [tmp_path], period=10.0)
+    known = known_from_logs(write_store(dataset, tmp_path / "cut.zarr"))
+    assert known.last_seen is not None
+    assert known.last_seen.time == pytest.approx(seen, abs=20.0)
+    depth = columns["m_depth"][flown][-1]
+    assert known.last_seen.depth == pytest.approx(depth, abs=0.5)
+    assert known.last_seen.rise == pytest.approx(depth / flight.depth * flight.leg, rel=0.1)
+    place, known, _ = begun(None, known)
+    mission = mission_to(
+        "49.9,-58", depth=50.0, pitch_deg=26.0, surface_after_s=600.0, radius=100.0
+    )
+    found = forecast(asked(place=place, mission=mission, hours=2.5), known)
+    first = found.surfacings[0]
+    start = unix_seconds(str(place.time))
+    rises = known.last_seen.time + known.last_seen.rise
+    assert start + first.early_s >= rises - 1.0
+    assert found.spread["under water"].startswith(f"the log has it at {depth:.0f} m at ")
+    # a later start is not bound by it
+    later = dataclasses.replace(place, time=utc_text(moment_of(rises + 600.0)))
+    assert members_of(asked(place=later, mission=mission), known).earliest == 0.0
 
 
 def test_members_take_the_model_that_the_dives_speak_for() -> None:

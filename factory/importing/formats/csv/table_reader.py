@@ -18,7 +18,9 @@ from factory.importing.columns import (
 )
 from factory.importing.deployment_log import (
     EMPTY,
+    NEAR,
     NO_FIXES,
+    TRUNCATED,
     Channel,
     DeploymentLog,
     LoggedFixes,
@@ -165,7 +167,7 @@ def mapped_log(
             "awake": Channel(time, np.ones(len(time))),
         },
         files=tuple(names),
-        pieces=row_times(mapping, time, files),
+        pieces=_within_depth(deployment, row_times(mapping, time, files), channels, tally),
         period=mapping.period_s or _spacing(time),
         held=frozenset(n for n, s in mapping.signals.items() if s.held or _commands(n)),
         model=mapping.model,
@@ -173,6 +175,34 @@ def mapped_log(
     log = _with_water(log, channels.get("conductivity"), tally)
     check_track(log, tally)
     return log
+
+
+def _within_depth(
+    deployment: str,
+    rows: tuple[tuple[float, float], ...] | None,
+    channels: Dict[str, Channel],
+    tally: Tally,
+) -> tuple[tuple[float, float], ...] | None:
+    """Rows that end where their depth ends, and begin where it begins: a store has no depth with a
+    hole. What is cut off is counted; rows without any depth stay."""
+    depth = channels.get("measured_pressure") or channels.get("measured_depth")
+    if rows is None or depth is None:
+        return rows
+    kept = []
+    for start, end in rows:
+        known = depth.within(start, end).time
+        first, last = (known[0], known[-1]) if len(known) else (start, end)
+        begins = start if first - start <= NEAR else float(first)
+        ends = end if end - last <= NEAR else float(last)
+        lost = (begins - start) + (end - ends)
+        if lost > 0.0:
+            tally.add(
+                "left out", deployment, 1,
+                f"{TRUNCATED}{lost / 60.0:.0f} min of a row, in which the depth had not begun, or "
+                "had ended",
+            )  # fmt: skip
+        kept.append((begins, ends))
+    return tuple(kept)
 
 
 def _commands(name: str) -> bool:
@@ -257,9 +287,9 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
     made = ctd_channels(
         both,
         temperature=warm.values,
-        pressure=dbar.at(both),
-        practical=fresh.at(both) if len(fresh) else None,
-        conductivity=None if len(fresh) or conductivity is None else conductivity.at(both),
+        pressure=dbar.known(both),
+        practical=fresh.known(both) if len(fresh) else None,
+        conductivity=None if len(fresh) or conductivity is None else conductivity.known(both),
         latitude=latitude,
         longitude=longitude,
         tally=tally,

@@ -77,7 +77,7 @@ def ctd(
     water = ctd_channels(
         time,
         temperature=temperature,
-        pressure=at.at(time),
+        pressure=at.known(time),
         practical=practical,
         conductivity=conductivity,
         latitude=north,

@@ -228,12 +228,12 @@ def _ctd(
     if not len(temperature):
         return {}
     if len(pressure):
-        at = pressure.at(temperature.time)
+        at = pressure.known(temperature.time)
         depth = native.get("m_depth", EMPTY)
         beside = depth.at(temperature.time) if len(depth) else None
         at = to_dbar(at, beside, "sci_water_pressure", Tally(), native="bar")
     elif "measured_pressure" in channels:
-        at = channels["measured_pressure"].at(temperature.time)
+        at = channels["measured_pressure"].known(temperature.time)
     else:
         return {}
     same = np.full(len(temperature), np.nan)

@@ -1,0 +1,202 @@
+"""Positions that a log itself calls no fix: each kind of log has its own flag."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from logs import (
+    Flight,
+    gps_columns,
+    slocum_columns,
+    write_basestation,
+    write_csv,
+    write_og1,
+    write_pyglider,
+    write_seaexplorer,
+)
+
+from factory.importing import import_logs
+from factory.importing.gps_fixes import has_fix
+from factory.importing.tally import ImportReport
+
+FLIGHT = Flight(depth=100.0, surface=600.0)
+OFF = 0.004
+"""[degree] north of its place by which what is no fix is wrong: 445 m"""
+
+
+def end_of(number: int) -> np.ndarray:
+    """Where the vehicle comes up from a dive, latitude and longitude [degree]."""
+    return np.array(FLIGHT.position(np.array([FLIGHT.dive_times(number)[1] + 60.0]))).ravel()
+
+
+def check(dataset: xr.Dataset, *, rows: int = FLIGHT.dives, metres: float = 40.0) -> None:
+    """Every dive begins and ends where the vehicle was, to what it drifts in some minutes."""
+    assert dataset.sizes["mission"] == rows
+    for number in range(rows):
+        start, end = FLIGHT.dive_times(number)
+        places = np.array(FLIGHT.position(np.array([start, end])))
+        moved = (places[0, 1] - places[0, 0]) * 111.2e3
+        assert dataset["displacement_north"].values[number] == pytest.approx(moved, abs=metres)
+
+
+def rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
+    with path.open() as file:
+        names, *rows = csv.reader(file)
+    return names, rows
+
+
+def surfaced(time: np.ndarray) -> np.ndarray:
+    """Whether a time is within the first 30 s after a dive."""
+    ends = np.array([FLIGHT.dive_times(k)[1] for k in range(FLIGHT.dives)])
+    return ((time[:, None] >= ends) & (time[:, None] < ends + 30.0)).any(axis=1)
+
+
+def seaexplorer(folder: Path, flags: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+    """Its first rows at the surface hold the reckoned place; flags of state and `surfaced`."""
+    path = write_seaexplorer(folder / "sea009_M3_gli.csv", FLIGHT)
+    names, rows = rows_of(path)
+    columns = {name: [row[k] for row in rows] for k, name in enumerate(names)}
+    time = FLIGHT.time[0] + 10.0 * np.arange(len(rows))
+    old = surfaced(time)
+    latitude = np.array(columns["Lat"], float)
+    # it reckons on, some metres a row
+    columns["Lat"] = latitude + np.where(old, 60.0 * OFF + 0.002 * np.arange(len(rows)) % 0.01, 0.0)
+    states = np.array(columns["NavState"], int)
+    columns["DeadReckoning"] = flags(states, old)
+    write_csv(path, columns)
+
+
+def test_a_seaexplorers_flag_says_what_a_fix_is(tmp_path: Path) -> None:
+    seaexplorer(tmp_path, lambda state, old: np.where((state == 116) & ~old, 0, 1))
+    dataset, report = import_logs("seaexplorer", [tmp_path])
+    check(dataset)
+    assert "DeadReckoning" not in str(report.names["navigation log"].get("not read"))
+    for number in range(FLIGHT.dives):
+        north = dataset["end_latitude"].values[number]
+        assert north == pytest.approx(end_of(number)[0], abs=2e-4)
+
+
+@pytest.mark.parametrize("constant", [0, 1])
+def test_a_flag_that_never_changes_adds_no_fix(tmp_path: Path, constant: int) -> None:
+    """Of 1 throughout nothing is a fix; of 0 throughout nobody kept it, and the state decides."""
+    seaexplorer(tmp_path, lambda state, old: np.full(len(state), constant))
+    _, report = import_logs("seaexplorer", [tmp_path])
+    assert (report.count("kept", "GPS fixes") > 0) is (constant == 0)
+    if constant:
+        assert report.rows_with_fixes == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [("quality", 1, 6), ("fix_quality", 2, 0), ("hdop", 0.9, 99.9), ("num_satellites", 7, 0)],
+)
+def test_what_a_receiver_says_beside_its_places(
+    tmp_path: Path, name: str, good: float, bad: float
+) -> None:
+    write_csv(tmp_path / "unit1_flight.csv", slocum_columns(FLIGHT))
+    gps = gps_columns(FLIGHT)
+    old = surfaced(gps["time"])
+    gps["lat"] = gps["lat"] + np.where(old, OFF, 0.0)
+    gps[name] = np.where(old, bad, good)
+    write_csv(tmp_path / "unit1_gps.csv", gps)
+    dataset, report = import_logs("slocum", [tmp_path])
+    check(dataset)
+    removed = [e.count for e in report.entries if "says that it has none" in e.detail]
+    assert removed == [int(old.sum())]
+
+
+def test_columns_of_a_receiver() -> None:
+    quality = np.array([0.0, 1.0, 2.0, 6.0, 7.0, 8.0, np.nan])
+    assert has_fix({"Quality": quality}, 7).tolist() == [False, True, True] + [False] * 3 + [True]
+    assert has_fix({"hdop": np.array([0.8, 99.0, 99.9])}, 3).tolist() == [True, False, False]
+    # a vehicle that does not count its satellites
+    assert has_fix({"satellites": np.zeros(3)}, 3).all()
+    assert has_fix({"satellites": np.array([0.0, 8.0])}, 2).tolist() == [False, True]
+    assert has_fix({"status": np.zeros(2)}, 2).all()
+
+
+@pytest.mark.parametrize("flag", ["hdop", "qc"])
+def test_a_seaglider_without_a_fix(tmp_path: Path, flag: str) -> None:
+    """The receiver's HDOP of 99, or the base station's flag: the fix after the first dive is none,
+    and the one before the second dive ends it."""
+    first, *_ = write_basestation(tmp_path, FLIGHT)
+    with netCDF4.Dataset(first, "a") as file:
+        file["log_gps_lat"][2] += OFF
+        if flag == "hdop":
+            file.createVariable("log_gps_hdop", "f8", ("gps_info",))[:] = [0.8, 0.9, 99.0]
+        else:
+            file.createVariable("log_gps_qc", "S1", ("gps_info",))[:] = [b"1", b"1", b"9"]
+    dataset, report = import_logs("seaglider", [tmp_path])
+    assert report.count("removed", "GPS fixes") == 1
+    check(dataset, metres=60.0)
+
+
+@pytest.mark.parametrize("flag", ["number", "letter", "reckoned"])
+def test_og1_flags_of_a_fix(tmp_path: Path, flag: str) -> None:
+    path = write_og1(tmp_path / "deployment.nc", FLIGHT)
+    old = surfaced(FLIGHT.time)
+    with netCDF4.Dataset(path, "a") as file:
+        file["LATITUDE_GPS"][:] = file["LATITUDE_GPS"][:] + np.where(old, OFF, 0.0)
+        dimension = ("N_MEASUREMENTS",)
+        if flag == "number":
+            file.createVariable("LATITUDE_GPS_QC", "i1", dimension)[:] = np.where(old, 8, 1)
+        elif flag == "letter":
+            variable = file.createVariable("LATITUDE_GPS_QC", "S1", dimension)
+            variable[:] = np.where(old, b"9", b"1")
+        else:
+            under = FLIGHT.state(FLIGHT.time)["under"] > 0
+            variable = file.createVariable("DEAD_RECKONING", "i1", dimension)
+            variable[:] = np.where(under | old, 1, 0)
+    dataset, _ = import_logs("og1", [path])
+    check(dataset)
+
+
+def test_pyglider_keeps_a_seaexplorers_flag(tmp_path: Path) -> None:
+    path = write_pyglider(tmp_path / "series.nc", FLIGHT)
+    under = FLIGHT.state(FLIGHT.time)["under"] > 0
+    old = surfaced(FLIGHT.time)
+    with netCDF4.Dataset(path, "a") as file:
+        file["latitude"][:] = FLIGHT.position(FLIGHT.time)[0] + np.where(old, OFF, 0.0)
+        file["longitude"][:] = FLIGHT.position(FLIGHT.time)[1]
+        variable = file.createVariable("dead_reckoning", "f8", ("time",))
+        variable.source = "DeadReckoning"
+        variable[:] = np.where(under | old, 1.0, 0.0)
+    dataset, report = import_logs("ngdac", [path])
+    check(dataset)
+    assert any("fixes by DeadReckoning" in entry.detail for entry in report.entries)
+
+
+def test_a_mapping_names_the_column_that_says_a_fix(tmp_path: Path) -> None:
+    time = FLIGHT.time
+    state = FLIGHT.state(time)
+    latitude, longitude = FLIGHT.position(time)
+    old = surfaced(time)
+    seen = state["under"] == 0.0
+    path = write_csv(
+        tmp_path / "run.csv",
+        {
+            "t": time, "z": state["depth"], "lat": latitude + np.where(old, OFF, 0.0),
+            "lon": longitude, "mode": np.where(seen & ~old, 3, 0),
+        },
+    )  # fmt: skip
+    mapping = tmp_path / "mine.toml"
+    mapping.write_text(
+        'vehicle = "x"\nrows = "dives"\n[time]\ncolumn = "t"\nunit = "s"\n[signals]\n'
+        'measured_depth = { column = "z", unit = "m" }\n'
+        'gps_latitude = { column = "lat", unit = "deg" }\n'
+        'gps_longitude = { column = "lon", unit = "deg" }\n'
+        'gps_fix = { column = "mode" }\n'
+    )
+    dataset, report = import_logs("csv", [path], mapping=mapping)
+    check(dataset)
+    assert said(report, "the receiver says that it has none") == int((~seen | old).sum())
+
+
+def said(report: ImportReport, why: str) -> int:
+    return sum(e.count for e in report.entries if e.subject == "GPS fixes" and e.detail == why)
