@@ -167,7 +167,10 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
             platform = str(getattr(file, "glider_model", "glider"))
             sampled = {n: columns[n] for n in MEASURED if n in along and n not in single}
             note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
-            clocks = geometry.clocks(CLOCK, tally)
+            clocks = {
+                n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
+                for n, seconds in geometry.clocks(CLOCK, tally).items()
+            }
             clock = sample_clock(clocks, sampled, path.name, tally)
         except NoClock as error:
             why = str(error).removeprefix(f"{path.name}: ")

@@ -175,6 +175,18 @@ def test_a_profile_s_time_gives_way_to_the_sample_s(layout, tmp_path: Path) -> N
     assert dataset["vehicle_dac_east"].values == pytest.approx([0.1, 0.2, 0.3])
 
 
+def test_a_time_that_is_flagged_bad_is_none(tmp_path: Path) -> None:
+    path = table(tmp_path / "ru00.nc", row)
+    with netCDF4.Dataset(path, "a") as file:
+        file["precise_time"][100] = START + 1e6
+        flags = file.createVariable("precise_time_qc", "i1", ("row",))
+        flags[:] = 1
+        flags[100] = 4
+    _, report = import_logs("ngdac", [path])
+    assert report.count("removed", "precise_time") == 1
+    assert report.hours < 1.5
+
+
 def test_a_profile_s_place_is_one_of_its_track(tmp_path: Path) -> None:
     """Without places of the samples a track goes on between those of the profiles."""
 
