@@ -229,7 +229,9 @@ def test_variables_are_known_by_their_standard_names(tmp_path: Path) -> None:
     assert np.nanmax(depth) == pytest.approx(DEEPEST, abs=1.0)
     both = np.isfinite(depth) & np.isfinite(warm)
     np.testing.assert_allclose(warm[both], 15.0 - 0.05 * depth[both], atol=0.05)
-    assert dataset["start_latitude"].values[0] == pytest.approx(40.0, abs=0.01)
+    north = dataset["measured_onboard_north"].isel(mission=0).values
+    # 1e-6 degree a second over the dive
+    assert np.nanmax(north) - np.nanmin(north) == pytest.approx(111e3 * 1e-6 * 1290.0, abs=3.0)
 
 
 def test_a_table_of_two_deployments_makes_two_logs(tmp_path: Path) -> None:
