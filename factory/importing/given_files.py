@@ -18,6 +18,7 @@ from factory.importing.formats.base import (
     kinds_by_bytes,
     likely_kinds,
     sniff,
+    takes,
 )
 from factory.importing.netcdf import holds_arrays, variable_names
 from factory.importing.tally import Tally, summarise
@@ -180,10 +181,14 @@ def _check_contents(importer: Importer, path: Path) -> None:
         return  # the mapping says what its columns are
     if not importer.suffixes & endings:
         raise WrongFormat(path, names)
+    own = len(importer.marks & set(names))
     likely = likely_kinds(names)
     if likely and importer.name != likely[0]:
-        own = len(importer.marks & set(names))
-        fewer = [n for n in IMPORTERS.names() if len(IMPORTERS[n].marks & set(names)) <= own]
-        kind = kind_that_takes(path, names, arrays=endings is ARRAYS, others=fewer)
-        if kind is not None:
-            raise WrongFormat(path, names, kind=kind)
+        others = [n for n in IMPORTERS.names() if len(IMPORTERS[n].marks & set(names)) <= own]
+    elif own or importer.takes_mapping or endings is TABLES or takes(importer, path):
+        return
+    else:  # no name in it belongs to one kind alone
+        others = [importer.name]
+    kind = kind_that_takes(path, names, arrays=endings is ARRAYS, others=others)
+    if kind is not None:
+        raise WrongFormat(path, names, kind=kind)

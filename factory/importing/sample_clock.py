@@ -109,7 +109,10 @@ def sample_clock(
             break
     else:
         usual = next(name for name in clocks if still[name].any())
-        raise NoClock(f"{subject}: {_why(usual, clocks[usual], still[usual])}")
+        raise NoClock(
+            f"{subject}: {_why(usual, clocks[usual], still[usual])}; take a file with the time of "
+            "each sample"
+        )
     usual = next(iter(clocks))
     if name != usual:
         count = int(still[usual].sum())

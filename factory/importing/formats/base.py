@@ -182,16 +182,24 @@ def kind_that_takes(
         importer = IMPORTERS[name]
         if name in others or not importer.suffixes & endings:
             continue
-        try:
-            read = imported(importer.read) if isinstance(importer.read, str) else importer.read
-            if read([path], ReadOptions(), Tally()):
-                return name
-        except OtherKind:
-            continue
-        except (InputError, ModuleNotFoundError):
-            if name in likely:
-                return name
+        taken = takes(importer, path)
+        if taken or (taken is None and name in likely):
+            return name
     return None
+
+
+def takes(importer: Importer, path: Path) -> bool | None:
+    """Whether a kind's reader takes a file; None: the file may be of the kind, but cannot be read.
+
+    A file of which the reader says that it is of another kind is not taken.
+    """
+    try:
+        read = imported(importer.read) if isinstance(importer.read, str) else importer.read
+        return bool(read([path], ReadOptions(), Tally()))
+    except OtherKind:
+        return False
+    except (InputError, ModuleNotFoundError):
+        return None
 
 
 def kinds_by_bytes(path: Path) -> list[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,33 @@ Number = NDArray[np.intp]
 
 CURRENT = ("u", "v")
 """[m/s] of the segment, eastward and northward"""
+STANDARD = {
+    "pressure": "sea_water_pressure", "depth": "depth", "temperature": "sea_water_temperature",
+    "salinity": "sea_water_practical_salinity",
+    "conductivity": "sea_water_electrical_conductivity", "lat": "latitude", "lon": "longitude",
+}  # fmt: skip
+"""CF's standard names of variables that other assemblies call otherwise"""
 _NONE = -np.inf
 """Stands for NaN where profiles are compared, which differs from itself"""
+
+
+def by_standard_name(variables: Mapping[str, Any], known: Collection[str]) -> dict[str, str]:
+    """Names of a file's variables by ours, of those that it calls otherwise; where several have
+    the standard name, none.
+
+    Args:
+      known: names that are read anyway.
+    """
+    found = {}
+    for ours, standard in STANDARD.items():
+        there = [
+            name for name, variable in variables.items()
+            if name not in known
+            and standard in (name, getattr(variable, "standard_name", ""))
+        ]  # fmt: skip
+        if ours not in variables and len(there) == 1:
+            found[ours] = there[0]
+    return found
 
 
 def profile_numbers(count: int, keys: Sequence[Array]) -> Number:

@@ -35,6 +35,7 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_profiles import (
+    by_standard_name,
     currents_of,
     place_once,
     profile_numbers,
@@ -150,25 +151,31 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
         variables = file.variables
         names = [*variables, *file.groups]
         try:
-            geometry = Geometry(file, MEASURED, path.name)
+            aliases = by_standard_name(variables, READ)
+            geometry = Geometry(file, [aliases.get(n, n) for n in MEASURED], path.name)
             sensors = sensor_columns(variables)
             wanted = dict.fromkeys((*READ, *sensors.values(), *extra))
-            along = [n for n in wanted if geometry.reaches(n)]
+            source = {name: aliases.get(name, name) for name in wanted}
+            along = [n for n in wanted if geometry.reaches(source[n])]
             if not {"depth", "pressure"} & set(along) or not {CLOCK, PRECISE} & set(along):
                 raise WrongFormat(path, names, why=NEEDS)
-            columns = {n: _unflagged(geometry, n, tally) for n in along}
-            attributes = {n: attributes_of(variables[n]) for n in along}
-            flags = [f"{n}_qc" for n in along if f"{n}_qc" in variables]
+            columns = {n: _unflagged(geometry, source[n], tally) for n in along}
+            attributes = {n: attributes_of(variables[source[n]]) for n in along}
+            flags = [f"{source[n]}_qc" for n in along if f"{source[n]}_qc" in variables]
+            single = {n for n in along if geometry.single(source[n])}
             owners = geometry.texts("trajectory")
             name = str(getattr(file, "id", path.stem))
             platform = str(getattr(file, "glider_model", "glider"))
-            single = {n for n in along if geometry.single(n)}
             sampled = {n: columns[n] for n in MEASURED if n in along and n not in single}
-            note_unread(_KIND, names, (*wanted, *flags), tally)
-            clocks = geometry.clocks(CLOCK, tally)
+            note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
+            clocks = {
+                n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
+                for n, seconds in geometry.clocks(CLOCK, tally).items()
+            }
             clock = sample_clock(clocks, sampled, path.name, tally)
         except NoClock as error:
-            raise WrongFormat(path, names, why=str(error)) from error
+            why = str(error).removeprefix(f"{path.name}: ")
+            raise WrongFormat(path, names, why=why) from error
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     if clock != CLOCK and CLOCK in clocks:

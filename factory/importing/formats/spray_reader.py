@@ -252,8 +252,8 @@ def _log(
     time, depth, of, bin_ = _rising(*(np.concatenate(each) for each in (times, depths, rows, bins)))
     channels = {"measured_depth": clean("measured_depth", time, depth, tally, subject=file)}
     up = (of >= 0) & (depth > 0.0)
-    row, column = of[up].astype(int), bin_[up].astype(int)
-    water = {key: values[row, column] for key, values in sampled.items()}
+    index = of[up].astype(int), bin_[up].astype(int)
+    water = {key: values[index] for key, values in sampled.items()}
     known = LoggedFixes(*fixes)
     if "temperature" in water:
         north, east = known.at(time[up])

@@ -175,6 +175,18 @@ def test_a_profile_s_time_gives_way_to_the_sample_s(layout, tmp_path: Path) -> N
     assert dataset["vehicle_dac_east"].values == pytest.approx([0.1, 0.2, 0.3])
 
 
+def test_a_time_that_is_flagged_bad_is_none(tmp_path: Path) -> None:
+    path = table(tmp_path / "ru00.nc", row)
+    with netCDF4.Dataset(path, "a") as file:
+        file["precise_time"][100] = START + 1e6
+        flags = file.createVariable("precise_time_qc", "i1", ("row",))
+        flags[:] = 1
+        flags[100] = 4
+    _, report = import_logs("ngdac", [path])
+    assert report.count("removed", "precise_time") == 1
+    assert report.hours < 1.5
+
+
 def test_a_profile_s_place_is_one_of_its_track(tmp_path: Path) -> None:
     """Without places of the samples a track goes on between those of the profiles."""
 
@@ -190,6 +202,36 @@ def test_a_profile_s_place_is_one_of_its_track(tmp_path: Path) -> None:
     inside = steps[steps > 0.0]
     assert inside.max() < 1.2
     assert len(inside) > 100
+
+
+def test_variables_are_known_by_their_standard_names(tmp_path: Path) -> None:
+    """As other servers of tables have them: a height, positive up, and no number of a profile."""
+    known = profiles()
+    path = tmp_path / "cp_340.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("row", PROFILES * EACH)
+        for name, values, units, standard in (
+            ("time", known["time"], SINCE, "time"),
+            ("z", -known["depth"], "m", "depth"),
+            ("sea_water_temperature", 15.0 - 0.05 * known["depth"], "degree_C", ""),
+            ("practical", 34.0 + 0.0 * known["depth"], "1", "sea_water_practical_salinity"),
+            ("y", known["north"], "degrees_north", "latitude"),
+            ("x", -70.0 + 0.0 * known["depth"], "degrees_east", "longitude"),
+        ):
+            put(file, name, values.ravel(), units, ("row",))
+            if standard:
+                file[name].standard_name = standard
+    assert sniff(path) == "ngdac"
+    dataset, report = import_logs("ngdac", [path])
+    assert report.rows == 3
+    assert "not read" not in report.names["NGDAC file"]
+    depth, warm = dataset["measured_depth"].values, dataset["measured_temperature"].values
+    assert np.nanmax(depth) == pytest.approx(DEEPEST, abs=1.0)
+    both = np.isfinite(depth) & np.isfinite(warm)
+    np.testing.assert_allclose(warm[both], 15.0 - 0.05 * depth[both], atol=0.05)
+    north = dataset["measured_onboard_north"].isel(mission=0).values
+    # 1e-6 degree a second over the dive
+    assert np.nanmax(north) - np.nanmin(north) == pytest.approx(111e3 * 1e-6 * 1290.0, abs=3.0)
 
 
 def test_a_table_of_two_deployments_makes_two_logs(tmp_path: Path) -> None:
@@ -347,3 +389,34 @@ def test_a_kind_is_named_only_if_its_reader_takes_the_file(tmp_path: Path) -> No
     with pytest.raises(InputError, match="depth or pressure at the same samples"):
         import_logs("ngdac", [path])
     assert sniff(path) is None
+
+
+def og1(path: Path, clock: str) -> Path:
+    """OG1.0 whose TIME is the profile's, beside another time; currents without numbers of dives."""
+    known = profiles()
+    with netCDF4.Dataset(path, "w") as file:
+        dims = ("N_MEASUREMENTS",)
+        file.createDimension(dims[0], PROFILES * EACH)
+        put(file, "TIME", np.repeat(known["profile_time"], EACH), SINCE, dims)
+        put(file, clock, known["time"].ravel(), SINCE, dims)
+        put(file, "DEPTH", known["depth"].ravel(), "m", dims)
+        put(file, "LATITUDE", known["north"].ravel(), "degrees_north", dims)
+        put(file, "LONGITUDE", np.full(PROFILES * EACH, -70.0), "degrees_east", dims)
+        for axis, sign in (("EAST", 1.0), ("NORTH", -1.0)):
+            values = np.repeat(sign * known["u"], EACH)
+            put(file, f"DAVG_CURR_{axis}", values, "m s-1", dims)
+    return path
+
+
+def test_og1_takes_the_clock_that_goes_and_each_dive_its_current(tmp_path: Path) -> None:
+    path = og1(tmp_path / "a.nc", "TIME_CTD")
+    dataset, report = import_logs("og1", [path])
+    assert report.rows == 3
+    assert report.count("suspect") == report.count("removed") == 0
+    assert dataset["dive_duration"].values == pytest.approx(LENGTH + STEP * (EACH - 1), abs=1e-6)
+    assert dataset["vehicle_dac_east"].values == pytest.approx([0.1, 0.2, 0.3])
+    assert dataset["vehicle_dac_north"].values == pytest.approx([-0.1, -0.2, -0.3])
+    with netCDF4.Dataset(path, "a") as file:
+        del file["TIME_CTD"].units
+    with pytest.raises(InputError, match=r"'TIME' gives 360 of 360 .* take a file with the time"):
+        import_logs("og1", [path])

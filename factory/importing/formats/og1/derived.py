@@ -238,11 +238,14 @@ def dives_in(
     """Numbers of the dives, and the reported current at the fix that ends each."""
     found: dict[str, Channel] = {}
     numbers = next((columns[n] for n in DIVES if n in columns), None)
-    if numbers is None:
-        leave_out([n for n in CURRENTS.values() if n in columns], "no dive numbers", tally)
-        return found
-    there = np.isfinite(numbers)
-    found["dive"] = Channel(time[there], numbers[there])
+    if numbers is not None:
+        there = np.isfinite(numbers)
+        found["dive"] = Channel(time[there], numbers[there])
+    else:  # a current is one value for its dive
+        said = [columns[n] for n in CURRENTS.values() if n in columns]
+        stays = np.searchsorted(fixes.time, time).astype(np.float64)
+        numbers = _stretches([*said, stays], len(time))
+        there = np.ones(len(time), bool)
     for target, name in CURRENTS.items():
         if name not in columns:
             continue
@@ -257,3 +260,13 @@ def dives_in(
         unique, first = np.unique(at, return_index=True)
         found[target] = Channel(unique, values[last][first])
     return found
+
+
+def _stretches(columns: Sequence[Array], count: int) -> Array:
+    """Number of the stretch of rows with one value in each column, (count,); rows without a value
+    belong to the stretch before them."""
+    changes = np.zeros(count, bool)
+    for values in columns:
+        known = np.flatnonzero(np.isfinite(values))
+        changes[known[1:]] |= np.diff(values[known]) != 0.0
+    return np.cumsum(changes).astype(np.float64)

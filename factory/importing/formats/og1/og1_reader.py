@@ -309,7 +309,8 @@ def _clock(
     try:
         return sample_clock(clocks, measured, path.name, tally)
     except NoClock as error:
-        raise WrongFormat(path, names, why=str(error)) from error
+        why = str(error).removeprefix(f"{path.name}: ")
+        raise WrongFormat(path, names, why=why) from error
 
 
 PER_MASS = "DOXY"
