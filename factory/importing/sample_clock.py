@@ -20,6 +20,9 @@ TICK = 1.0
 """[s] Clocks that count whole seconds repeat a second for the samples within it"""
 FEWEST = 4
 """Samples with one time from which on the clock stands: a log may write a row two or three times"""
+LONGEST = 3600.0
+"""[s] Beyond a longer silence the times before or after say nothing, such as those of a clock that
+was not set yet"""
 MOST = 0.5
 """Part of the samples during which the clock of a log may stand"""
 
@@ -142,6 +145,6 @@ def tell_standing(
             "several samples have one time and other values: the clock stands",
             int(rows[begin : end + 1].sum()),
             deployment=deployment,
-            start=float(moments[max(at[begin] - 1, 0)]),
-            end=float(moments[min(at[end] + 1, len(moments) - 1)]),
+            start=float(max(moments[max(at[begin] - 1, 0)], moments[at[begin]] - LONGEST)),
+            end=float(min(moments[min(at[end] + 1, len(moments) - 1)], moments[at[end]] + LONGEST)),
         )

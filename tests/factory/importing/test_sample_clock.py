@@ -315,6 +315,15 @@ def test_a_clock_that_stands_for_a_while_makes_its_rows_suspect() -> None:
     assert (doubt.start, doubt.end) == (time[39], time[60])
 
 
+def test_a_clock_that_stood_before_it_was_set_makes_no_later_row_suspect() -> None:
+    time = START + np.arange(100.0) * 5.0
+    time[:20] = START - 20.0 * 365.0 * 86400.0
+    tally = Tally()
+    tidy(time, {"depth": np.arange(100.0)}, "log", tally)
+    (doubt,) = tally.doubts
+    assert doubt.end < START
+
+
 def test_a_clock_of_whole_seconds_goes_on() -> None:
     time = START + np.floor(np.arange(200) / 10.0)
     assert not standing(time, {"depth": np.arange(200.0)}).any()
