@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.cleaning import checked_units
 from factory.importing.deployment_log import UNREADABLE
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
@@ -134,7 +135,8 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        logs = _with_doubts(_read(importer, paths, options, tally), tally)
+        found = [checked_units(log, tally) for log in _read(importer, paths, options, tally)]
+        logs = _with_doubts(found, tally)
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import in_degrees, reference_declination, to_degrees
-from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
-from factory.importing.cleaning import clean, from_degrees, positions, to_dbar
-from factory.importing.columns import stacked, tidy
+from factory.importing.angles import LoggedAngle, attitude_degrees, reference_declination
+from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
+from factory.importing.cleaning import clean, positions
+from factory.importing.columns import stacked, tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -30,6 +30,7 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_pyglider import (
+    ACTUATORS,
     MAGNETIC,
     SERIES,
     SLOCUM,
@@ -43,10 +44,13 @@ from factory.importing.netcdf import (
     open_netcdf,
     seconds_of,
     text_of,
+    unit_in,
 )
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.pressures import to_dbar
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from factory.importing.units import PRACTICAL, declared, is_declared
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,6 +71,11 @@ ANGLES = {
 TRACKS = (("lat", "lon"), ("latitude", "longitude"))
 FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
 CTD = ("temperature", "salinity", "conductivity")
+UNITS = {
+    "pressure": "dbar", "depth": "m", "temperature": "degree_Celsius", "salinity": PRACTICAL,
+    "conductivity": "S m-1", **{n: "degree" for pair in TRACKS for n in pair}, **SLOCUM_UNITS,
+}  # fmt: skip
+"""What variables are converted to by the units that a file declares; angles are judged together"""
 SCALARS = ("profile_id", "profile_time", "trajectory", "u", "v", "time_uv")
 """Of a profile."""
 READ = (
@@ -146,7 +155,8 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
             name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
             platform = str(getattr(file, "glider_model", "glider"))
             time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
-            current = _current(variables, path, tally)
+            columns = _in_units(columns, attributes, name, sensors, tally)
+            current = _current(variables, path, name, tally)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     if not np.isfinite(time).any():
@@ -177,7 +187,33 @@ def _unflagged(variables: Any, name: str, tally: Tally) -> Array:
     return np.where(bad, np.nan, values)
 
 
-def _current(variables: Any, path: Path, tally: Tally) -> tuple[float, float, float] | None:
+def _in_units(
+    columns: Columns,
+    attributes: Mapping[str, Mapping[str, Any]],
+    deployment: str,
+    sensors: Mapping[str, str],
+    tally: Tally,
+) -> Columns:
+    """The columns in the store's units by what the file declares, those of another quantity out."""
+    wanted = {name: (unit, unit) for name, unit in UNITS.items()}
+    wanted |= {name: ACTUATORS[sensor][1:3] for sensor, name in sensors.items()}
+    found = dict(columns)
+    for name in sorted(set(wanted) & set(columns)):
+        unit, native = wanted[name]
+        values = declared(
+            columns[name], unit_in(attributes[name]), unit, name, tally, native=native,
+            deployment=deployment,
+        )  # fmt: skip
+        if values is None:
+            del found[name]
+        else:
+            found[name] = values
+    return found
+
+
+def _current(
+    variables: Any, path: Path, deployment: str, tally: Tally
+) -> tuple[float, float, float] | None:
     """Time, east and north of the segment's current; None where the file has none."""
     if not all(name in variables for name in ("u", "v", "time_uv")):
         return None
@@ -185,7 +221,15 @@ def _current(variables: Any, path: Path, tally: Tally) -> tuple[float, float, fl
     if not all(one.size and np.isfinite(one[0]) for one in (u, v, time)):
         return None
     when = seconds_of(time, attributes_of(variables["time_uv"]), f"{path.name} time_uv", tally)
-    return float(when[0]), float(u[0]), float(v[0])
+    speeds = [
+        declared(
+            one, unit_in(attributes_of(variables[name])), "m s-1", name, tally,
+            deployment=deployment,
+        )
+        for name, one in (("u", u), ("v", v))
+    ]  # fmt: skip
+    east, north = (float("nan") if one is None else float(one[0]) for one in speeds)
+    return (float(when[0]), east, north) if np.isfinite(east * north) else None
 
 
 def _log(
@@ -199,6 +243,7 @@ def _log(
     pieces = [one.columns for one in profiles]
     columns = stacked(pieces, sorted({n for piece in pieces for n in piece}))
     time, columns = tidy(columns.pop(CLOCK), columns, f"{name} profiles", tally)
+    columns = with_values(columns)
     attributes: dict[str, dict[str, Any]] = {}
     for one in profiles:
         attributes |= one.attributes
@@ -223,9 +268,11 @@ def _log(
         tally.add("repaired", "depth", int(np.isfinite(depth).sum()), "was positive up")
         depth = -depth
     pressure = columns.get("pressure")
-    if pressure is not None and np.isfinite(pressure).any():
-        native = "bar" if attributes["pressure"].get("units") == "bar" else "dbar"
-        dbar = to_dbar(pressure, depth, "pressure", tally, native=native)
+    if pressure is not None:
+        dbar = to_dbar(
+            pressure, depth, "pressure", tally, native="dbar",
+            declared=is_declared(unit_in(attributes["pressure"])), deployment=name,
+        )  # fmt: skip
         channels["measured_pressure"] = clean(
             "measured_pressure", time, dbar, tally, subject="pressure"
         )
@@ -243,7 +290,7 @@ def _log(
         for n in extra
         if n in columns and (there := np.isfinite(columns[n])).any()
     }
-    units = {n: str(attributes[n].get("units", "")) for n in found}
+    units = {n: unit_in(attributes[n]) for n in found}
     channels |= payload_channels(found, options.payload, tally, units=units)
     reported = sorted({one.current for one in profiles if one.current is not None})
     if reported:
@@ -315,22 +362,24 @@ def _attitude(
         target: [n for n in names if n in columns and np.isfinite(columns[n]).any()]
         for target, names in ANGLES.items()
     }
-    degrees = any(
-        in_degrees(target.removeprefix("measured_"), columns[there[0]])
+    angles = {
+        target.removeprefix("measured_"): LoggedAngle(
+            values=columns[there[0]],
+            unit=unit_in(attributes[there[0]]),
+            subject=there[0],
+            native=_native_angle(there[0], attributes),
+        )
         for target, there in found.items() if there
-    )  # fmt: skip
+    }  # fmt: skip
+    degrees = attitude_degrees(angles, time, columns.get("depth"), tally, deployment=name)
     for target, there in found.items():
-        if not there:
+        kind = target.removeprefix("measured_")
+        if kind not in degrees:
             continue
         leave_out(there[1:], f"{there[0]} is taken", tally)
-        source, kind = there[0], target.removeprefix("measured_")
-        values, words = columns[source], attributes[source]
+        source = there[0]
+        values, words = degrees[kind], attributes[source]
         sensor = str(words.get("source", source))
-        radian = str(words.get("units", "")).lower() in ("rad", "radian", "radians")
-        if radian or sensor.startswith(SLOCUM):  # pyglider writes a Slocum's angles as they are
-            values = to_degrees(values, source, tally, kind=kind, likely=degrees)
-        elif kind == "pitch":
-            values = from_degrees(values, source, tally, flying=True)
         said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
         if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
             if options.variation_deg is not None:
@@ -347,6 +396,12 @@ def _attitude(
     return channels, variation
 
 
+def _native_angle(name: str, attributes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Unit of an angle that declares none: pyglider writes a Slocum's as they are."""
+    sensor = str(attributes[name].get("source", name))
+    return "radian" if sensor.startswith(SLOCUM) else "degree"
+
+
 def _water(
     time: Array,
     columns: Mapping[str, Array],
@@ -356,17 +411,13 @@ def _water(
 ) -> dict[str, Channel]:
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
     temperature = columns.get("temperature")
-    if temperature is None or not np.isfinite(temperature).any() or not len(at):
+    if temperature is None or not len(at):
         return {}
     practical, conductivity = columns.get("salinity"), columns.get("conductivity")
-    if practical is not None and np.isfinite(practical).any():
-        if conductivity is not None:
+    if conductivity is not None:
+        if practical is not None:
             leave_out(["conductivity"], "salinity is there", tally)
-        conductivity = None
-    else:
-        practical = None
-        if conductivity is not None:
-            conductivity = siemens(conductivity, "conductivity", tally)
+        conductivity = siemens(conductivity, "conductivity", tally)
     latitude, longitude = places.at(time)
     return ctd_channels(
         time,

@@ -17,9 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import reference_declination
+from factory.importing.angles import (
+    FLYING,
+    from_degrees,
+    heading_degrees,
+    reference_declination,
+)
 from factory.importing.batteries import from_inside
-from factory.importing.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
+from factory.importing.cleaning import clean, degrees_minutes
 from factory.importing.columns import (
     Table,
     parse_stamps,
@@ -27,6 +32,7 @@ from factory.importing.columns import (
     stacked,
     tidy,
     unix_seconds,
+    with_values,
 )
 from factory.importing.deployment_log import (
     NO_FIXES,
@@ -81,7 +87,6 @@ _NAVIGATION_LOG, _PAYLOAD_LOG = "navigation log", "payload log"
 _MS_PER_CM = 0.1
 """[S/m] in 1 mS/cm, the payload's unit."""
 _DEPLOYMENT = re.compile(r"(sea\d+)[._-]?m?(\d+)", re.IGNORECASE)
-_FLYING = 20.0
 
 
 def read_seaexplorer(
@@ -192,7 +197,7 @@ def _log(
     fixes, track = _positions(time, columns, tally)
     variation = _variation(time, columns, fixes, name, options.variation_deg, tally)
     depth = columns.get("Depth", np.full(len(time), np.nan))
-    flying = bool(np.nanmax(depth, initial=0.0) > _FLYING)
+    flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
     channels: dict[str, Channel] = {}
     channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="Depth")
     if "Pitch" in columns:
@@ -311,6 +316,7 @@ def _payload(
     wanted = (*_CTD_NAMES, *payload_names(options.payload))
     columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
     time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
+    columns = with_values(columns)
     found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
     channels = payload_channels(found, options.payload, tally)
     ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]
@@ -332,9 +338,7 @@ def _payload(
         temperature=columns[f"{ctd}_TEMPERATURE"],
         pressure=pressure,
         practical=practical,
-        conductivity=None
-        if practical is not None or conductivity is None
-        else conductivity * _MS_PER_CM,
+        conductivity=None if conductivity is None else conductivity * _MS_PER_CM,
         latitude=latitude,
         longitude=longitude,
         tally=tally,
