@@ -164,7 +164,7 @@ class LoggedAngle:
     subject: str
     """The variable, for the report."""
     native: str = "degree"
-    """Unit of the format where nothing is declared: degree or radian."""
+    """Unit of the format, where nothing is declared or tells: degree or radian."""
 
     @property
     def said(self) -> str:
@@ -194,7 +194,7 @@ def attitude_degrees(
     Args:
       angles: by a key of `REACH`.
       time: [s] unix, (samples,).
-      depth: [m] at the same times, or None.
+      depth: [m] at the same times, or a pressure [dbar], or None.
     """
     found: dict[str, Array] = {}
     degrees = any(in_degrees(kind, one.values) for kind, one in angles.items() if one.in_radian)
@@ -208,32 +208,42 @@ def attitude_degrees(
         )  # fmt: skip
         if values is not None:
             found[kind] = values
-    if "pitch" not in found or angles["pitch"].in_radian:
-        return found
-    pitch, one = found["pitch"], angles["pitch"]
-    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > FLYING)
-    radian = False
-    if depth is not None and flying and _is_flat(pitch):
-        sinks = sinks_in_radian(time, depth, pitch)
-        radian = bool(sinks) or not is_declared(one.unit)
-        if sinks is False and not radian:
-            why = "below 1.5 degree where the vehicle dives: radian, or of another quantity?"
-            tally.doubt(one.subject, why, int(np.isfinite(pitch).sum()), deployment=deployment)
+    radian = "pitch" in found and _is_called_degrees(
+        angles["pitch"], found["pitch"], time, depth, tally, deployment
+    )
     for kind in found if radian else ():
-        one = angles[kind]
+        one, largest = angles[kind], REACH[kind].largest
         size = np.abs(found[kind][np.isfinite(found[kind])])
         size = size[size <= _TURN]
-        fits = size.size and np.mean(size <= REACH[kind].largest) > _NEARLY_ALL
-        if not one.in_radian and fits:
-            why = "was in radian where degrees are " + (
-                "declared: so it dives" if is_declared(one.unit) else "native"
-            )
+        if not one.in_radian and size.size and np.mean(size <= largest) > _NEARLY_ALL:
+            said = "declared: so it dives" if is_declared(one.unit) else "native"
+            why = f"was in radian where degrees are {said}"
             values = _of_radian(found[kind], one.subject, tally, why)
-            largest = np.degrees(REACH[kind].largest)
-            found[kind] = np.where(np.abs(values) <= largest, values, np.nan)
+            found[kind] = np.where(np.abs(values) <= np.degrees(largest), values, np.nan)
     if "heading" in found and not radian and not is_declared(angles["heading"].unit):
         found["heading"] = heading_degrees(found["heading"], angles["heading"].subject, tally)
     return found
+
+
+def _is_called_degrees(
+    one: LoggedAngle,
+    pitch: Array,
+    time: Array,
+    depth: Array | None,
+    tally: Tally,
+    deployment: str,
+) -> bool:
+    """Whether a pitch that is in degrees by its file is in radian; suspect if it is neither."""
+    if one.in_radian or depth is None or not _is_flat(pitch):
+        return False
+    depth = np.abs(depth)  # some files count it upward
+    flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
+    sinks = sinks_in_radian(time, depth, pitch)
+    guessed = (one.native == "radian" and sinks is None) if is_declared(one.unit) else flying
+    if sinks is False and flying and not guessed:
+        why = "below 1.5 degree where the vehicle dives: radian, or of another quantity?"
+        tally.doubt(one.subject, why, int(np.isfinite(pitch).sum()), deployment=deployment)
+    return bool(sinks) or guessed
 
 
 _DAY = 86400.0

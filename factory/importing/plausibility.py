@@ -61,7 +61,7 @@ _AGREE = 0.9
 
 
 def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
-    """Whether a vehicle sinks and rises by its pitch in radian and could not by it in degrees.
+    """Whether a vehicle sinks and rises as its pitch in radian says and cannot as in degrees.
 
     None where it moves too little to tell.
 
@@ -82,7 +82,8 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
     agree = float(np.mean(np.sign(rate) == -np.sign(angle)))
     as_degrees = float(np.median(np.abs(rate) / np.sin(np.radians(np.abs(angle)))))
     as_radian = float(np.median(np.abs(rate) / np.sin(np.abs(angle))))
-    return agree > _AGREE and as_degrees > FASTEST and SLOWEST < as_radian < FASTEST
+    one_way = max(agree, 1.0 - agree) > _AGREE  # a wrong sign is another fault
+    return one_way and as_degrees > FASTEST and SLOWEST < as_radian < FASTEST
 
 
 def check_signs(log: DeploymentLog, tally: Tally) -> None:

@@ -41,7 +41,7 @@ def to_dbar(
     tally: Tally,
     *,
     native: str,
-    declared: bool = False,
+    declared: str = "",
     deployment: str = "",
 ) -> Array:
     """Pressure in dbar below the surface; the depth beside it tells its unit and the air's part.
@@ -49,16 +49,20 @@ def to_dbar(
     Args:
       values: in `native`.
       depth: [m] at the same samples.
-      native: unit that the file declares, or else that of its format.
-      declared: whether the file declares it: then a contradiction is suspect.
+      native: unit of the values: that of the format, or what they have been converted to.
+      declared: unit that the file declares, for the report: then a contradiction is suspect.
       deployment: that the values are of.
 
     Raises:
       InputError: pressure and depth fit no unit, and none is declared.
     """
     size = factor_of(native, "dbar")
+    sure = is_of(declared, "dbar")
     if depth is None:
         return values * size
+    if sure and factor_of(declared, "dbar") != size:
+        values, native = values * (size / factor_of(declared, "dbar")), declared
+        size = factor_of(declared, "dbar")
     use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
     if use.sum() < _FEWEST:
         return values * size
@@ -81,7 +85,7 @@ def to_dbar(
         return values * size
     unit, air = best
     if missed[best] <= _FITS * middle:
-        why = f"was in {unit} where {native} is {'declared' if declared else 'native'}"
+        why = f"was in {unit} where {native} is {'declared' if sure else 'native'}"
         tally.add("repaired", subject, count, why + (" and with the air's pressure" if air else ""))
         return values * factor_of(unit, "dbar") - air
     ratio = float(np.median(beside / values[use]))
@@ -89,7 +93,7 @@ def to_dbar(
         f"pressure and depth do not belong together ({ratio:.3g} m for each unit of pressure; "
         f"{native} would be {size:g}); other vehicle's columns or unknown unit"
     )
-    if not declared:
+    if not sure:
         raise InputError(f"{subject}: {why}")
     tally.doubt(subject, why, count, deployment=deployment)
     return values * size
@@ -104,7 +108,7 @@ def with_dbar_by_depth(
         return channels
     values = to_dbar(
         pressure.values, depth.at(pressure.time), "measured_pressure", tally, native="dbar",
-        declared=True, deployment=deployment,
+        declared="dbar", deployment=deployment,
     )  # fmt: skip
     return {**channels, "measured_pressure": Channel(pressure.time, values)}
 

@@ -161,22 +161,39 @@ def declared(
       native: unit of the format where nothing is declared [default: the wanted one].
       deployment: that the values are of, where it is known.
     """
-    native = native or wanted
+    taken = unit_to_take(
+        unit, wanted, subject, tally, native=native or wanted, deployment=deployment,
+        count=int(np.isfinite(values).sum()),
+    )  # fmt: skip
+    return None if taken is None else in_unit(values, taken, wanted, subject)
+
+
+def unit_to_take(
+    unit: str,
+    wanted: str,
+    subject: str,
+    tally: Tally,
+    *,
+    native: str,
+    deployment: str = "",
+    count: int = 1,
+) -> str | None:
+    """The declared unit, or else the format's own one; None for one of another quantity, left out.
+
+    Args: as of `declared`; count: values that it concerns.
+    """
     if not is_declared(unit):
-        return in_unit(values, native, wanted, subject)
+        return native
     found = _conversion(unit, wanted)
     if not isinstance(found, str):
-        return in_unit(values, unit, wanted, subject)
-    count = int(np.isfinite(values).sum())
+        return unit
     if found:
         tally.add("left out", subject, max(count, 1), _refusal(unit, wanted, found))
         return None
     if count:
-        tally.doubt(
-            subject, f"its unit {unit!r} is not known: taken as {native}", count,
-            deployment=deployment,
-        )  # fmt: skip
-    return in_unit(values, native, wanted, subject)
+        why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
+        tally.doubt(subject, why, count, deployment=deployment)
+    return native
 
 
 def _refusal(unit: str, wanted: str, other: str) -> str:

@@ -47,10 +47,10 @@ from factory.importing.netcdf import (
     unit_in,
 )
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.pressures import to_dbar
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
-from factory.importing.units import PRACTICAL, declared, is_declared
+from factory.importing.units import PRACTICAL, declared
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -271,12 +271,13 @@ def _log(
     if pressure is not None:
         dbar = to_dbar(
             pressure, depth, "pressure", tally, native="dbar",
-            declared=is_declared(unit_in(attributes["pressure"])), deployment=name,
+            declared=unit_in(attributes["pressure"]), deployment=name,
         )  # fmt: skip
-        channels["measured_pressure"] = clean(
-            "measured_pressure", time, dbar, tally, subject="pressure"
-        )
-    elif depth is not None:
+        one = clean("measured_pressure", time, dbar, tally, subject="pressure")
+        if depth is None:
+            one = pressure_by_flight(one, channels.get("measured_pitch", EMPTY), "pressure", tally)
+        channels["measured_pressure"] = one
+    if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, places, tally)
     sensors = {
@@ -371,7 +372,9 @@ def _attitude(
         )
         for target, there in found.items() if there
     }  # fmt: skip
-    degrees = attitude_degrees(angles, time, columns.get("depth"), tally, deployment=name)
+    degrees = attitude_degrees(
+        angles, time, columns.get("depth", columns.get("pressure")), tally, deployment=name
+    )
     for target, there in found.items():
         kind = target.removeprefix("measured_")
         if kind not in degrees:

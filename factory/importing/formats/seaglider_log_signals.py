@@ -132,7 +132,7 @@ def signals_of(
             channels["measured_pressure"] = pressure_by_flight(
                 channels["measured_pressure"], pitch, "pressure_dbar", tally
             )
-    elif depth is not None:
+    if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally)
     return channels
 

@@ -77,10 +77,10 @@ from factory.importing.netcdf import (
     unit_in,
 )
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.pressures import to_dbar
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
-from factory.importing.units import declared, is_declared, unit_of
+from factory.importing.units import declared, unit_of
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, declare_stored
 
@@ -158,6 +158,9 @@ def signals_in(
     depth = columns.get(name_of_depth)
     if depth is not None:
         depth = declared(depth, unit_in(attributes[name_of_depth]), "m", name_of_depth, tally)
+    below = depth
+    if below is None and (name := sources.get("measured_pressure")) is not None:
+        below = declared(columns[name], unit_in(attributes[name]), "dbar", name, Tally())
     attitude = attitude_degrees(
         {
             kind: LoggedAngle(
@@ -166,7 +169,7 @@ def signals_in(
             )
             for target, kind in ATTITUDE.items() if target in sources
         },
-        time, depth, tally, deployment=variation.deployment,
+        time, below, tally, deployment=variation.deployment,
     )  # fmt: skip
     for target, name in sources.items():
         unit = unit_in(attributes[name])
@@ -182,13 +185,18 @@ def signals_in(
             continue
         if target == "measured_pressure":
             values = to_dbar(
-                values, depth, name, tally, native="dbar", declared=is_declared(unit),
+                values, depth, name, tally, native="dbar", declared=unit,
                 deployment=variation.deployment,
             )  # fmt: skip
         if target == "measured_heading":
             values, applied = true_heading(values, time, attributes[name], variation, path, tally)
         channels[target] = clean(target, time, values, tally, subject=name)
-    if depth is not None and "measured_pressure" in channels:
+    pressure = channels.get("measured_pressure", EMPTY)
+    if depth is None and len(pressure):
+        pitch = channels.get("measured_pitch", EMPTY)
+        name = sources["measured_pressure"]
+        channels["measured_pressure"] = pressure_by_flight(pressure, pitch, name, tally)
+    if depth is not None and len(pressure):
         channels.pop("measured_depth", None)  # computed from pressure, as for every log
     return channels, set(sources.values()), applied
 
