@@ -18,8 +18,9 @@ _SWAPPED = 9.0
 """[S/m] No sea water conducts more: such a median is in mS/cm."""
 
 
-DISTILLED = 5e-4
-"""[S/m] Less than any natural water conducts"""
+_NONE, _DISTILLED = -0.01, 5e-4
+"""[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
+conducts. Below are sentinels of the conductivity alone."""
 
 
 def depth_of(pressure: Array, latitude_deg: float) -> Array:
@@ -82,7 +83,7 @@ def ctd_channels(
     """
     off = np.zeros(len(time), bool)
     if conductivity is not None:
-        off |= conductivity < DISTILLED
+        off |= (conductivity > _NONE) & (conductivity < _DISTILLED)
     if practical is not None:
         off |= (practical <= 0.0) & (temperature == 0.0)
     there = off & np.isfinite(temperature)

@@ -43,8 +43,9 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.seawater import ctd_channels, pressure_of
+from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
+from factory.importing.units import in_unit
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,8 +85,8 @@ _CTD_NAMES = tuple(
     for part in ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
 )
 _NAVIGATION_LOG, _PAYLOAD_LOG = "navigation log", "payload log"
-_MS_PER_CM = 0.1
-"""[S/m] in 1 mS/cm, the payload's unit."""
+_CONDUCTIVITY = {"LEGATO": "mS/cm", "GPCTD": "S/m", "CTD": "mS/cm"}
+"""Unit of each CTD's conductivity: RBR's in mS/cm, Sea-Bird's in S/m."""
 _DEPLOYMENT = re.compile(r"(sea\d+)[._-]?m?(\d+)", re.IGNORECASE)
 
 
@@ -331,14 +332,19 @@ def _payload(
     if pressure is None:
         pressure = pressure_of(depth.at(time), latitude)
     practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
-    if practical is not None and conductivity is not None:
-        leave_out([f"{ctd}_CONDUCTIVITY"], f"{ctd}_SALINITY is there", tally)
+    if conductivity is not None:
+        source = f"{ctd}_CONDUCTIVITY"
+        conductivity = siemens(
+            in_unit(conductivity, _CONDUCTIVITY[ctd], "S m-1", name), name, tally
+        )
+        if practical is not None:
+            leave_out([source], f"{ctd}_SALINITY is there", tally)
     return channels | ctd_channels(
         time,
         temperature=columns[f"{ctd}_TEMPERATURE"],
         pressure=pressure,
         practical=practical,
-        conductivity=None if conductivity is None else conductivity * _MS_PER_CM,
+        conductivity=conductivity,
         latitude=latitude,
         longitude=longitude,
         tally=tally,

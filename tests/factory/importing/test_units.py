@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import gsw
 import netCDF4
 import numpy as np
 import pytest
@@ -21,10 +23,17 @@ from logs import (
     write_ngdac,
     write_og1,
     write_pyglider,
+    write_seaexplorer,
     write_spray,
 )
 
 from factory.importing import import_logs
+from factory.importing.deployment_log import Channel
+from factory.importing.formats.csv.mapping import Signal
+from factory.importing.formats.slocum.choices import slocum_pump
+from factory.importing.formats.slocum.native_sensors import in_native_units
+from factory.importing.messages import MessageTable, valued
+from factory.importing.payload import parse_payload, payload_channels
 from factory.importing.pressures import without_air
 from factory.importing.tally import ImportReport, Tally
 from factory.importing.units import declared, in_unit, known_units
@@ -473,3 +482,79 @@ def test_every_offered_word_can_be_taken() -> None:
     for wanted in ("degree", "m", "m s-1", "dbar", "cm3", "S m-1", "degree_Celsius", "psu", "A h"):
         for word in known_units(wanted):
             assert np.isfinite(in_unit(np.ones(1), word, wanted, "x")).all()
+
+
+# --- sensors and sources -------------------------------------------------------------------------
+
+
+def test_the_sensor_list_of_a_slocum_converts_and_ends_guesses() -> None:
+    """A pump that is declared in cc and moves by 2 cc is stuck, not in litres."""
+    time = np.arange(200.0)
+    small = 1.0 + np.cos(time)
+    native = {
+        "m_depth": Channel(time, np.full(200, 10.0)),
+        "m_battpos": Channel(time, np.linspace(-25.4, 25.4, 200)),
+        "m_ballast_pumped": Channel(time, small),
+        "m_vacuum": Channel(time, np.full(200, 200.0)),
+    }
+    units = {"m_depth": "ft", "m_battpos": "mm", "m_ballast_pumped": "cc", "m_vacuum": "nodim"}
+    found = in_native_units(native, units, "unit1", Tally())
+    assert found["m_depth"].values[0] == pytest.approx(3.048)
+    assert found["m_battpos"].values[-1] == pytest.approx(1.0)
+    assert found["m_vacuum"].values[0] == 200.0
+    tally = Tally()
+    pump = slocum_pump(found, tally, units)["measured_pump"]
+    np.testing.assert_array_equal(pump.values, small)
+    assert not [e for e in tally.entries() if e.action == "repaired"]
+    assert slocum_pump(native, tally)["measured_pump"].values[0] == pytest.approx(2000.0)
+
+
+@pytest.mark.parametrize(("ctd", "value"), [("LEGATO", 39.0), ("GPCTD", 3.9), ("GPCTD", 39.0)])
+def test_each_ctd_of_a_seaexplorer_has_its_own_unit(tmp_path: Path, ctd: str, value: float) -> None:
+    """RBR's Legato writes mS/cm and Sea-Bird's GPCTD S/m: 3.9 S/m at 12 degC is a salinity of 34.
+
+    The salinity is that of the practical salinity scale (SP_from_C of TEOS-10).
+    """
+    time = FLIGHT.time
+    state = FLIGHT.state(time)
+    stamps = [datetime.fromtimestamp(t, UTC).strftime("%d/%m/%Y %H:%M:%S.%f")[:-3] for t in time]
+    right = float(gsw.SP_from_C(39.0, 12.0, 30.0))
+    paths = [
+        write_seaexplorer(tmp_path / "sea009.3.gli.sub.1.csv", FLIGHT),
+        write_csv(
+            tmp_path / "sea009.3.pld1.sub.1.csv",
+            {
+                "PLD_REALTIMECLOCK": stamps,
+                f"{ctd}_TEMPERATURE": np.full(len(time), 12.0),
+                f"{ctd}_CONDUCTIVITY": np.full(len(time), value),
+                f"{ctd}_PRESSURE": np.full(len(time), np.nan),
+            },
+        ),
+    ]
+    dataset, _ = import_logs("seaexplorer", paths)
+    assert float(np.nanmedian(dataset["measured_salinity"])) == pytest.approx(right, abs=0.05)
+
+
+def test_of_several_topics_the_first_with_values_is_taken() -> None:
+    """An Imu without an attitude, -1 in its covariance, hides no Odometry."""
+    time = np.arange(3.0)
+    tables = {
+        "/imu": MessageTable(time, {"roll": np.full(3, np.nan)}),
+        "/odom": MessageTable(time, {"roll": time}),
+    }
+    sources = {"measured_roll": [Signal(column="/imu roll"), Signal(column="/odom roll")]}
+    tally = Tally()
+    assert valued(sources, tables, tally)["measured_roll"].column == "/odom roll"
+    assert [(e.action, e.subject) for e in tally.entries()] == [("left out", "/imu")]
+
+
+def test_oxygen_per_mass_is_not_taken_for_oxygen_per_volume() -> None:
+    time = np.arange(3.0)
+    found = {"AROD_FT_DO": Channel(time, np.full(3, 250.0))}
+    tally = Tally()
+    made = payload_channels(found, (), tally, units={"AROD_FT_DO": "mmol m-3"})
+    np.testing.assert_allclose(made["measured_oxygen"].values, 250.0)
+    assert not payload_channels(found, (), tally, units={"AROD_FT_DO": "umol kg-1"})
+    given = parse_payload(["oxygen=AROD_FT_DO[umol L-1]"])
+    made = payload_channels(found, given, tally, units={"AROD_FT_DO": "umol kg-1"})
+    np.testing.assert_allclose(made["measured_oxygen"].values, 250.0)  # the user knows better
