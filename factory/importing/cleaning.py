@@ -7,14 +7,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel, DeploymentLog
-from factory.importing.plausibility import (
-    lone_zeros,
-    short_runs,
-    sinks_in_radian,
-    stale,
-    unreachable,
-)
+from factory.importing.deployment_log import Channel
+from factory.importing.plausibility import lone_zeros, short_runs, stale, unreachable
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
@@ -152,57 +146,6 @@ def _doubt_unit(
             int(impossible.sum()), start=float(time[impossible].min()),
             end=float(time[impossible].max()),
         )  # fmt: skip
-
-
-_CURRENTS = (
-    ("dac_north", "dac_east"),
-    ("measured_current_north", "measured_current_east"),
-)
-"""Currents that vehicles report, as pairs"""
-
-
-def checked_units(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """A log as a reader made it, with what its values say of its units: what is left of any kind.
-
-    Currents that no sea has are removed, and a pitch in radian by the flight is suspect.
-    """
-    depth, pitch = log.channel("measured_depth"), log.channel("measured_pitch")
-    depth = depth if len(depth) else log.channel("measured_pressure")  # a dbar is a metre here
-    flat = len(pitch) and float(np.percentile(np.abs(pitch.values), 99.0)) < 0.5 * np.pi
-    if flat and len(depth) and sinks_in_radian(pitch.time, depth.at(pitch.time), pitch.values):
-        tally.doubt(
-            "measured_pitch", "the vehicle sinks and rises by its pitch in radian: another unit?",
-            len(pitch), deployment=log.deployment,
-        )  # fmt: skip
-    return _without_impossible_currents(log, tally)
-
-
-def _without_impossible_currents(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log without reported currents that no sea has; the dives that they are of are suspect."""
-    channels, auxiliary = dict(log.channels), dict(log.auxiliary)
-    limits = LIMITS["dac_north"]
-    for pair in _CURRENTS:
-        bad = np.zeros(0)
-        for name in pair:
-            one = log.channel(name)
-            wrong = ~((one.values >= limits.low) & (one.values <= limits.high))
-            bad = np.union1d(bad, one.time[wrong])
-        if not bad.size:
-            continue
-        for name in pair:
-            one = log.channel(name)
-            kept = ~np.isin(one.time, bad)
-            place = channels if name in channels else auxiliary
-            if name in place:
-                place[name] = Channel(one.time[kept], one.values[kept])
-        times = np.union1d(log.channel(pair[0]).time, log.channel(pair[1]).time)
-        before = np.concatenate([[-np.inf], times[:-1]])[np.isin(times, bad)]
-        for k, (start, end) in enumerate(zip(before, times[np.isin(times, bad)], strict=True)):
-            tally.doubt(
-                " and ".join(pair), f"a current of more than {limits.high:g} m/s: no sea has it",
-                0 if k else len(bad), deployment=log.deployment, start=start, end=end,
-            )  # fmt: skip
-    return dataclasses.replace(log, channels=channels, auxiliary=auxiliary)
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:

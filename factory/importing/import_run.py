@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.cleaning import checked_units
 from factory.importing.deployment_log import UNREADABLE
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
@@ -22,6 +21,7 @@ from factory.importing.formats.base import (
     likely_kind,
 )
 from factory.importing.given_files import expand
+from factory.importing.log_limits import within_limits
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, Tally, summarise
@@ -135,7 +135,7 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        found = [checked_units(log, tally) for log in _read(importer, paths, options, tally)]
+        found = [within_limits(log, tally) for log in _read(importer, paths, options, tally)]
         logs = _with_doubts(found, tally)
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)

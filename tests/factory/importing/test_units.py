@@ -28,16 +28,25 @@ from logs import (
 )
 
 from factory.importing import import_logs
-from factory.importing.deployment_log import Channel
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+)
 from factory.importing.formats.csv.mapping import Signal
 from factory.importing.formats.slocum.choices import slocum_pump
 from factory.importing.formats.slocum.native_sensors import in_native_units
+from factory.importing.log_limits import within_limits
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
 from factory.importing.pressures import without_air
 from factory.importing.tally import ImportReport, Tally
 from factory.importing.units import declared, in_unit, known_units
 from twin.errors import InputError
+from twin.physics.true_signals import declare_parts
+from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight()
 SLOW = Flight(depth=90.0, speed=0.36)
@@ -516,7 +525,6 @@ def test_each_ctd_of_a_seaexplorer_has_its_own_unit(tmp_path: Path, ctd: str, va
     The salinity is that of the practical salinity scale (SP_from_C of TEOS-10).
     """
     time = FLIGHT.time
-    state = FLIGHT.state(time)
     stamps = [datetime.fromtimestamp(t, UTC).strftime("%d/%m/%Y %H:%M:%S.%f")[:-3] for t in time]
     right = float(gsw.SP_from_C(39.0, 12.0, 30.0))
     paths = [
@@ -558,3 +566,26 @@ def test_oxygen_per_mass_is_not_taken_for_oxygen_per_volume() -> None:
     given = parse_payload(["oxygen=AROD_FT_DO[umol L-1]"])
     made = payload_channels(found, given, tally, units={"AROD_FT_DO": "umol kg-1"})
     np.testing.assert_allclose(made["measured_oxygen"].values, 250.0)  # the user knows better
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("latitude", 49500.0), ("measured_rudder", 1e30), ("onboard_north", 9e301)]
+)
+def test_no_kind_of_log_keeps_what_no_vehicle_has(name: str, value: float) -> None:
+    """A single value goes; where most are impossible the rest is suspect."""
+    declare_parts(load_vehicle("tethys"))
+    time = np.arange(10.0)
+    good, wrong = np.zeros(10), np.full(10, value)
+    one = np.where(time == 3.0, value, 0.0)
+    for values, left, doubts in ((good, 10, 0), (one, 9, 0), (wrong, 0, 1)):
+        place = "channels" if name.startswith("measured") else "auxiliary"
+        log = DeploymentLog(
+            deployment="a", platform="b", fixes=NO_FIXES, magnetic_variation=EMPTY,
+            **{"channels": {}, place: {name: Channel(time, values)}},
+        )  # fmt: skip
+        tally = Tally()
+        assert len(within_limits(log, tally).channel(name)) == left
+        assert len(tally.doubts) == doubts
+    fixes = LoggedFixes(time, one, good)
+    tally = Tally()
+    assert len(within_limits(dataclasses.replace(log, fixes=fixes), tally).fixes) == 9
