@@ -26,8 +26,8 @@ _FITS, _FAILS = 0.12, 0.25
 """Part of the depth by which a unit may miss it, and from which it contradicts it."""
 _DEEP = 5.0
 """[m] Shallower, the ratio of pressure to depth says nothing."""
-_FEWEST = 10
-"""Samples that compare pressure and depth."""
+_FEWEST, _COMPARED = 10, 10_000
+"""Samples that compare pressure and depth: at least, and about how many of a long log."""
 _MIDDLE = 45.0
 """[degree] Latitude at which pressure and depth are compared: 0.3 % off at a pole"""
 _OFFSET = 5.0
@@ -66,11 +66,13 @@ def to_dbar(
     use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
     if use.sum() < _FEWEST:
         return values * size
-    beside, middle = depth[use], float(np.median(depth[use]))
+    some = np.flatnonzero(use)
+    some = some[:: max(1, len(some) // _COMPARED)]
+    beside, middle = depth[some], float(np.median(depth[some]))
     units = dict.fromkeys((native, *UNITS))
     missed = {
         (unit, air): float(
-            np.median(np.abs(_metres(values[use] * factor_of(unit, "dbar") - air) - beside))
+            np.median(np.abs(_metres(values[some] * factor_of(unit, "dbar") - air) - beside))
         )
         for unit in units
         for air in (0.0, AIR)
@@ -88,7 +90,7 @@ def to_dbar(
         why = f"was in {unit} where {native} is {'declared' if sure else 'native'}"
         tally.add("repaired", subject, count, why + (" and with the air's pressure" if air else ""))
         return values * factor_of(unit, "dbar") - air
-    ratio = float(np.median(beside / values[use]))
+    ratio = float(np.median(beside / values[some]))
     why = (
         f"pressure and depth do not belong together ({ratio:.3g} m for each unit of pressure; "
         f"{native} would be {size:g}); other vehicle's columns or unknown unit"
