@@ -21,6 +21,7 @@ from factory.importing.formats.base import (
     kind_that_takes,
 )
 from factory.importing.given_files import expand
+from factory.importing.log_limits import within_limits
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
@@ -135,7 +136,8 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        logs = _with_doubts(_read(importer, paths, options, tally), tally)
+        found = [within_limits(log, tally) for log in _read(importer, paths, options, tally)]
+        logs = _with_doubts(found, tally)
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:

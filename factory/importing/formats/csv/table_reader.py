@@ -36,6 +36,7 @@ from factory.importing.formats.csv.mapping import (
 from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
 from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
 from factory.importing.formats.csv.velocity_checks import check_track
+from factory.importing.pressures import with_dbar_by_depth
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, note_empty
 from twin.errors import InputError
@@ -131,7 +132,7 @@ def mapped_log(
     """The log of mapped channels: true north, fixes, rows, water.
 
     Args:
-      channels: by signal; changed in place.
+      channels: by signal.
       variation_deg: [degree] magnetic variation, instead of the log's own.
       time: [s] every time of the deployment, increasing.
       files: [s] times of each file.
@@ -146,6 +147,7 @@ def mapped_log(
         tally.add(
             "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
         )
+    channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
     fixes = _fixes(channels.pop("gps_latitude", EMPTY), channels.pop("gps_longitude", EMPTY), tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
@@ -250,7 +252,7 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
         temperature=warm.values,
         pressure=dbar.at(both),
         practical=fresh.at(both) if len(fresh) else None,
-        conductivity=None if len(fresh) or conductivity is None else conductivity.at(both),
+        conductivity=None if conductivity is None else conductivity.at(both),
         latitude=latitude,
         longitude=longitude,
         tally=tally,

@@ -63,10 +63,12 @@ def ctd(
     if temperature is None:
         return {}, used
     practical = first(SALINITIES)
-    measured = first(CONDUCTIVITIES) if practical is None or own_conductivity else None
+    read = set(used)
+    measured = first(CONDUCTIVITIES)
+    if practical is not None and not own_conductivity:
+        used = read  # it tells only where the CTD was off
     if measured is not None:
         measured = siemens(measured, "CNDC", tally)
-    conductivity = measured if practical is None else None
     latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
     places = fixes
     if not len(fixes) and latitude is not None and longitude is not None:
@@ -78,7 +80,7 @@ def ctd(
         temperature=temperature,
         pressure=at.at(time),
         practical=practical,
-        conductivity=conductivity,
+        conductivity=measured,
         latitude=north,
         longitude=east,
         tally=tally,
