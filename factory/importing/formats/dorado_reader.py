@@ -33,6 +33,7 @@ from factory.importing.messages import (
     with_standard,
 )
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of, unit_in
+from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, note_unread
 from factory.importing.units import unit_to_take
 from twin.errors import InputError
@@ -278,6 +279,8 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
                 )
     if not tables:
         raise WrongFormat(path, names)
+    for topic, table in tables.items():
+        expect_going(f"time of {topic}", table.time, table.columns, path.name)
     return Instruments(product, {t: _valid(t, table) for t, table in tables.items()}, units)
 
 

@@ -32,6 +32,7 @@ from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, unit_in
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.pressures import with_dbar_by_depth
+from factory.importing.sample_clock import expect_going
 from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally, note_empty, note_unread
 from factory.importing.units import PRACTICAL, declared, unit_of
@@ -109,6 +110,11 @@ def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
         others = [*file.variables, *(n for n, g in file.groups.items() if not g.groups)]
     if "depth" not in found and "sea_water_pressure" not in found:
         raise WrongFormat(path, names)
+    for name in ("depth", "sea_water_pressure"):
+        if name in found:
+            written, values, _ = found[name]
+            time = unix_seconds(written, f"{path.name} {name}", Tally())
+            expect_going(f"time of {name}", time, {name: values}, path.name)
     return found, [name for name in others if name not in found]
 
 
