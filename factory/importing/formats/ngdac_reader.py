@@ -50,7 +50,7 @@ from factory.importing.payload import payload_channels, payload_names
 from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
-from factory.importing.units import PRACTICAL, declared
+from factory.importing.units import PRACTICAL, converted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -155,7 +155,12 @@ def _profile(path: Path, extra: Sequence[str], tally: Tally) -> NgdacProfile:
             name = text_of(variables.get("trajectory")) or str(getattr(file, "id", path.stem))
             platform = str(getattr(file, "glider_model", "glider"))
             time = seconds_of(columns.pop(CLOCK), attributes[CLOCK], path.name, tally)
-            columns = _in_units(columns, attributes, name, sensors, tally)
+            units = {n: unit_in(attributes[n]) for n in columns}
+            parts = {n: ACTUATORS[sensor] for sensor, n in sensors.items()}
+            columns = converted(
+                columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
+                native={n: part[2] for n, part in parts.items()}, deployment=name,
+            )  # fmt: skip
             current = _current(variables, path, name, tally)
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
@@ -187,30 +192,6 @@ def _unflagged(variables: Any, name: str, tally: Tally) -> Array:
     return np.where(bad, np.nan, values)
 
 
-def _in_units(
-    columns: Columns,
-    attributes: Mapping[str, Mapping[str, Any]],
-    deployment: str,
-    sensors: Mapping[str, str],
-    tally: Tally,
-) -> Columns:
-    """The columns in the store's units by what the file declares, those of another quantity out."""
-    wanted = {name: (unit, unit) for name, unit in UNITS.items()}
-    wanted |= {name: ACTUATORS[sensor][1:3] for sensor, name in sensors.items()}
-    found = dict(columns)
-    for name in sorted(set(wanted) & set(columns)):
-        unit, native = wanted[name]
-        values = declared(
-            columns[name], unit_in(attributes[name]), unit, name, tally, native=native,
-            deployment=deployment,
-        )  # fmt: skip
-        if values is None:
-            del found[name]
-        else:
-            found[name] = values
-    return found
-
-
 def _current(
     variables: Any, path: Path, deployment: str, tally: Tally
 ) -> tuple[float, float, float] | None:
@@ -221,14 +202,13 @@ def _current(
     if not all(one.size and np.isfinite(one[0]) for one in (u, v, time)):
         return None
     when = seconds_of(time, attributes_of(variables["time_uv"]), f"{path.name} time_uv", tally)
-    speeds = [
-        declared(
-            one, unit_in(attributes_of(variables[name])), "m s-1", name, tally,
-            deployment=deployment,
-        )
-        for name, one in (("u", u), ("v", v))
-    ]  # fmt: skip
-    east, north = (float("nan") if one is None else float(one[0]) for one in speeds)
+    units = {n: unit_in(attributes_of(variables[n])) for n in ("u", "v")}
+    found = converted(
+        {"u": u, "v": v}, units, dict.fromkeys(units, "m s-1"), tally, deployment=deployment
+    )
+    if len(found) < len(units):
+        return None
+    east, north = (float(found[name][0]) for name in ("u", "v"))
     return (float(when[0]), east, north) if np.isfinite(east * north) else None
 
 
@@ -273,10 +253,11 @@ def _log(
             pressure, depth, "pressure", tally, native="dbar",
             declared=unit_in(attributes["pressure"]), deployment=name,
         )  # fmt: skip
-        one = clean("measured_pressure", time, dbar, tally, subject="pressure")
+        below = clean("measured_pressure", time, dbar, tally, subject="pressure")
         if depth is None:
-            one = pressure_by_flight(one, channels.get("measured_pitch", EMPTY), "pressure", tally)
-        channels["measured_pressure"] = one
+            pitch = channels.get("measured_pitch", EMPTY)
+            below = pressure_by_flight(below, pitch, "pressure", tally)
+        channels["measured_pressure"] = below
     if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, places, tally)

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from factory.importing.cleaning import clean
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes, each_file
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of, unit_in
+from factory.importing.netcdf import attributes_of, open_netcdf, seconds_of, values_in
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, leave_out, note_unread
-from factory.importing.units import PRACTICAL, declared
+from factory.importing.units import PRACTICAL
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
                 name: values
                 for name in (*PLACES, *CURRENTS.values(), *OWNERS)
                 if name in variables
-                and (values := _values(variables[name], tally)) is not None
+                and (values := values_in(variables[name], UNITS, tally)) is not None
                 and (name in PLACES or np.isfinite(values).any())
             }
             if not set(PLACES) <= set(numbers):
@@ -99,7 +99,7 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             for name in ("time", "time_uv"):
                 said = attributes_of(variables[name])
                 numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
-            bins = _values(variables["depth"], tally)
+            bins = values_in(variables["depth"], UNITS, tally)
             if bins is None:
                 raise InputError(f"{path.name}: depth is no length by its unit")
             depth = np.abs(bins)
@@ -107,7 +107,8 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             water = {
                 name: _by_profile(variables[name], values, count, len(depth), path)
                 for name in WATER
-                if name in variables and (values := _values(variables[name], tally)) is not None
+                if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
             }
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
@@ -133,14 +134,6 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
         depth=depth,
         water={name: values[usable] for name, values in water.items()},
     )
-
-
-def _values(variable: Any, tally: Tally) -> Array | None:
-    """Numbers of a variable in the store's unit; None where they are of another quantity."""
-    values, name = as_array(variable[:]), str(variable.name)
-    if name not in UNITS:
-        return values
-    return declared(values, unit_in(attributes_of(variable)), UNITS[name], name, tally)
 
 
 def _by_profile(variable: Any, values: Array, profiles: int, bins: int, path: Path) -> Array:
