@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from factory.importing.columns import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
+from factory.importing.units import declared
 from twin.bounded import check_declared
 from twin.errors import InputError
 
@@ -80,6 +81,17 @@ def attributes_of(variable: Any) -> dict[str, Any]:
 def unit_in(attributes: Mapping[str, Any]) -> str:
     """The unit that a variable declares; empty where it declares none."""
     return str(attributes.get("units", "")).strip()
+
+
+def values_in(variable: Any, units: Mapping[str, str], tally: Tally) -> Array | None:
+    """Numbers of a variable, by what it declares in the unit that `units` gives its name.
+
+    None where they are of another quantity, which is told.
+    """
+    values, name = as_array(variable[...]), str(variable.name)
+    if name not in units:
+        return values
+    return declared(values, unit_in(attributes_of(variable)), units[name], name, tally)
 
 
 def text_of(variable: Any) -> str:

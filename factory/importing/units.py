@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -166,6 +168,35 @@ def declared(
         count=int(np.isfinite(values).sum()),
     )  # fmt: skip
     return None if taken is None else in_unit(values, taken, wanted, subject)
+
+
+def converted(
+    columns: Mapping[str, Array],
+    units: Mapping[str, str],
+    wanted: Mapping[str, str],
+    tally: Tally,
+    *,
+    native: Mapping[str, str] = MappingProxyType({}),
+    deployment: str = "",
+) -> dict[str, Array]:
+    """Columns, those that are `wanted` in these units; without those of another quantity.
+
+    Args:
+      columns: by name, as the file has them.
+      units: that the file declares.
+      native: units of the format where they differ from the wanted ones.
+    """
+    found = dict(columns)
+    for name in [one for one in columns if one in wanted]:
+        values = declared(
+            columns[name], units.get(name, ""), wanted[name], name, tally,
+            native=native.get(name, ""), deployment=deployment,
+        )  # fmt: skip
+        if values is None:
+            del found[name]
+        else:
+            found[name] = values
+    return found
 
 
 def unit_to_take(

@@ -57,7 +57,7 @@ from factory.importing.sample_clock import NoClock, sample_clock
 from factory.importing.sampling_geometry import Geometry
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
-from factory.importing.units import PRACTICAL, declared
+from factory.importing.units import PRACTICAL, converted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -176,7 +176,12 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
             platform = str(getattr(file, "glider_model", "glider"))
             one = {*owners} if owners is not None else {name}
             deployment = (one.pop() or name) if len(one) == 1 else ""
-            columns = _in_units(columns, attributes, deployment, sensors, tally)
+            units = {n: unit_in(attributes[n]) for n in columns}
+            parts = {n: ACTUATORS[sensor] for sensor, n in sensors.items()}
+            columns = converted(
+                columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
+                native={n: part[2] for n, part in parts.items()}, deployment=deployment,
+            )  # fmt: skip
             sampled = {n: columns[n] for n in MEASURED if n in columns and n not in single}
             note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
             clocks = {
@@ -236,30 +241,6 @@ def _unflagged(geometry: Geometry, name: str, tally: Tally) -> Array:
     return np.where(bad, np.nan, values)
 
 
-def _in_units(
-    columns: Columns,
-    attributes: Mapping[str, Mapping[str, Any]],
-    deployment: str,
-    sensors: Mapping[str, str],
-    tally: Tally,
-) -> Columns:
-    """The columns in the store's units by what the file declares, those of another quantity out."""
-    wanted = {name: (unit, unit) for name, unit in UNITS.items()}
-    wanted |= {name: ACTUATORS[sensor][1:3] for sensor, name in sensors.items()}
-    found = dict(columns)
-    for name in sorted(set(wanted) & set(columns)):
-        unit, native = wanted[name]
-        values = declared(
-            columns[name], unit_in(attributes[name]), unit, name, tally, native=native,
-            deployment=deployment,
-        )  # fmt: skip
-        if values is None:
-            del found[name]
-        else:
-            found[name] = values
-    return found
-
-
 def _log(
     name: str,
     profiles: Sequence[NgdacProfile],
@@ -298,10 +279,11 @@ def _log(
             pressure, depth, "pressure", tally, native="dbar",
             declared=unit_in(attributes["pressure"]), deployment=name,
         )  # fmt: skip
-        one = clean("measured_pressure", time, dbar, tally, subject="pressure")
+        below = clean("measured_pressure", time, dbar, tally, subject="pressure")
         if depth is None:
-            one = pressure_by_flight(one, channels.get("measured_pitch", EMPTY), "pressure", tally)
-        channels["measured_pressure"] = one
+            pitch = channels.get("measured_pitch", EMPTY)
+            below = pressure_by_flight(below, pitch, "pressure", tally)
+        channels["measured_pressure"] = below
     if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, places, tally)

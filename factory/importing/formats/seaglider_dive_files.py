@@ -22,10 +22,17 @@ from factory.importing.cleaning import (
 )
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
 from factory.importing.formats.base import WrongFormat
-from factory.importing.netcdf import as_array, attributes_of, open_netcdf, text_of, unit_in
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    text_of,
+    unit_in,
+    values_in,
+)
 from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, note_empty, note_unread
-from factory.importing.units import PRACTICAL, declared
+from factory.importing.units import PRACTICAL
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -127,7 +134,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             samples: Columns = {"time": time}
             for source, column in SAMPLES.items():
                 if source in variables:
-                    values = _declared(variables[source], tally)
+                    values = values_in(variables[source], UNITS, tally)
                     if values is not None:
                         samples[column] = _along(source, values, time, path)
             expect_going("time", time, {n: v for n, v in samples.items() if n != "time"}, path.name)
@@ -146,7 +153,8 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             adcp = {
                 column: values
                 for name, column in ADCP.items()
-                if name in variables and (values := _declared(variables[name], tally)) is not None
+                if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
             }
             ctd = _ctd(variables, path, tally)
             carried = {n: _carried(variables, n) for n in payload if n in variables}
@@ -207,21 +215,13 @@ def _carried(variables: Any, name: str) -> Channel:
     return Channel(time, values[there][first])
 
 
-def _declared(variable: Any, tally: Tally) -> Array | None:
-    """Numbers in the store's unit by what the file declares; None for another quantity."""
-    values, name = as_array(variable[...]), str(variable.name)
-    if name not in UNITS:
-        return values
-    return declared(values, unit_in(attributes_of(variable)), UNITS[name], name, tally)
-
-
 def _number_in(variable: Any, tally: Tally) -> Array:
     """A number, (1,); older basestations write some letter by letter."""
     if variable.dtype == str or variable.dtype.kind not in "fiu":
         with contextlib.suppress(ValueError):
             return np.array([float(text_of(variable))])
         return np.array([np.nan])
-    values = _declared(variable, tally)
+    values = values_in(variable, UNITS, tally)
     return np.array([np.nan]) if values is None else values[:1]
 
 
@@ -278,7 +278,7 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
     if not all(source in variables for source in _FIX_PARTS.values()):
         return row
     for part, source in _FIX_PARTS.items():
-        values = _declared(variables[source], tally)
+        values = values_in(variables[source], UNITS, tally)
         if values is None:
             return {}
         for fix, value in zip(_FIXES, values, strict=False):
@@ -311,7 +311,7 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
     for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
         if source not in variables:
             continue
-        values = _declared(variables[source], tally)
+        values = values_in(variables[source], UNITS, tally)
         if values is None:
             continue
         if len(values) != len(columns["time"]):

@@ -30,6 +30,7 @@ from factory.importing.netcdf import (
     seconds_of,
     text_of,
     unit_in,
+    values_in,
 )
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, leave_out, note_unread
@@ -118,7 +119,7 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
                 name: values
                 for name in (*PLACES, *CURRENTS.values(), *OWNERS)
                 if name in variables
-                and (values := _values(variables[name], tally)) is not None
+                and (values := values_in(variables[name], UNITS, tally)) is not None
                 and (name in PLACES or np.isfinite(values).any())
             }
             if not set(PLACES) <= set(numbers):
@@ -129,7 +130,7 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             for name in ("time", "time_uv"):
                 said = attributes_of(variables[name])
                 numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
-            bins = _values(variables["depth"], tally)
+            bins = values_in(variables["depth"], UNITS, tally)
             if bins is None:
                 raise InputError(f"{path.name}: depth is no length by its unit")
             depth = np.abs(bins)
@@ -137,7 +138,8 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             water = {
                 name: _by_profile(variables[name], values, count, len(depth), path)
                 for name in WATER
-                if name in variables and (values := _values(variables[name], tally)) is not None
+                if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
             }
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
@@ -231,14 +233,6 @@ def _usable(found: SprayProfiles, path: Path, tally: Tally) -> SprayProfiles:
         depth=found.depth[usable],
         water={name: values[usable] for name, values in found.water.items()},
     )
-
-
-def _values(variable: Any, tally: Tally) -> Array | None:
-    """Numbers of a variable in the store's unit; None where they are of another quantity."""
-    values, name = as_array(variable[:]), str(variable.name)
-    if name not in UNITS:
-        return values
-    return declared(values, unit_in(attributes_of(variable)), UNITS[name], name, tally)
 
 
 def _by_profile(variable: Any, values: Array, profiles: int, bins: int, path: Path) -> Array:

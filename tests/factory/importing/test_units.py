@@ -589,3 +589,19 @@ def test_no_kind_of_log_keeps_what_no_vehicle_has(name: str, value: float) -> No
     fixes = LoggedFixes(time, one, good)
     tally = Tally()
     assert len(within_limits(dataclasses.replace(log, fixes=fixes), tally).fixes) == 9
+
+
+@pytest.mark.parametrize("unit", ["umol kg-1", "micromoles_per_kilogram", "nmol/kg", "mmol m-3"])
+def test_oxygen_of_og1_is_kept_per_volume(tmp_path: Path, unit: str) -> None:
+    """250 umol/kg in water of 1027 kg/m3 are 257 umol/L; 250 mmol/m3 are 250."""
+    per_mass = unit != "mmol m-3"
+    count = len(FLIGHT.time)
+    more = {
+        "TEMP": (np.full(count, 8.0), "degC"),
+        "PSAL": (np.full(count, 35.0), "1"),
+        "DOXY": (np.full(count, 250_000.0 if unit.startswith("nmol") else 250.0), unit),
+    }
+    dataset, _ = import_logs("og1", og1(tmp_path, **more))
+    dense = float(gsw.sigma0(gsw.SA_from_SP(35.0, 0.0, -58.0, 49.5), 8.0)) + 1000.0
+    right = 250.0 * (dense / 1000.0 if per_mass else 1.0)
+    assert float(np.nanmedian(dataset["measured_oxygen"])) == pytest.approx(right, abs=0.05)

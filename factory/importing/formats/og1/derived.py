@@ -30,9 +30,10 @@ from factory.importing.formats.og1.vocabulary import (
     TRUE_TRACK,
     WAYPOINT,
 )
-from factory.importing.netcdf import as_array
+from factory.importing.netcdf import as_array, unit_in
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out
+from factory.importing.units import in_unit, is_of
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -103,8 +104,8 @@ def oxygen_per_volume(
 
     Without salinity and temperature nobody knows it per volume: left out, and told.
     """
-    units = str(attributes.get("units", "")).lower().replace("_per_", "/")
-    if not any(word in units for word in ("kg", "kilogram")):
+    unit = unit_in(attributes)
+    if not is_of(unit, "umol kg-1"):
         return oxygen
     known = [water.get(n, EMPTY) for n in ("measured_salinity", "measured_temperature")]
     if not all(len(one) for one in known) or not len(pressure):
@@ -112,7 +113,8 @@ def oxygen_per_volume(
         return EMPTY
     dense = potential_density(*(one.at(oxygen.time) for one in (*known, pressure)))
     tally.add("note", name, len(oxygen), "umol/kg, kept as umol/L by its potential density")
-    return Channel(oxygen.time, oxygen.values * dense / LITRES)
+    values = in_unit(oxygen.values, unit, "umol kg-1", name)
+    return Channel(oxygen.time, values * dense / LITRES)
 
 
 @dataclasses.dataclass(frozen=True)

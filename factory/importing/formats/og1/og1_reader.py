@@ -83,7 +83,7 @@ from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.sample_clock import NoClock, sample_clock
 from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
-from factory.importing.units import declared, unit_of
+from factory.importing.units import converted, declared, is_of, unit_of
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, declare_stored
 
@@ -102,26 +102,6 @@ UNITS = {
 }
 """What variables that are no signals themselves are converted to"""
 ATTITUDE = {f"measured_{kind}": kind for kind in ("pitch", "roll", "heading")}
-
-
-def in_units(
-    columns: Mapping[str, Array],
-    attributes: Mapping[str, Mapping[str, Any]],
-    deployment: str,
-    tally: Tally,
-) -> dict[str, Array]:
-    """The columns of `UNITS` in these, by what the file declares; the others as they are."""
-    found = dict(columns)
-    for name in [n for n in columns if n in UNITS]:
-        values = declared(
-            columns[name], unit_in(attributes[name]), UNITS[name], name, tally,
-            deployment=deployment,
-        )  # fmt: skip
-        if values is None:
-            del found[name]
-        else:
-            found[name] = values
-    return found
 
 
 def own_signals(attributes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
@@ -289,7 +269,10 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     if ours:
         columns |= stored_columns(columns, flags)
     time, columns = tidy(time, columns, path.name, tally)
-    columns = in_units(with_values(columns, ("TIME_GPS",)), attributes, name, tally)
+    units = {n: unit_in(described) for n, described in attributes.items()}
+    columns = converted(
+        with_values(columns, ("TIME_GPS",)), units, UNITS, tally, deployment=name
+    )  # fmt: skip
     tally.add("read", path.name, len(time), "measurements")
     extra = payload_names(options.payload)
     own = own_signals(attributes)
@@ -315,12 +298,13 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     if dense is not None:  # with what the store had where the CTD was off
         channels["measured_density"] = dense
     found = {n: one for n in extra if len(one := _series(time, columns, n))}
-    if PER_MASS in found:
-        pressure = channels.get("measured_pressure", EMPTY)
+    if PER_MASS in found:  # for a potential density a metre is a dbar
+        pressure = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
         found[PER_MASS] = oxygen_per_volume(
             found[PER_MASS], attributes[PER_MASS], PER_MASS, water, pressure, tally
         )
-    units = {n: unit_in(attributes[n]) for n in found}
+        if is_of(units[PER_MASS], "umol kg-1"):
+            units[PER_MASS] = "umol L-1"
     channels |= payload_channels(found, options.payload, tally, units=units)
     known = {n for names in ALIASES.values() for n in names} | {*TEMPERATURES, *SALINITIES}
     known |= {*CONDUCTIVITIES, *OURS}

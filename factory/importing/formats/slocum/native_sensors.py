@@ -35,7 +35,7 @@ from factory.importing.payload import PayloadSignal, payload_channels
 from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally
-from factory.importing.units import declared, is_declared
+from factory.importing.units import converted, is_declared
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -79,14 +79,15 @@ def in_native_units(
     native: Native, units: Mapping[str, str], deployment: str, tally: Tally
 ) -> dict[str, Channel]:
     """Channels in the native units by what the files' sensor lists say."""
-    found = dict(native)
-    for name in UNITS.keys() & units.keys() & native.keys():
-        one = native[name]
-        values = declared(
-            one.values, units[name], UNITS[name], name, tally, deployment=deployment
-        )  # fmt: skip
-        found[name] = EMPTY if values is None else Channel(one.time, values)
-    return found
+    columns = converted(
+        {name: one.values for name, one in native.items()}, units,
+        {name: unit for name, unit in UNITS.items() if name in units}, tally,
+        deployment=deployment,
+    )  # fmt: skip
+    return {
+        name: Channel(one.time, columns[name]) if name in columns else EMPTY
+        for name, one in native.items()
+    }
 
 
 def slocum_log(
