@@ -1,4 +1,4 @@
-"""Unit of each angle of a log, radian or degree, found from what a glider's angles can be.
+"""Unit of each angle of a log: as declared, else radian or degree by what a glider's can be.
 
 Magnetic declination where a log has none: the reference field of the Earth at place and date.
 """
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
+from factory.importing.plausibility import sinks_in_radian
 from factory.importing.tally import Tally
+from factory.importing.units import declared, factor_of, is_declared, is_of
 
 Array = NDArray[np.float64]
 
@@ -105,6 +107,143 @@ def jointly_degrees(channels: Mapping[str, Channel], kinds: Mapping[str, str]) -
     ]
     yes, no = said.count(True), said.count(False)
     return yes > no
+
+
+_TURN = 378.0
+"""[degree] Nothing beyond a full turn and a twentieth is a heading."""
+_NEARLY_ALL = 0.95
+"""Part of the values that a unit must fit; the rest can be sentinels."""
+_LEVEL, _FLAT = 0.01, 0.5 * np.pi
+"""Range of a pitch in radian: as degrees no glider dives with it."""
+FLYING = 20.0
+"""[m] A glider that was deeper has pitched."""
+
+
+def _is_flat(values: Array) -> bool:
+    """Whether a pitch never leaves what would be 90 degree in radian."""
+    good = np.abs(values[np.isfinite(values)])
+    good = good[good <= 90.0]  # sentinels have no say
+    return bool(good.size > 20 and _LEVEL < np.percentile(good, 99.0) < _FLAT)
+
+
+def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:
+    """Native degrees. A pitch that never leaves 1.5 in flight was in radian: converted, counted."""
+    if flying and _is_flat(values):
+        return _of_radian(values, subject, tally)
+    return values
+
+
+def _of_radian(values: Array, subject: str, tally: Tally, why: str = "") -> Array:
+    count = int(np.isfinite(values).sum())
+    why = why or "was in radian where degrees are native"
+    tally.add("repaired", subject, count, why)
+    return np.degrees(values)
+
+
+def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
+    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+    impossible = np.isfinite(values) & ~((values >= -_TURN) & (values <= _TURN))
+    tally.add("removed", subject, int(impossible.sum()), f"no heading: beyond {_TURN:g} degree")
+    values = np.where(impossible, np.nan, values)
+    good = values[np.isfinite(values)]
+    if good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0:
+        inside = np.abs(good) < 1.01 * TURN
+        if inside.mean() > _NEARLY_ALL:
+            tally.add("repaired", subject, good.size, "was in radian where degrees are native")
+            return np.where(np.abs(values) < 1.01 * TURN, np.degrees(values), np.nan)
+    return values
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LoggedAngle:
+    """One angle of the attitude, as a file has it."""
+
+    values: Array
+    unit: str
+    """As the file declares it; empty where it declares none."""
+    subject: str
+    """The variable, for the report."""
+    native: str = "degree"
+    """Unit of the format, where nothing is declared or tells: degree or radian."""
+
+    @property
+    def said(self) -> str:
+        """Unit of the values by the file, else by the format."""
+        return self.unit if is_declared(self.unit) else self.native
+
+    @property
+    def in_radian(self) -> bool:
+        """Whether that is radian."""
+        return is_of(self.said, "degree") and factor_of(self.said, "degree") == np.degrees(1.0)
+
+
+def attitude_degrees(
+    angles: Mapping[str, LoggedAngle],
+    time: Array,
+    depth: Array | None,
+    tally: Tally,
+    *,
+    deployment: str = "",
+) -> dict[str, Array]:
+    """Angles of one log in degrees, by what each declares; those of another quantity are left out.
+
+    Radian that are called degrees are told by the sinking: a glider of 0.16 m/s at a third of a
+    degree would fly at 27 m/s. One software writes all its angles in one unit, so that roll and
+    heading follow the pitch.
+
+    Args:
+      angles: by a key of `REACH`.
+      time: [s] unix, (samples,).
+      depth: [m] at the same times, or a pressure [dbar], or None.
+    """
+    found: dict[str, Array] = {}
+    degrees = any(in_degrees(kind, one.values) for kind, one in angles.items() if one.in_radian)
+    for kind, one in angles.items():
+        if one.in_radian:
+            found[kind] = to_degrees(one.values, one.subject, tally, kind=kind, likely=degrees)
+            continue
+        values = declared(
+            one.values, one.unit, "degree", one.subject, tally, native=one.native,
+            deployment=deployment,
+        )  # fmt: skip
+        if values is not None:
+            found[kind] = values
+    radian = "pitch" in found and _is_called_degrees(
+        angles["pitch"], found["pitch"], time, depth, tally, deployment
+    )
+    for kind in found if radian else ():
+        one, largest = angles[kind], REACH[kind].largest
+        size = np.abs(found[kind][np.isfinite(found[kind])])
+        size = size[size <= _TURN]
+        if not one.in_radian and size.size and np.mean(size <= largest) > _NEARLY_ALL:
+            said = "declared: so it dives" if is_declared(one.unit) else "native"
+            why = f"was in radian where degrees are {said}"
+            values = _of_radian(found[kind], one.subject, tally, why)
+            found[kind] = np.where(np.abs(values) <= np.degrees(largest), values, np.nan)
+    if "heading" in found and not radian and not is_declared(angles["heading"].unit):
+        found["heading"] = heading_degrees(found["heading"], angles["heading"].subject, tally)
+    return found
+
+
+def _is_called_degrees(
+    one: LoggedAngle,
+    pitch: Array,
+    time: Array,
+    depth: Array | None,
+    tally: Tally,
+    deployment: str,
+) -> bool:
+    """Whether a pitch that is in degrees by its file is in radian; suspect if it is neither."""
+    if one.in_radian or depth is None or not _is_flat(pitch):
+        return False
+    depth = np.abs(depth)  # some files count it upward
+    flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
+    sinks = sinks_in_radian(time, depth, pitch)
+    guessed = (one.native == "radian" and sinks is None) if is_declared(one.unit) else flying
+    if sinks is False and flying and not guessed:
+        why = "below 1.5 degree where the vehicle dives: radian, or of another quantity?"
+        tally.doubt(one.subject, why, int(np.isfinite(pitch).sum()), deployment=deployment)
+    return bool(sinks) or guessed
 
 
 _DAY = 86400.0

@@ -60,6 +60,13 @@ SLOCUM = {
     "measured_vacuum": (("m_vacuum",), INCH_HG),
 }
 """Store's name, a Slocum's sensors by preference, and the store's units in one of theirs."""
+SLOCUM_UNITS = {
+    **dict.fromkeys(SLOCUM["measured_charge"][0], "A h"),
+    **dict.fromkeys(SLOCUM["measured_voltage"][0], "V"),
+    "m_coulomb_current": "A", "m_thruster_current": "A", "m_thruster_power": "W",
+    "m_vacuum": "inHg",
+}  # fmt: skip
+"""What these sensors are in"""
 SLOCUM_SENSORS = (*(name for names, _ in SLOCUM.values() for name in names), *THRUSTER)
 
 

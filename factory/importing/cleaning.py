@@ -1,26 +1,15 @@
-"""Repairs of one channel: impossible values and spikes removed, wrong units converted, counted."""
+"""Repairs of one channel: impossible values and spikes removed, counted."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel, DeploymentLog
-from factory.importing.plausibility import (
-    FASTEST,
-    SLOWEST,
-    lone_zeros,
-    short_runs,
-    speed_along_pitch,
-    stale,
-    unreachable,
-)
+from factory.importing.deployment_log import Channel
+from factory.importing.plausibility import lone_zeros, short_runs, stale, unreachable
 from factory.importing.tally import Tally
-from twin.errors import InputError
-from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 
@@ -57,15 +46,18 @@ LIMITS = {
     "measured_pump_power": Limits(low=0.0, high=1e4),
     "measured_thruster_power": Limits(low=0.0, high=1e4),
     "measured_vacuum": Limits(low=-5e4, high=101_000.0),
-    "variation": Limits(low=-180.0, high=180.0),
+    "dac_north": Limits(low=-3.0, high=3.0),
+    "dac_east": Limits(low=-3.0, high=3.0),
     "latitude": Limits(low=-90.0, high=90.0),
     "longitude": Limits(low=-180.0, high=360.0),
 }
 """The ocean is 0 to 12 000 dbar, -2.6 to 45 degC, up to 45 in salinity, 985 to 1090 kg m-3; no
 glider changes depth faster than 2 m/s nor turns faster than these rates for one sample only; no
-battery is shifted by more than 20 cm from its middle."""
+battery is shifted by more than 20 cm from its middle; no current over a whole dive is 3 m/s."""
 CHAINED = frozenset({"measured_pressure", "measured_depth"})
 """Channels in which not only single samples go, but whole runs that the rest cannot reach."""
+FRESH = frozenset({"measured_salinity", "conductivity"})
+"""Channels that are below their limits all through a lake, without another unit"""
 _MOST = 0.3
 """With more than this part of its samples out of reach of the others, a sensor is not repaired."""
 _SHORT = 20
@@ -84,11 +76,20 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
     subject = subject or name
     if name in CHAINED:
         values = downward(values, subject, tally)
+    if name == "measured_temperature":
+        values = of_kelvin(values, subject, tally)
     there = np.isfinite(values)
     limits = LIMITS.get(name)
     if limits is not None:
         possible = (values >= limits.low) & (values <= limits.high)
-        _remove(subject, time[there], values[there], (limits.low, limits.high), tally)
+        beyond = values > limits.high if name in FRESH else ~possible
+        _doubt_unit(subject, time, values, there & beyond, there, tally)
+        tally.add(
+            "removed",
+            subject,
+            int((there & ~possible).sum()),
+            f"outside {limits.low:g} to {limits.high:g}",
+        )
         there &= possible
     time, values = time[there], values[there]
     if limits is not None and np.isfinite(limits.rate):
@@ -123,76 +124,6 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
     return Channel(time, values)
 
 
-AUXILIARY_LIMITS = {
-    "dive": (-1.0, 1e6), "onboard_north": (-1e7, 1e7), "onboard_east": (-1e7, 1e7),
-    "dac_north": (-10.0, 10.0), "dac_east": (-10.0, 10.0), "velocity_north": (-10.0, 10.0),
-    "velocity_east": (-10.0, 10.0), "velocity_down": (-10.0, 10.0),
-    "current_north": (-10.0, 10.0), "current_east": (-10.0, 10.0),
-}  # fmt: skip
-"""Limits of what rows are made from [m, m/s]."""
-
-
-def limits_of(name: str) -> tuple[float, float]:
-    """Lowest and highest value that a channel of a log can have, in its unit."""
-    ending = name.rpartition("_")[2]
-    if name in LIMITS or ending in ("latitude", "longitude"):
-        limits = LIMITS.get(name) or LIMITS[ending]
-        return limits.low, limits.high
-    if name in AUXILIARY_LIMITS:
-        return AUXILIARY_LIMITS[name]
-    try:
-        return recorded_limits(name)
-    except LookupError:  # times, codes and switches
-        return -np.inf, np.inf
-
-
-def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log without values that none of its channels can have, counted.
-
-    Readers clean what they know to be noisy; here every channel of every format passes.
-    """
-
-    def inside(channels: Mapping[str, Channel]) -> dict[str, Channel]:
-        kept = {}
-        for name, channel in channels.items():
-            low, high = limits_of(name)
-            good = (channel.values >= low) & (channel.values <= high) & np.isfinite(channel.values)
-            if not good.all():
-                _remove(name, channel.time, channel.values, (low, high), tally)
-                channel = Channel(channel.time[good], channel.values[good])
-            kept[name] = channel
-        return kept
-
-    fixes = log.fixes
-    good = (np.abs(fixes.latitude) <= 90.0) & (np.abs(fixes.longitude) <= 360.0)
-    tally.add("removed", "GPS fixes", int((~good).sum()), "no position on Earth")
-    return dataclasses.replace(
-        log,
-        channels={name: one for name, one in inside(log.channels).items() if len(one)},
-        auxiliary=inside(log.auxiliary),
-        magnetic_variation=inside({"variation": log.magnetic_variation})["variation"],
-        fixes=fixes if good.all() else fixes.keep(good),
-    )
-
-
-def _remove(
-    name: str, time: Array, values: Array, limits: tuple[float, float], tally: Tally
-) -> None:
-    """Count the values outside limits; doubt a channel that is nearly always outside them."""
-    low, high = limits
-    out = ~((values >= low) & (values <= high))
-    why = f"outside {low:g} to {high:g}"
-    tally.add("removed", name, int(out.sum()), why)
-    # a sensor that is off says one value, a wrong unit many
-    if out.sum() > _NEARLY_ALL * len(out) and len(np.unique(values[out])) > _FEW_WORDS:
-        tally.doubt(
-            name, f"nearly all {why}; wrong unit or column?", int(out.sum()),
-            start=float(time[0]), end=float(time[-1]),
-        )  # fmt: skip
-
-
-_FEW_WORDS = 3
-"""Values by which sensors say that they have none"""
 _WAVES = 5.0
 """[m], [dbar] No sensor of a floating vehicle is higher above the sea."""
 _RARE, _OFTEN = 0.01, 0.05
@@ -206,7 +137,7 @@ _UPWARD, _ABOVE = 2.0, 0.1
 more than this part of how far it is below."""
 _SENTINELS = 2
 """Values of a column that are no measurements, on either side of those that are."""
-_FEWEST = 10
+_DIFFERENT = 10
 """Different values without which a column does not say which way it counts."""
 
 
@@ -226,7 +157,7 @@ def counts_upward(values: Array) -> bool:
     """
     possible = np.abs(values) <= LIMITS["measured_depth"].high
     found = np.unique(values[np.isfinite(values) & possible])
-    if found.size < _FEWEST:
+    if found.size < _DIFFERENT:
         return False
     wrong = max(_SENTINELS, round(_RARE * found.size))
     low, high = found[wrong], found[-1 - wrong]
@@ -239,6 +170,43 @@ def downward(values: Array, subject: str, tally: Tally) -> Array:
         return values
     tally.add("repaired", subject, int(np.isfinite(values).sum()), "was positive up")
     return -values
+
+
+_KELVIN, _COLDEST, _WARMEST = 273.15, 268.0, 318.0
+"""[K] Of 0 degC, and what water is between"""
+_MEASURED = 0.9
+"""Part of the different values that a unit must fit: sentinels are one value, over and over"""
+_FEWEST = 20
+
+
+def of_kelvin(values: Array, subject: str, tally: Tally) -> Array:
+    """Temperatures [degC]; those that are degC in name and can only be kelvin, converted."""
+    different = np.unique(values[np.isfinite(values)])
+    if different.size < _FEWEST:
+        return values
+    if np.mean((different > _COLDEST) & (different < _WARMEST)) < _MEASURED:
+        return values
+    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was in K, not in degC")
+    return values - _KELVIN
+
+
+def _doubt_unit(
+    subject: str,
+    time: Array,
+    values: Array,
+    impossible: NDArray[np.bool_],
+    there: NDArray[np.bool_],
+    tally: Tally,
+) -> None:
+    """Mark a stretch in which most of the different values are impossible: another unit."""
+    different = np.unique(values[there])
+    wrong = np.unique(values[impossible])
+    if wrong.size >= _FEWEST and wrong.size > 0.5 * different.size:
+        tally.doubt(
+            subject, "most of its values are impossible: another unit or quantity?",
+            int(impossible.sum()), start=float(time[impossible].min()),
+            end=float(time[impossible].max()),
+        )  # fmt: skip
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
@@ -257,106 +225,6 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
         excess[:-1] & excess[1:] & (out * back < 0) & (np.abs(out + back) < _RETURNED * size)
     )
     return bad
-
-
-def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:
-    """Native degrees. A pitch that never leaves 1.5 in flight was in radian: converted, counted."""
-    good = np.abs(values[np.isfinite(values)])
-    good = good[good <= 90.0]  # sentinels have no say
-    if flying and good.size > 20 and 0.01 < np.percentile(good, 99.0) < 0.5 * np.pi:
-        tally.add("repaired", subject, good.size, "was in radian where degrees are native")
-        return np.degrees(values)
-    return values
-
-
-def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
-    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
-    impossible = np.isfinite(values) & ~((values >= -_TURN) & (values <= _TURN))
-    tally.add("removed", subject, int(impossible.sum()), f"no heading: beyond {_TURN:g} degree")
-    values = np.where(impossible, np.nan, values)
-    good = values[np.isfinite(values)]
-    if good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0:
-        inside = np.abs(good) < 1.01 * 2.0 * np.pi
-        if inside.mean() > _NEARLY_ALL:
-            tally.add("repaired", subject, good.size, "was in radian where degrees are native")
-            return np.where(np.abs(values) < 1.01 * 2.0 * np.pi, np.degrees(values), np.nan)
-    return values
-
-
-_TURN = 378.0
-"""[degree] Nothing beyond a full turn and a twentieth is a heading."""
-_NEARLY_ALL = 0.95
-"""Part of the values that a unit must fit; the rest can be sentinels."""
-
-
-_LITRES = 5.0
-"""[cm3] No pump moves so little in a log: a range below is litres, a thousandth of it m3."""
-_STILL = 1e-5
-"""A pump that does not move says nothing about its unit."""
-
-
-def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
-    """Pumped volume in cm3; litres and m3 by their range are converted, counted."""
-    good = values[np.isfinite(values)]
-    good = good[np.abs(good) <= LIMITS["measured_pump"].high]  # sentinels have no say
-    if good.size < 20:
-        return values
-    span = float(np.ptp(np.percentile(good, [1.0, 99.0])))
-    if _STILL < span < _LITRES:
-        factor, unit = (1e3, "litres") if span > _LITRES * 1e-3 else (1e6, "m3")
-        tally.add("repaired", subject, good.size, f"was in {unit} where cm3 is native")
-        return values * factor
-    return values
-
-
-_DBAR_PER = {"bar": 10.0, "dbar": 1.0, "Pa": 1e-4, "kPa": 0.1, "psi": 0.689476}
-_NEAR = 0.12
-"""A pressure unit is recognised when the ratio to depth is within this of 1."""
-_DEEP = 5.0
-"""[m] Shallower, the ratio of pressure to depth says nothing."""
-
-
-def to_dbar(
-    values: Array, depth: Array | None, subject: str, tally: Tally, *, native: str
-) -> Array:
-    """Pressure in dbar. `depth` [m] at the same samples tells when the unit was swapped.
-
-    Raises:
-      InputError: pressure and depth fit no unit.
-    """
-    unit = native
-    if depth is not None:
-        use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
-        if use.sum() >= 10:
-            ratio = float(np.median(depth[use] / values[use]))
-            near = {u: abs(np.log(ratio / f)) for u, f in _DBAR_PER.items()}
-            unit = min(near, key=lambda u: near[u])
-            if near[unit] > _NEAR * 2.5:
-                raise InputError(
-                    f"{subject}: pressure and depth do not belong together ({ratio:.3g} m for each"
-                    f" unit of pressure; {native} would be {_DBAR_PER[native]:g}); other vehicle's"
-                    " columns or unknown unit"
-                )
-            if unit != native:
-                tally.add(
-                    "repaired", subject, int(np.isfinite(values).sum()),
-                    f"was in {unit} where {native} is native",
-                )  # fmt: skip
-    return values * _DBAR_PER[unit]
-
-
-def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: Tally) -> Channel:
-    """Pressure [dbar] whose scale the flight contradicts by a factor of ten, corrected; counted.
-
-    Without a depth beside it, bar and dbar are told apart by the speed that depth and pitch give.
-    """
-    speed = speed_along_pitch(pressure, pitch)
-    for factor, unit in ((0.1, "dbar where bar"), (10.0, "bar where dbar")):
-        wrong = speed > FASTEST if factor < 1.0 else speed < SLOWEST
-        if wrong and SLOWEST < factor * speed < FASTEST:
-            tally.add("repaired", subject, len(pressure), f"was in {unit} is native, by its speed")
-            return Channel(pressure.time, pressure.values * factor)
-    return pressure
 
 
 def degrees_minutes(values: Array) -> Array:

@@ -8,7 +8,7 @@ import io
 import math
 import warnings
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -377,6 +377,14 @@ def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict
         )
         for name in present
     }
+
+
+def with_values(columns: Mapping[str, Array], kept: Iterable[str] = ()) -> dict[str, Array]:
+    """The columns that have a value, and those that are `kept` in any case.
+
+    One without a value hides no other of the same meaning.
+    """
+    return {n: v for n, v in columns.items() if n in set(kept) or np.isfinite(v).any()}
 
 
 def _line(error: BaseException) -> str:

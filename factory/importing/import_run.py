@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.cleaning import within_limits
 from factory.importing.deployment_log import OF_THE_MACHINE, UNREADABLE, each_file, failed_reading
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
@@ -24,6 +23,7 @@ from factory.importing.formats.base import (
     kind_that_takes,
 )
 from factory.importing.given_files import expand
+from factory.importing.log_limits import within_limits
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules

@@ -7,7 +7,7 @@ A column is a topic and a field of its messages, with a blank between: `/imu ang
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from collections.abc import Mapping as Dict
 from pathlib import Path
 
@@ -75,6 +75,31 @@ def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -
             tally.add("left out", name, 1, str(mapping.reason(added[name].column)))
     kept = {n: s for n, s in added.items() if mapping.reason(s.column) is None}
     return dataclasses.replace(mapping, signals={**kept, **mapping.signals})
+
+
+def valued(
+    sources: Dict[str, Sequence[Signal]], tables: Dict[str, MessageTable], tally: Tally
+) -> dict[str, Signal]:
+    """Of several sources of a signal the first that has values, or else the first; the rest told.
+
+    Args:
+      sources: by signal, the best first.
+      tables: what was read, by topic.
+    """
+    found = {}
+    for name, several in sources.items():
+        found[name] = next((one for one in several if _has_values(one, tables)), several[0])
+        for one in several:
+            topic = one.column.partition(" ")[0]
+            if topic != found[name].column.partition(" ")[0]:
+                tally.add("left out", topic, 1, f"{name} is taken from {found[name].column}")
+    return found
+
+
+def _has_values(signal: Signal, tables: Dict[str, MessageTable]) -> bool:
+    topic, _, field = signal.column.partition(" ")
+    columns = tables[topic].columns if topic in tables else {}
+    return field in columns and bool(np.isfinite(columns[field]).any())
 
 
 def wanted_fields(mapping: Mapping) -> dict[str, list[str]]:

@@ -6,8 +6,9 @@ import dataclasses
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from factory.importing.deployment_log import Channel
+from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.tally import Tally, leave_out
+from factory.importing.units import declared, is_declared, is_known
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, Variable, declare
 
@@ -27,6 +28,8 @@ class PayloadSignal:
     long_name: str = ""
     standard_name: str | None = None
     limits: tuple[float, float] = _ANY
+    by_user: bool = False
+    """Whether the user gives the unit, whatever a file says."""
 
 
 KNOWN = (
@@ -101,11 +104,12 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
             )
         base = known.get(signal)
         if base is not None and match["units"] in (None, base.units):
-            found.append(dataclasses.replace(base, sources=(match["source"],)))
+            by_user = match["units"] is not None
+            found.append(dataclasses.replace(base, sources=(match["source"],), by_user=by_user))
         else:
             found.append(
                 PayloadSignal(
-                    signal=signal, sources=(match["source"],), units=match["units"],
+                    signal=signal, sources=(match["source"],), units=match["units"], by_user=True,
                     long_name=match["name"].replace("_", " "),
                 )
             )  # fmt: skip
@@ -119,6 +123,23 @@ _OTHERS = frozenset(VARIABLES)
 def payload_names(payload: Iterable[PayloadSignal]) -> tuple[str, ...]:
     """Names in files that payloads come from: those known and those that the user maps."""
     return tuple(dict.fromkeys(name for one in (*payload, *KNOWN) for name in one.sources))
+
+
+def _in_unit(
+    channel: Channel, said: str, signal: PayloadSignal, name: str, tally: Tally
+) -> Channel:
+    """A channel in the signal's unit by what its file says; empty for another quantity.
+
+    A unit of the user's own stands, and a word that nobody knows, such as one of a calibration, is
+    taken for the signal's unit, and noted.
+    """
+    if signal.units is None or signal.by_user or not is_declared(said) or said == "1":
+        return channel
+    if not is_known(said):
+        tally.add("note", name, len(channel), f"its unit {said!r} taken as {signal.units}")
+        return channel
+    values = declared(channel.values, said, signal.units, name, tally)
+    return EMPTY if values is None else Channel(channel.time, values)
 
 
 def payload_channels(
@@ -150,7 +171,11 @@ def payload_channels(
             continue
         leave_out(there[1:], f"{there[0]} is taken as {one.signal}", tally)
         channel = found[there[0]]
-        unit = one.units or (units or {}).get(there[0]) or "1"
+        said = (units or {}).get(there[0], "")
+        channel = _in_unit(channel, said, one, there[0], tally)
+        if not len(channel):
+            continue
+        unit = one.units or said or "1"
         low, high = one.limits
         good = (channel.values >= low) & (channel.values <= high)
         tally.add("removed", there[0], int((~good).sum()), f"outside {low:g} to {high:g}")

@@ -56,6 +56,36 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
     return float(np.median(rate[use] / np.sin(np.radians(np.abs(angle[use])))))
 
 
+_AGREE = 0.9
+"""Part of the moving samples whose pitch points where the vehicle goes."""
+
+
+def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
+    """Whether a vehicle sinks and rises as its pitch in radian says and cannot as in degrees.
+
+    None where it moves too little to tell.
+
+    Args:
+      time: [s] increasing, (samples,).
+      depth: [m] at the same times, NaN where there is none.
+      pitch: small numbers, of degrees or of radian.
+    """
+    there = np.isfinite(depth)
+    moving = Channel(time[there], depth[there])
+    known = np.isfinite(pitch) & (pitch != 0.0)
+    rate = Channel(moving.time, vertical_speed(moving)).at(time[known])
+    below = moving.at(time[known]) > _BELOW
+    angle, use = pitch[known], below & (np.abs(rate) > _MOVING)
+    if use.sum() < 2 * _ENOUGH:
+        return None
+    rate, angle = rate[use], angle[use]
+    agree = float(np.mean(np.sign(rate) == -np.sign(angle)))
+    as_degrees = float(np.median(np.abs(rate) / np.sin(np.radians(np.abs(angle)))))
+    as_radian = float(np.median(np.abs(rate) / np.sin(np.abs(angle))))
+    one_way = max(agree, 1.0 - agree) > _AGREE  # a wrong sign is another fault
+    return one_way and as_degrees > FASTEST and SLOWEST < as_radian < FASTEST
+
+
 def check_signs(log: DeploymentLog, tally: Tally) -> None:
     """Report channels whose sign or scale contradicts the dives, as `suspect`."""
     depth = log.channel("measured_depth")

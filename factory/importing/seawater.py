@@ -6,7 +6,7 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean
+from factory.importing.cleaning import clean, of_kelvin
 from factory.importing.deployment_log import Channel
 from factory.importing.tally import Tally
 
@@ -16,6 +16,11 @@ _MS_PER_CM = 10.0
 """gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
 _SWAPPED = 9.0
 """[S/m] No sea water conducts more: such a median is in mS/cm."""
+
+
+_NONE, _DISTILLED = -0.01, 5e-4
+"""[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
+conducts. Below are sentinels of the conductivity alone."""
 
 
 def depth_of(pressure: Array, latitude_deg: float) -> Array:
@@ -82,12 +87,22 @@ def ctd_channels(
 ) -> dict[str, Channel]:
     """Temperature, salinity and density as clean channels.
 
-    Samples where one of the sensors has no value, or an impossible one, are left out together.
-    Either conductivity [S/m] or practical salinity is given. Places [degree] are one for all
-    samples or one for each: where a log grows, those of a dive must not depend on later ones.
+    Samples where one of the sensors has no value, or an impossible one, are left out together; a
+    CTD that is off or in the air, by its conductivity, has no temperature either. Where both are
+    given, the practical salinity is taken, and the conductivity [S/m] tells only that. Places
+    [degree] are one for all samples or one for each: where a log grows, those of a dive must not
+    depend on later ones.
     """
-    warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
+    off = np.zeros(len(time), bool)
     if conductivity is not None:
+        off |= (conductivity > _NONE) & (conductivity < _DISTILLED)
+    if practical is not None:
+        off |= (practical <= 0.0) & (temperature == 0.0)
+    there = off & np.isfinite(temperature)
+    tally.add("removed", "temperature", int(there.sum()), "the CTD is off or in the air")
+    temperature = of_kelvin(np.where(off, np.nan, temperature), "temperature", tally)
+    warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
+    if conductivity is not None and practical is None:
         conducts = clean("conductivity", time, conductivity, tally)
         both = np.intersect1d(warm.time, conducts.time)
         use = np.isin(time, both)

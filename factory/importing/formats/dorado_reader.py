@@ -29,11 +29,14 @@ from factory.importing.messages import (
     MessageTable,
     log_of_messages,
     mapping_of,
+    valued,
     wanted_fields,
     with_standard,
 )
-from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of
+from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of, unit_in
+from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, note_unread
+from factory.importing.units import unit_to_take
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -97,6 +100,8 @@ class Instruments:
     product: bool
     tables: dict[str, MessageTable]
     """Numbers by instrument; times [s] unix"""
+    units: dict[str, str] = dataclasses.field(default_factory=dict)
+    """As a netCDF file declares them, by instrument and field with a blank between"""
 
 
 def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
@@ -108,6 +113,7 @@ def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
     """
     missions: dict[tuple[Path, bool], dict[str, MessageTable]] = {}
     files: dict[tuple[Path, bool], list[Path]] = {}
+    units: dict[str, str] = {}
     for path, found in each_file(paths, lambda one: _instruments(one, tally), tally):
         place = path.resolve() if found.product else path.resolve().parent
         known = missions.setdefault((place, found.product), {})
@@ -118,8 +124,9 @@ def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
             )
         known.update({name: one for name, one in found.tables.items() if name not in twice})
         files.setdefault((place, found.product), []).append(path)
+        units |= found.units
     return [
-        _log(place, product, files[place, product], tables, options, tally)
+        _log(place, product, files[place, product], tables, units, options, tally)
         for (place, product), tables in missions.items()
     ]
 
@@ -129,6 +136,7 @@ def _log(
     product: bool,
     files: Sequence[Path],
     tables: dict[str, MessageTable],
+    units: dict[str, str],
     options: ReadOptions,
     tally: Tally,
 ) -> DeploymentLog:
@@ -136,7 +144,7 @@ def _log(
     if options.mapping is None:
         tally.add("note", MODEL, 1, "stands for the vehicle; a --mapping may name another model")
     _turn_west(tables, tally)
-    mapping = with_standard(mapping, _standard(tables, product), tally)
+    mapping = with_standard(mapping, _standard(tables, units, product, tally), tally)
     wanted = wanted_fields(mapping)
     for topic, table in tables.items():
         said = f"{topic}_" if product and topic != TRACK else ""
@@ -149,12 +157,25 @@ def _log(
     return dataclasses.replace(log, files=tuple(one.name for one in files), period=period)
 
 
-def _standard(tables: dict[str, MessageTable], product: bool) -> dict[str, Signal]:
-    """What the known fields are that are there; the track by its metres where it has no places."""
-    found: dict[str, Signal] = {}
+def _standard(
+    tables: dict[str, MessageTable], units: dict[str, str], product: bool, tally: Tally
+) -> dict[str, Signal]:
+    """What the known fields are that are there; the track by its metres where it has no places.
+
+    Fields are in what a netCDF file declares, but for those whose unit headers have wrong.
+    """
+    sources: dict[str, list[Signal]] = {}
     for signal, topic, field, unit in OF_PRODUCTS if product else STANDARD:
-        if topic in tables and field in tables[topic].columns and signal not in found:
-            found[signal] = Signal(column=f"{topic} {field}", unit=unit)
+        if topic not in tables or field not in tables[topic].columns:
+            continue
+        column = f"{topic} {field}"
+        sure = field == "propRpm" or (unit in ("rad", "rad/s") and not product)
+        wanted = Signal(column=column).wanted(signal)
+        said = "" if sure else units.get(column, "")
+        taken = unit_to_take(said, wanted, column, tally, native=unit)
+        if taken is not None:
+            sources.setdefault(signal, []).append(Signal(column=column, unit=taken))
+    found = valued(sources, tables, Tally())
     axes = {"onboard_north": "mPos_x", "onboard_east": "mPos_y"}
     known = tables["navigation"].columns if "navigation" in tables else {}
     if "latitude" not in found and set(axes.values()) <= set(known):
@@ -241,6 +262,7 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
         names = list(file.variables)
         product = any(name.startswith(PRODUCT) for name in names)
         tables: dict[str, MessageTable] = {}
+        units: dict[str, str] = {}
         for name, variable in file.variables.items():
             clock = _clock(file, variable)
             if clock is None or clock is variable or variable.dtype.kind not in "fiu":
@@ -250,6 +272,7 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
             if product:
                 first, _, rest = name.partition("_")
                 topic, field = (first, rest) if rest else (TRACK, name)
+            units[f"{topic} {field}"] = unit_in(attributes_of(variable))
             table = tables.setdefault(topic, MessageTable(time, {}))
             if len(table.time) == len(time):
                 tables[topic] = MessageTable(
@@ -257,7 +280,9 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
                 )
     if not tables:
         raise WrongFormat(path, names)
-    return Instruments(product, {t: _valid(t, table, tally) for t, table in tables.items()})
+    for topic, table in tables.items():
+        expect_going(f"time of {topic}", table.time, table.columns, path.name)
+    return Instruments(product, {t: _valid(t, table, tally) for t, table in tables.items()}, units)
 
 
 def _clock(file: Any, variable: Any) -> Any:

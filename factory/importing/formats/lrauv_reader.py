@@ -29,13 +29,15 @@ from factory.importing.deployment_log import (
     each_file,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.netcdf import as_array, in_unit, open_netcdf
+from factory.importing.netcdf import as_array, attributes_of, open_netcdf, unit_in
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.pressures import with_dbar_by_depth
+from factory.importing.sample_clock import expect_going
 from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally, note_empty, note_unread
+from factory.importing.units import PRACTICAL, declared, unit_of
 from twin.errors import InputError
 from twin.physics.true_signals import declare_parts
-from twin.records.schema import VARIABLES
 from twin.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
@@ -108,6 +110,11 @@ def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
         others = [*file.variables, *(n for n, g in file.groups.items() if not g.groups)]
     if "depth" not in found and "sea_water_pressure" not in found:
         raise WrongFormat(path, names)
+    for name in ("depth", "sea_water_pressure"):
+        if name in found:
+            written, values, _ = found[name]
+            time = unix_seconds(written, f"{path.name} {name}", Tally())
+            expect_going(f"time of {name}", time, {name: values}, path.name)
     return found, [name for name in others if name not in found]
 
 
@@ -144,7 +151,7 @@ def _variables(file: Any) -> dict[str, TimedValues]:
             continue
         time, values = as_array(clock[:]), as_array(variable[:])
         if len(time) == len(values):
-            found[name] = (time, values, str(getattr(variable, "units", "")))
+            found[name] = (time, values, unit_in(attributes_of(variable)))
     return found
 
 
@@ -181,10 +188,13 @@ def _log(
     tally: Tally,
 ) -> DeploymentLog:
     variation_deg = options.variation_deg
+    deployment = path.name.split(".")[0]
 
-    def channel(name: str, source: str, wanted: str, *, offset: Array | float = 0.0) -> Channel:
-        written, values, unit = series[source]
-        values = in_unit(values, unit, wanted, f"{path.name} {source}") + offset
+    def channel(name: str, source: str, wanted: str) -> Channel:
+        written, numbers, unit = series[source]
+        values = declared(numbers, unit, wanted, source, tally, deployment=deployment)
+        if values is None:
+            return EMPTY
         time = unix_seconds(written, f"{path.name} {source}", Tally())
         time, columns = tidy(time, {name: values}, source, tally)
         return clean(name, time, columns[name], tally, subject=source)
@@ -197,9 +207,9 @@ def _log(
     declare_parts(load_vehicle(MODEL))
     channels: dict[str, Channel] = {}
     for target, names in SOURCES.items():
-        source = next((n for n in names if n in series), None)
-        if source is not None and np.isfinite(series[source][1]).any():
-            channels[target] = channel(target, source, VARIABLES[target].units)
+        source = next((n for n in names if n in series and np.isfinite(series[n][1]).any()), None)
+        if source is not None:
+            channels[target] = channel(target, source, unit_of(target))
     if "measured_charge" in channels:
         channels["measured_charge"] = used_of_left(channels["measured_charge"])
     if not len(channels.get("measured_depth", ())) and not len(
@@ -207,6 +217,7 @@ def _log(
     ):
         raise InputError(f"{path.name} holds no depth")
     tally.add("read", path.name, max(len(c) for c in channels.values()), "samples")
+    channels = with_dbar_by_depth(channels, tally, deployment)
     if "measured_heading" in channels and variation_deg is not None:
         turned = channels["measured_heading"]
         channels["measured_heading"] = Channel(
@@ -218,7 +229,7 @@ def _log(
         warm = channel("measured_temperature", "sea_water_temperature", "degree_Celsius")
         practical = None
         if "sea_water_salinity" in series:
-            fresh = channel("measured_salinity", "sea_water_salinity", "1")
+            fresh = channel("measured_salinity", "sea_water_salinity", PRACTICAL)
             practical = fresh.known(warm.time)
         north, east = fixes.at(warm.time)
         channels |= ctd_channels(
@@ -252,7 +263,7 @@ def _log(
             spin.time, (np.abs(spin.values) > _TURNING).astype(np.float64)
         )
     return DeploymentLog(
-        deployment=path.name.split(".")[0],
+        deployment=deployment,
         platform="LRAUV",
         channels={name: c for name, c in channels.items() if len(c)},
         fixes=fixes,
@@ -271,8 +282,10 @@ def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> Logge
         return NO_FIXES
     parts = []
     for name in ("latitude_fix", "longitude_fix"):
-        written, values, unit = series[name]
-        values = in_unit(values, unit, "degree", f"{path.name} {name}")
+        written, numbers, unit = series[name]
+        values = declared(numbers, unit, "degree", name, tally, deployment=path.name.split(".")[0])
+        if values is None:
+            return NO_FIXES
         time = unix_seconds(written, f"{path.name} {name}", Tally())
         time, columns = tidy(time, {name: values}, name, tally)
         there = np.isfinite(columns[name])

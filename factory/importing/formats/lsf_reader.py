@@ -25,6 +25,7 @@ from factory.importing.messages import (
     MessageTable,
     log_of_messages,
     mapping_of,
+    valued,
     wanted_fields,
     with_standard,
 )
@@ -276,20 +277,21 @@ def _pairs(servos: Dict[int, MessageTable]) -> MessageTable:
 
 def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal]:
     """What the fields of known messages are; of several senders one, the rest told."""
-    found: dict[str, Signal] = {}
+    sources: dict[str, list[Signal]] = {}
     for signal, name, field, unit in STANDARD:
         topic = _source(name, tables)
-        if signal in found or topic is None:
+        if topic is None:
             continue
         if name == "Acceleration" and not _is_specific_force(tables[topic]):
             why = "not the specific force on an accelerometer: without gravity, or z up"
             tally.add("left out", topic, 1, why)
             continue
-        found[signal] = Signal(
+        one = Signal(
             column=f"{topic} {field}", unit=unit, held=signal in HELD,
             north="magnetic" if _is_magnetic(name, field, tables[topic]) else "true",
         )  # fmt: skip
-    return found
+        sources.setdefault(signal, []).append(one)
+    return valued(sources, tables, Tally())
 
 
 def _source(name: str, tables: Dict[str, MessageTable]) -> str | None:
@@ -305,7 +307,12 @@ def _source(name: str, tables: Dict[str, MessageTable]) -> str | None:
         kept = [t for t in topics if "batter" in t.lower()]
     if not kept:
         return None
-    return max(kept, key=lambda topic: len(tables[topic].time))
+    return max(kept, key=lambda topic: _fullness(tables[topic]))
+
+
+def _fullness(table: MessageTable) -> int:
+    """Samples with a value of the fullest field."""
+    return max((int(np.isfinite(one).sum()) for one in table.columns.values()), default=0)
 
 
 def _is_magnetic(name: str, field: str, table: MessageTable) -> bool:

@@ -28,9 +28,11 @@ from factory.importing.messages import (
     MessageTable,
     log_of_messages,
     mapping_of,
+    valued,
     wanted_fields,
     with_standard,
 )
+from factory.importing.pressures import without_air
 from factory.importing.tally import Tally, note_unread
 from twin.errors import InputError
 from twin.frames import quaternion_to_euler
@@ -44,8 +46,8 @@ KIND = "recording"
 """What the report calls the files"""
 GAP = 60.0
 """[s] A longer hole in all topics ends a row"""
-AIR = 101_325.0
-"""[Pa] of the air, which FluidPressure contains and stores do not"""
+GAUGE = "fluid_pressure.gauge"
+"""Field made here: a FluidPressure without the air's part, which stores do not have"""
 ANGLES = {"roll": 0, "pitch": 1, "yaw": 2}
 GROUPS = {"truth": "true", "measured": "measured", "commanded": "commanded"}
 """First word of our own topics, and of the signals that they become"""
@@ -125,8 +127,8 @@ def _tables(
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         kinds = {one.topic: str(one.msgtype) for one in reader.connections}
         frames = _frames(reader)
-        mapping = with_standard(mapping, _standard(kinds, frames, tally), tally)
-        wanted = wanted_fields(mapping)
+        sources = _standard(kinds, frames, tally)
+        wanted = _fields_of_all(mapping, sources)
         used = [one for one in reader.connections if _merged(one.topic) in wanted]
         note_unread(KIND, kinds, [one.topic for one in used], tally)
         times: dict[str, list[float]] = {}
@@ -148,7 +150,11 @@ def _tables(
         values = np.array(every, float).reshape(len(every), -1)
         found = dict(zip(raw[topic], values.T, strict=True))
         columns = {f: _column(f, found) for f in wanted[topic] if set(_raw(f)) <= set(found) | _NO}
+        if GAUGE in columns:
+            moments, unit = np.array(times[topic]), _unit_of(f"{topic} {GAUGE}", mapping)
+            columns[GAUGE] = without_air(moments, columns[GAUGE], unit, topic, tally)
         tables[topic] = MessageTable(np.array(times[topic]), columns)
+    mapping = with_standard(mapping, valued(sources, tables, tally), tally)
     _ask_ned(mapping, tables, frames, tally)
     return sorted(kinds), tables, mapping
 
@@ -196,6 +202,23 @@ def _ask_ned(
         )
 
 
+def _fields_of_all(mapping: Mapping, sources: dict[str, list[Signal]]) -> dict[str, list[str]]:
+    """The fields of a mapping and of every source of the signals that it does not map, by topic."""
+    found = wanted_fields(mapping)
+    for k in range(max(map(len, sources.values()), default=0)):
+        standard = {name: several[k] for name, several in sources.items() if k < len(several)}
+        for topic, fields in wanted_fields(with_standard(mapping, standard, Tally())).items():
+            known = found.setdefault(topic, [])
+            known += [field for field in fields if field not in known]
+    return found
+
+
+def _unit_of(column: str, mapping: Mapping) -> str:
+    """Unit of a pressure by the user's mapping, else by the standard message."""
+    said = [one.unit for one in mapping.signals.values() if one.column == column]
+    return said[0] if said else "Pa"
+
+
 def _moment(message: Any, logged: int) -> float:
     """[s] when a message was true: its stamp, or when it was logged where it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -212,9 +235,9 @@ def _merged(topic: str) -> str:
 
 def _standard(
     kinds: dict[str, str], frames: dict[str, tuple[str, str]], tally: Tally
-) -> dict[str, Signal]:
-    """Signals of the standard messages of a recording; of several sources one, the rest told."""
-    found: dict[str, Signal] = {}
+) -> dict[str, list[Signal]]:
+    """Signals of the standard messages of a recording, each with its sources, the best first."""
+    found: dict[str, list[Signal]] = {}
     rank = list(_KINDS)
     known = set(signal_names())
     for topic in sorted(kinds, key=lambda t: (not _ours(t), _rank(kinds[t], rank), t)):
@@ -223,11 +246,8 @@ def _standard(
             why = f"frame {', '.join(filter(None, frames[topic]))}: north, east, down"
             tally.add("note", topic, 1, why)
         for name, signal in _signals(topic, kinds[topic], ned):
-            if name not in known:
-                continue
-            taken = found.setdefault(name, signal)
-            if taken.column != signal.column and not _ours(topic):
-                tally.add("left out", topic, 1, f"{name} is taken from {taken.column}")
+            if name in known:
+                found.setdefault(name, []).append(signal)
     return found
 
 
@@ -323,7 +343,7 @@ _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
     ],
     "nav_msgs/msg/Odometry": _pose("pose.pose."),
     "geometry_msgs/msg/PoseStamped": _pose("pose."),
-    "sensor_msgs/msg/FluidPressure": [("pressure", "fluid_pressure.gauge", "Pa", {})],
+    "sensor_msgs/msg/FluidPressure": [("pressure", GAUGE, "Pa", {})],
     "sensor_msgs/msg/Temperature": [("temperature", "temperature", "degC", {})],
     "sensor_msgs/msg/NavSatFix": [
         ("gps_latitude", "latitude", "deg", {}),
@@ -357,7 +377,7 @@ def _raw(field: str) -> tuple[str, ...]:
     if prefix.endswith("orientation") and last in ANGLES:
         raw = tuple(f"{prefix}.{axis}" for axis in "wxyz")
         return (*raw, "orientation_covariance.0") if prefix == "orientation" else raw
-    if field == "fluid_pressure.gauge":
+    if field == GAUGE:
         return ("fluid_pressure",)
     if prefix in ("angular_velocity", "linear_acceleration"):
         return (field, f"{prefix}_covariance.0")
@@ -371,7 +391,7 @@ def _column(field: str, found: dict[str, Array]) -> Array:
         values = quaternion_to_euler(np.stack([found[name] for name in raw[:4]], axis=-1))
         column = values[ANGLES[field.rpartition(".")[2]]]
     else:
-        column = found[raw[0]] - (AIR if field == "fluid_pressure.gauge" else 0.0)
+        column = found[raw[0]]
     for name in _NO & set(raw) & set(found):
         low = found[name] < 0.0  # -1: no such measurement, or no fix
         column = np.where(low, np.nan, column)

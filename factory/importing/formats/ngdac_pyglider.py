@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean
 from factory.importing.deployment_log import NO_FIXES, Channel, LoggedFixes
+from factory.importing.netcdf import as_array
 from factory.importing.tally import Tally, leave_out
 from twin.geodesy import offset
 
@@ -27,15 +28,16 @@ MAGNETIC = ("m_heading", "Heading")
 SLOCUM = "m_"
 """How the names of a Slocum's sensors begin, whose angles are radian"""
 ACTUATORS = {
-    "m_ballast_pumped": ("measured_pump", 1.0),
-    "m_de_oil_vol": ("measured_pump", 1.0),
-    "BallastPos": ("measured_pump", 1.0),
-    "m_battpos": ("measured_shift", 0.0254),
-    "LinPos": ("measured_shift", 1e-3),
+    "m_ballast_pumped": ("measured_pump", "cm3", "cm3", 1.0),
+    "m_de_oil_vol": ("measured_pump", "cm3", "cm3", 1.0),
+    "BallastPos": ("measured_pump", "cm3", "cm3", 1.0),
+    "m_battpos": ("measured_shift", "m", "inch", 1.0),
+    "LinPos": ("measured_shift", "m", "mm", 1.0),
     # the mass turns to starboard for positive angles, ours to port
-    "AngPos": ("measured_rotation", -1.0),
+    "AngPos": ("measured_rotation", "degree", "degree", -1.0),
 }
-"""By the vehicle's sensor: channel of the store, and factor to its unit [cm3, m, degree]"""
+"""By the vehicle's sensor: channel of the store and its unit, the sensor's own unit where a file
+declares none, and the sign"""
 RECKONS = "DeadReckoning"
 """Sensor of a SeaExplorer: 1 where its position is reckoned, 0 at a GPS fix"""
 SURFACE = 2.0
@@ -55,13 +57,16 @@ def sensor_columns(variables: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     for name, variable in variables.items():
         sensor = str(getattr(variable, "source", name))
-        if (
-            (sensor in ACTUATORS or sensor == RECKONS)
-            and variable.dtype != str
-            and variable.dtype.kind in "fiu"
-        ):
-            found.setdefault(sensor, name)
+        numbers = variable.dtype != str and variable.dtype.kind in "fiu"
+        if sensor not in (*ACTUATORS, RECKONS) or not numbers:
+            continue
+        if sensor not in found or not _has_values(variables[found[sensor]]):
+            found[sensor] = name
     return found
+
+
+def _has_values(variable: Any) -> bool:
+    return bool(np.isfinite(as_array(variable[:])).any())
 
 
 def actuators(
@@ -73,7 +78,7 @@ def actuators(
         values = columns.get(name)
         if sensor == RECKONS or values is None or not np.isfinite(values).any():
             continue
-        channel, factor = ACTUATORS[sensor]
+        channel, _, _, factor = ACTUATORS[sensor]
         travel = float(np.nanmax(values) - np.nanmin(values))
         if channel in found:
             fewer = min((travel, name), found[channel][:2])

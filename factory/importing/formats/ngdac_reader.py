@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import in_degrees, reference_declination, to_degrees
-from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
-from factory.importing.cleaning import clean, downward, from_degrees, positions, to_dbar
-from factory.importing.columns import stacked, tidy
+from factory.importing.angles import LoggedAngle, attitude_degrees, reference_declination
+from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
+from factory.importing.cleaning import clean, downward, positions
+from factory.importing.columns import stacked, tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -42,6 +42,7 @@ from factory.importing.formats.ngdac_profiles import (
     reported_currents,
 )
 from factory.importing.formats.ngdac_pyglider import (
+    ACTUATORS,
     MAGNETIC,
     RECKONS,
     SERIES,
@@ -50,12 +51,14 @@ from factory.importing.formats.ngdac_pyglider import (
     fixes_of_track,
     sensor_columns,
 )
-from factory.importing.netcdf import attributes_of, open_netcdf
+from factory.importing.netcdf import attributes_of, open_netcdf, unit_in
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.sample_clock import NoClock, sample_clock
 from factory.importing.sampling_geometry import Geometry
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from factory.importing.units import PRACTICAL, converted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,6 +84,12 @@ TRACKS = (
 """Positions, in order of preference; the last are one for a profile, the first one for a sample."""
 FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
 CTD = ("temperature", "salinity", "conductivity")
+UNITS = {
+    "pressure": "dbar", "depth": "m", "temperature": "degree_Celsius", "salinity": PRACTICAL,
+    "conductivity": "S m-1", "u": "m s-1", "v": "m s-1",
+    **{n: "degree" for pair in TRACKS for n in pair}, **SLOCUM_UNITS,
+}  # fmt: skip
+"""What variables are converted to by the units that a file declares; angles are judged together"""
 CURRENT = ("u", "v", "time_uv")
 SCALARS = ("profile_id", "profile_time", "profile_lat", "profile_lon", "trajectory", *CURRENT)
 """Of a profile."""
@@ -166,7 +175,15 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
             owners = geometry.texts("trajectory")
             name = str(getattr(file, "id", path.stem))
             platform = str(getattr(file, "glider_model", "glider"))
-            sampled = {n: columns[n] for n in MEASURED if n in along and n not in single}
+            one = {*owners} if owners is not None else {name}
+            deployment = (one.pop() or name) if len(one) == 1 else ""
+            units = {n: unit_in(attributes[n]) for n in columns}
+            parts = {n: ACTUATORS[sensor] for sensor, n in sensors.items()}
+            columns = converted(
+                columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
+                native={n: part[2] for n, part in parts.items()}, deployment=deployment,
+            )  # fmt: skip
+            sampled = {n: columns[n] for n in MEASURED if n in columns and n not in single}
             note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
             clocks = {
                 n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
@@ -236,6 +253,7 @@ def _log(
     pieces = [one.columns for one in profiles]
     columns = stacked(pieces, sorted({n for piece in pieces for n in piece}))
     time, columns = tidy(columns.pop(CLOCK), columns, f"{name} profiles", tally)
+    columns = with_values(columns)
     attributes: dict[str, dict[str, Any]] = {}
     for one in profiles:
         attributes |= one.attributes
@@ -258,13 +276,17 @@ def _log(
     if depth is not None:  # the pressure is compared with it
         depth = downward(depth, "depth", tally)
     pressure = columns.get("pressure")
-    if pressure is not None and np.isfinite(pressure).any():
-        native = "bar" if attributes["pressure"].get("units") == "bar" else "dbar"
-        dbar = to_dbar(pressure, depth, "pressure", tally, native=native)
-        channels["measured_pressure"] = clean(
-            "measured_pressure", time, dbar, tally, subject="pressure"
-        )
-    elif depth is not None:
+    if pressure is not None:
+        dbar = to_dbar(
+            pressure, depth, "pressure", tally, native="dbar",
+            declared=unit_in(attributes["pressure"]), deployment=name,
+        )  # fmt: skip
+        below = clean("measured_pressure", time, dbar, tally, subject="pressure")
+        if depth is None:
+            pitch = channels.get("measured_pitch", EMPTY)
+            below = pressure_by_flight(below, pitch, "pressure", tally)
+        channels["measured_pressure"] = below
+    if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
     channels |= _water(time, columns, channels, places, tally)
     sensors = {
@@ -278,7 +300,7 @@ def _log(
         for n in extra
         if n in columns and (there := np.isfinite(columns[n])).any()
     }
-    units = {n: str(attributes[n].get("units", "")) for n in found}
+    units = {n: unit_in(attributes[n]) for n in found}
     channels |= payload_channels(found, options.payload, tally, units=units)
     track |= reported_currents([end for one in profiles for end in one.currents], fixes)
     return DeploymentLog(
@@ -336,22 +358,26 @@ def _attitude(
         target: [n for n in names if n in columns and np.isfinite(columns[n]).any()]
         for target, names in ANGLES.items()
     }
-    degrees = any(
-        in_degrees(target.removeprefix("measured_"), columns[there[0]])
+    angles = {
+        target.removeprefix("measured_"): LoggedAngle(
+            values=columns[there[0]],
+            unit=unit_in(attributes[there[0]]),
+            subject=there[0],
+            native=_native_angle(there[0], attributes),
+        )
         for target, there in found.items() if there
-    )  # fmt: skip
+    }  # fmt: skip
+    degrees = attitude_degrees(
+        angles, time, columns.get("depth", columns.get("pressure")), tally, deployment=name
+    )
     for target, there in found.items():
-        if not there:
+        kind = target.removeprefix("measured_")
+        if kind not in degrees:
             continue
         leave_out(there[1:], f"{there[0]} is taken", tally)
-        source, kind = there[0], target.removeprefix("measured_")
-        values, words = columns[source], attributes[source]
+        source = there[0]
+        values, words = degrees[kind], attributes[source]
         sensor = str(words.get("source", source))
-        radian = str(words.get("units", "")).lower() in ("rad", "radian", "radians")
-        if radian or sensor.startswith(SLOCUM):  # pyglider writes a Slocum's angles as they are
-            values = to_degrees(values, source, tally, kind=kind, likely=degrees)
-        elif kind == "pitch":
-            values = from_degrees(values, source, tally, flying=True)
         said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
         if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
             if options.variation_deg is not None:
@@ -368,6 +394,12 @@ def _attitude(
     return channels, variation
 
 
+def _native_angle(name: str, attributes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Unit of an angle that declares none: pyglider writes a Slocum's as they are."""
+    sensor = str(attributes[name].get("source", name))
+    return "radian" if sensor.startswith(SLOCUM) else "degree"
+
+
 def _water(
     time: Array,
     columns: Mapping[str, Array],
@@ -377,17 +409,13 @@ def _water(
 ) -> dict[str, Channel]:
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
     temperature = columns.get("temperature")
-    if temperature is None or not np.isfinite(temperature).any() or not len(at):
+    if temperature is None or not len(at):
         return {}
     practical, conductivity = columns.get("salinity"), columns.get("conductivity")
-    if practical is not None and np.isfinite(practical).any():
-        if conductivity is not None:
+    if conductivity is not None:
+        if practical is not None:
             leave_out(["conductivity"], "salinity is there", tally)
-        conductivity = None
-    else:
-        practical = None
-        if conductivity is not None:
-            conductivity = siemens(conductivity, "conductivity", tally)
+        conductivity = siemens(conductivity, "conductivity", tally)
     latitude, longitude = places.at(time)
     return ctd_channels(
         time,

@@ -18,9 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import reference_declination
+from factory.importing.angles import (
+    FLYING,
+    from_degrees,
+    heading_degrees,
+    reference_declination,
+)
 from factory.importing.batteries import from_inside
-from factory.importing.cleaning import clean, degrees_minutes, from_degrees, heading_degrees
+from factory.importing.cleaning import clean, degrees_minutes
 from factory.importing.columns import (
     Table,
     parse_stamps,
@@ -28,6 +33,7 @@ from factory.importing.columns import (
     stacked,
     tidy,
     unix_seconds,
+    with_values,
 )
 from factory.importing.deployment_log import (
     NO_FIXES,
@@ -40,8 +46,9 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.sample_clock import expect_going
-from factory.importing.seawater import ctd_channels, pressure_of
+from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
+from factory.importing.units import in_unit
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,10 +88,9 @@ _CTD_NAMES = tuple(
     for part in ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
 )
 _NAVIGATION_LOG, _PAYLOAD_LOG = "navigation log", "payload log"
-_MS_PER_CM = 0.1
-"""[S/m] in 1 mS/cm, the payload's unit."""
+_CONDUCTIVITY = {"LEGATO": "mS/cm", "GPCTD": "S/m", "CTD": "mS/cm"}
+"""Unit of each CTD's conductivity: RBR's in mS/cm, Sea-Bird's in S/m."""
 _DEPLOYMENT = re.compile(r"(sea\d+)[._-]?m?(\d+)", re.IGNORECASE)
-_FLYING = 20.0
 
 
 def read_seaexplorer(
@@ -188,7 +194,7 @@ def _log(
     places = places_for(fixes, track)
     variation = _variation(time, columns, places, name, options.variation_deg, tally)
     depth = columns.get("Depth", np.full(len(time), np.nan))
-    flying = bool(np.nanmax(depth, initial=0.0) > _FLYING)
+    flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
     channels: dict[str, Channel] = {}
     channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="Depth")
     if "Pitch" in columns:
@@ -316,6 +322,7 @@ def _payload(
     wanted = (*_CTD_NAMES, *payload_names(options.payload))
     columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
     time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
+    columns = with_values(columns)
     found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
     channels = payload_channels(found, options.payload, tally)
     ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]
@@ -330,16 +337,19 @@ def _payload(
     if pressure is None:
         pressure = pressure_of(depth.known(time), latitude)
     practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
-    if practical is not None and conductivity is not None:
-        leave_out([f"{ctd}_CONDUCTIVITY"], f"{ctd}_SALINITY is there", tally)
+    if conductivity is not None:
+        source = f"{ctd}_CONDUCTIVITY"
+        conductivity = siemens(
+            in_unit(conductivity, _CONDUCTIVITY[ctd], "S m-1", name), name, tally
+        )
+        if practical is not None:
+            leave_out([source], f"{ctd}_SALINITY is there", tally)
     return channels | ctd_channels(
         time,
         temperature=columns[f"{ctd}_TEMPERATURE"],
         pressure=pressure,
         practical=practical,
-        conductivity=None
-        if practical is not None or conductivity is None
-        else conductivity * _MS_PER_CM,
+        conductivity=conductivity,
         latitude=latitude,
         longitude=longitude,
         tally=tally,

@@ -23,9 +23,17 @@ from factory.importing.cleaning import (
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
 from factory.importing.formats.base import WrongFormat
 from factory.importing.gps_fixes import NO_DILUTION
-from factory.importing.netcdf import as_array, open_netcdf, text_of
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    text_of,
+    unit_in,
+    values_in,
+)
 from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, note_empty, note_unread
+from factory.importing.units import PRACTICAL
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -40,6 +48,16 @@ SAMPLES = {
     "eng_vbdCC": "vbd_cc",
 }
 """Variables of the file at `time`, and the tables' columns."""
+UNITS = {
+    "pressure": "dbar", "depth": "m", "eng_pitchAng": "degree", "eng_rollAng": "degree",
+    "eng_head": "degree", "eng_vbdCC": "cm3", "temperature": "degree_Celsius",
+    "salinity": PRACTICAL, "depth_avg_curr_north": "m s-1", "depth_avg_curr_east": "m s-1",
+    "magnetic_variation": "degree", "ad2cp_inv_glider_depth": "m",
+    **{f"ad2cp_inv_glider_{n}": "m s-1" for n in ("uttw", "vttw", "wttw", "uocn", "vocn")},
+    "log_gps_lat": "degree", "log_gps_lon": "degree",
+}  # fmt: skip
+"""What variables are converted to by the units that a file declares. Those of the table of moves
+are not read: basestations call cm3 of the bladder cm."""
 MOVES = {
     "gc_pitch_ctl": "gc_pitch_ctl_cm",
     "gc_vbd_ctl": "gc_vbd_ctl_cc",
@@ -121,7 +139,9 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             samples: Columns = {"time": time}
             for source, column in SAMPLES.items():
                 if source in variables:
-                    samples[column] = _along(variables[source], time, path)
+                    values = values_in(variables[source], UNITS, tally)
+                    if values is not None:
+                        samples[column] = _along(source, values, time, path)
             expect_going("time", time, {n: v for n, v in samples.items() if n != "time"}, path.name)
             dive = _number(file)
             samples["dive"] = np.full(len(time), dive)
@@ -129,16 +149,21 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
             row: Columns = {"dive": np.array([dive])}
             for number in NUMBERS:
                 if number in variables:
-                    row[number] = _number_in(variables[number])
+                    row[number] = _number_in(variables[number], tally)
             row |= _fixes(variables, tally)
             row |= _waypoint(variables)
             for words in RECKONED:
                 row |= voltage_and_charge(text_of(variables.get(words)), words)
             moves = {n: as_array(variables[n][:]) for n in PUMPED if n in variables}
-            adcp = {c: as_array(variables[v][:]) for v, c in ADCP.items() if v in variables}
+            adcp = {
+                column: values
+                for name, column in ADCP.items()
+                if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
+            }
             ctd = _ctd(variables, path, tally)
             carried = {n: _carried(variables, n) for n in payload if n in variables}
-            units = {n: str(getattr(variables[n], "units", "")) for n in carried}
+            units = {n: unit_in(attributes_of(variables[n])) for n in carried}
             clocks = [str(_clock(variables, n)) for n in carried]
             note_unread("basestation file", variables, (*READ, *payload, *clocks), tally)
             empty = [
@@ -181,13 +206,14 @@ def _carried(variables: Any, name: str) -> Channel:
     return Channel(time, values[there][first])
 
 
-def _number_in(variable: Any) -> Array:
+def _number_in(variable: Any, tally: Tally) -> Array:
     """A number, (1,); older basestations write some letter by letter."""
     if variable.dtype == str or variable.dtype.kind not in "fiu":
         with contextlib.suppress(ValueError):
             return np.array([float(text_of(variable))])
         return np.array([np.nan])
-    return as_array(variable[...])[:1]
+    values = values_in(variable, UNITS, tally)
+    return np.array([np.nan]) if values is None else values[:1]
 
 
 def _glider(file: Any, path: Path) -> str:
@@ -208,10 +234,9 @@ def _number(file: Any) -> float:
     return float("nan")
 
 
-def _along(variable: Any, time: Array, path: Path) -> Array:
-    values = as_array(variable[:])
+def _along(name: str, values: Array, time: Array, path: Path) -> Array:
     if len(values) != len(time):
-        raise InputError(f"{path.name}: {variable.name} has {len(values)} values, time {len(time)}")
+        raise InputError(f"{path.name}: {name} has {len(values)} values, time {len(time)}")
     return values
 
 
@@ -245,7 +270,11 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
         return row
     sources = {**_FIX_PARTS, **({"hdop": DILUTION} if DILUTION in variables else {})}
     for part, source in sources.items():
-        values = as_array(variables[source][:])
+        values = values_in(variables[source], UNITS, tally)
+        if values is None and part != "hdop":
+            return {}
+        if values is None:
+            continue
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
     together = _letters(variables.get(FLAGS))
@@ -284,7 +313,9 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
     for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
         if source not in variables:
             continue
-        values = as_array(variables[source][:])
+        values = values_in(variables[source], UNITS, tally)
+        if values is None:
+            continue
         if len(values) != len(columns["time"]):
             raise InputError(f"{path.name}: {source} and ctd_time have not the same length")
         flags = variables.get(f"{source}_qc")
@@ -300,7 +331,7 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
 def first_time(dives: Columns) -> Array:
     """[s] unix time of each dive's first fix."""
     for name in ("gps2_time", "gps1_time", "gpsE_time"):
-        if name in dives:
+        if name in dives and np.isfinite(dives[name]).any():
             return dives[name]
     return np.full(len(next(iter(dives.values()))), np.nan)
 
@@ -309,7 +340,8 @@ def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
     """A number of each dive at the dive's fix."""
     if name not in dives:
         return EMPTY
-    time = dives[at] if at in dives else first_time(dives)
+    known = at is not None and np.isfinite(dives.get(at, np.zeros(0))).any()
+    time = dives[str(at)] if known else first_time(dives)
     there = np.isfinite(time) & np.isfinite(dives[name])
     unique, first = np.unique(time[there], return_index=True)
     return Channel(unique, dives[name][there][first])

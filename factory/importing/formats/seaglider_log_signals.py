@@ -10,19 +10,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import (
-    clean,
-    from_degrees,
-    heading_degrees,
-    pressure_by_flight,
-    to_cm3,
-    to_dbar,
-)
+from factory.importing.angles import FLYING, from_degrees, heading_degrees
+from factory.importing.cleaning import clean
 from factory.importing.columns import stacked, tidy, unix_seconds
 from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
 from factory.importing.formats.seaglider_dive_files import first_time
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally
+from factory.importing.units import to_cm3
 from twin.errors import InputError
 
 ROLL_CNV = 0.02827
@@ -84,7 +80,7 @@ def signals_of(
       InputError: a magnetic heading without a variation.
     """
     depth = samples.get("depth_m")
-    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > _FLYING)
+    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > FLYING)
     channels: dict[str, Channel] = {}
     for column, target in (("pitch_deg", "measured_pitch"), ("roll_deg", "measured_roll")):
         if column in samples:
@@ -136,7 +132,7 @@ def signals_of(
             channels["measured_pressure"] = pressure_by_flight(
                 channels["measured_pressure"], pitch, "pressure_dbar", tally
             )
-    elif depth is not None:
+    if depth is not None and not len(channels.get("measured_pressure", ())):
         channels["measured_depth"] = clean("measured_depth", time, depth, tally)
     return channels
 
@@ -156,7 +152,7 @@ def water_of(
         pieces.append({"time": time, **{n: samples[n] for n in _CTD if n in samples}})
     columns = stacked(pieces, ("time", *_CTD)) if pieces else {}
     at = channels.get("measured_pressure") or channels.get("measured_depth")
-    if "sal_psu" in columns and at:
+    if "temp_c" in columns and at:
         there = np.isfinite(columns["temp_c"])
         own = unix_seconds(columns.pop("time")[there], f"{name} CTD", tally)
         columns = {name: values[there] for name, values in columns.items()}
@@ -165,7 +161,7 @@ def water_of(
             own,
             temperature=columns["temp_c"],
             pressure=at.known(own),
-            practical=columns["sal_psu"],
+            practical=columns.get("sal_psu"),
             latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
             longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
             tally=tally,
@@ -177,10 +173,6 @@ def water_of(
 
 
 _CTD = ("temp_c", "sal_psu")
-_FLYING = 20.0
-"""[m] A log that goes so deep pitched more than 1.5 degree."""
-
-
 _TURNS, _ROLLS = 500.0, 1.5
 """[counts, degree] A roll mass that moves so far rolls the glider by more than this."""
 

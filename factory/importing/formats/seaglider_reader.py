@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
 from factory.importing.batteries import GAUGES, PUMPED, seaglider_batteries
-from factory.importing.columns import Table, read_table, stacked, tidy, unix_seconds
+from factory.importing.columns import (
+    Table,
+    read_table,
+    stacked,
+    tidy,
+    unix_seconds,
+    with_values,
+)
 from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
@@ -226,6 +233,7 @@ def _log(glider: GliderTables, options: ReadOptions, tally: Tally) -> Deployment
     samples = stacked(glider.samples, (*SAMPLE_COLUMNS, *extra))
     time = unix_seconds(samples.pop("time"), f"{glider.name} samples", tally)
     time, samples = tidy(time, samples, f"{glider.name} samples", tally)
+    samples = with_values(samples)
     if not time.size:
         raise InputError(f"{glider.name}: no sample has a time")
     every = sorted({name for piece in glider.dives for name in piece})

@@ -23,9 +23,18 @@ from numpy.typing import NDArray
 from factory.importing.cleaning import clean
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes, each_file
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of, text_of
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    open_netcdf,
+    seconds_of,
+    text_of,
+    unit_in,
+    values_in,
+)
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, leave_out, note_unread
+from factory.importing.units import PRACTICAL, declared
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -36,6 +45,12 @@ CURRENTS = {"dac_east": "u_depth_mean", "dac_north": "v_depth_mean"}
 """[m/s] mean over the depths of a dive, (profile,)"""
 WATER = ("temperature", "salinity")
 """(depth, profile) or (profile, depth)"""
+UNITS = {
+    "depth": "m", "temperature": "degree_Celsius", "salinity": PRACTICAL,
+    **dict.fromkeys(("lat", "lon", "lat_uv", "lon_uv"), "degree"),
+    **dict.fromkeys(CURRENTS.values(), "m s-1"),
+}  # fmt: skip
+"""What variables are converted to by the units that a file declares"""
 OWNERS = ("mission", "trajectory_index")
 """Number of a profile's mission; the first that is there"""
 READ = ("depth", *PLACES, *CURRENTS.values(), *WATER, *OWNERS, "trajectory", "profile")
@@ -101,19 +116,30 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             raise WrongFormat(path, names, why=why)
         try:
             numbers = {
-                name: as_array(variables[name][:])
+                name: values
                 for name in (*PLACES, *CURRENTS.values(), *OWNERS)
                 if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
+                and (name in PLACES or np.isfinite(values).any())
             }
+            if not set(PLACES) <= set(numbers):
+                raise InputError(
+                    f"{path.name}: {', '.join(sorted(set(PLACES) - set(numbers)))}: no places or "
+                    "times by their units"
+                )
             for name in ("time", "time_uv"):
                 said = attributes_of(variables[name])
                 numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
-            depth = np.abs(as_array(variables["depth"][:]))
+            bins = values_in(variables["depth"], UNITS, tally)
+            if bins is None:
+                raise InputError(f"{path.name}: depth is no length by its unit")
+            depth = np.abs(bins)
             count = len(numbers["time"])
             water = {
-                name: _by_profile(variables[name], count, len(depth), path)
+                name: _by_profile(variables[name], values, count, len(depth), path)
                 for name in WATER
                 if name in variables
+                and (values := values_in(variables[name], UNITS, tally)) is not None
             }
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
@@ -143,6 +169,10 @@ def _rows(file: Any, path: Path, ours: Mapping[str, str], tally: Tally) -> Spray
         flags = variables.get(ours.get(f"{IN_ROWS.get(name, name)}_qc", ""))
         if flags is not None and flags.shape == variable.shape and flags.dtype != str:
             values = np.where(np.isin(as_array(flags[:]), _BAD), np.nan, values)
+        if name in UNITS:
+            said = unit_in(attributes_of(variable))
+            other = declared(values, said, UNITS[name], ours[IN_ROWS[name]], tally)
+            values = np.full(len(values), np.nan) if other is None else other
         if name in ("time", "time_uv"):
             values = seconds_of(values, attributes_of(variable), f"{path.name} {name}", tally)
         return values
@@ -205,8 +235,8 @@ def _usable(found: SprayProfiles, path: Path, tally: Tally) -> SprayProfiles:
     )
 
 
-def _by_profile(variable: Any, profiles: int, bins: int, path: Path) -> Array:
-    values = as_array(variable[:]).reshape(variable.shape)
+def _by_profile(variable: Any, values: Array, profiles: int, bins: int, path: Path) -> Array:
+    values = values.reshape(variable.shape)
     if values.shape == (bins, profiles):
         return values.T
     if values.shape == (profiles, bins):

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
-from factory.importing.netcdf import in_unit
+from factory.importing.units import in_unit
 from factory.soundness import verify_logs
 from twin.errors import InputError
 from twin.records.logged import LogStore

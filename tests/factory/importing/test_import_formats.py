@@ -25,7 +25,7 @@ from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from factory.importing.deployment_log import OTHER_KIND
-from factory.importing.netcdf import in_unit
+from factory.importing.units import in_unit
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

@@ -429,3 +429,18 @@ def test_og1_takes_the_clock_that_goes_and_each_dive_its_current(tmp_path: Path)
         del file["TIME_CTD"].units
     with pytest.raises(InputError, match=r"'TIME' gives 360 of 360 .* take a file with the time"):
         import_logs("og1", [path])
+
+
+@pytest.mark.parametrize("kind", ["lrauv", "dorado"])
+def test_other_readers_refuse_a_clock_that_stands(kind: str, tmp_path: Path) -> None:
+    known = profiles()
+    path = tmp_path / "navigation.nc"
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("time", PROFILES * EACH)
+        put(file, "time", np.repeat(known["profile_time"], EACH), SINCE, ("time",))
+        put(file, "platform_pitch_angle", known["depth"].ravel() / 100.0, "degree", ("time",))
+        put(file, "mTheta", known["depth"].ravel() / 100.0, "rad", ("time",))
+        for name in ("depth", "mDepth"):
+            put(file, name, known["depth"].ravel(), "m", ("time",))
+    with pytest.raises(InputError, match=r"'time of \w+' gives 360 of 360 samples"):
+        import_logs(kind, [path])

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.netcdf import SECONDS
+from factory.importing.units import PRACTICAL, SECONDS, unit_of
 from twin.records.schema import VARIABLES
 
 Frame = Literal["FRD", "FLU"]
@@ -74,7 +74,7 @@ class Signal:
     column: str
     """Name of the column."""
     unit: str = ""
-    """As in `factory.importing.netcdf`; may be left out where the signal has none."""
+    """As in `factory.importing.units`; may be left out where the signal has none."""
     frame: Frame | None = None
     """Body axes of this column, instead of the file's."""
     sign: float = 1.0
@@ -95,8 +95,12 @@ class Signal:
     """Which north a heading is from."""
 
     def wanted(self, name: str) -> str:
-        """Unit of the signal in a store."""
-        return LOG_ONLY[name][0] if name in LOG_ONLY else VARIABLES[name].units
+        """Unit of the signal in a store, or `PRACTICAL`."""
+        return LOG_ONLY[name][0] if name in LOG_ONLY else unit_of(name)
+
+    def needs_unit(self, name: str) -> bool:
+        """Whether a mapping must say the unit: plain numbers have none."""
+        return self.wanted(name) not in ("1", PRACTICAL)
 
     def turn(self, name: str, frame: Frame) -> float:
         """Sign between the column and the store."""

@@ -32,7 +32,7 @@ from factory.importing.formats.csv.mapping import (
     Mapping,
     Signal,
 )
-from factory.importing.netcdf import in_unit, known_units
+from factory.importing.units import in_unit, known_units
 from twin.bounded import compile_pattern, read_toml
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES
@@ -245,7 +245,7 @@ def _signal(label: str, name: str, entry: object, model: str | None) -> Signal:
         raise InputError(f"{label}: column is missing: which column of the table is it?")
     signal = Signal(**_checked(label, name, values))
     wanted = signal.wanted(name)
-    if not signal.unit and wanted != "1":
+    if not signal.unit and signal.needs_unit(name):
         raise InputError(
             f"{label}: unit is missing; take one of {', '.join(known_units(wanted))}"
         )  # fmt: skip

@@ -21,9 +21,9 @@ from factory.importing.columns import (
 )
 from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
 from factory.importing.formats.csv.velocity_checks import check_values
-from factory.importing.netcdf import SECONDS, in_unit
 from factory.importing.sample_clock import expect_going
 from factory.importing.tally import Tally, leave_out, note_unread
+from factory.importing.units import SECONDS, in_unit
 from twin.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]

@@ -38,6 +38,7 @@ from factory.importing.formats.csv.mapping import (
 from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
 from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
 from factory.importing.formats.csv.velocity_checks import check_track
+from factory.importing.pressures import with_dbar_by_depth
 from factory.importing.seawater import ctd_channels, pressure_of
 from factory.importing.tally import Tally, note_empty
 from twin.errors import InputError
@@ -133,7 +134,7 @@ def mapped_log(
     """The log of mapped channels: true north, fixes, rows, water.
 
     Args:
-      channels: by signal; changed in place.
+      channels: by signal.
       variation_deg: [degree] magnetic variation, instead of the log's own.
       time: [s] every time of the deployment, increasing.
       files: [s] times of each file.
@@ -148,6 +149,7 @@ def mapped_log(
         tally.add(
             "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
         )
+    channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
     fixes = _fixes(
         *(channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")), tally
@@ -289,7 +291,7 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
         temperature=warm.values,
         pressure=dbar.known(both),
         practical=fresh.known(both) if len(fresh) else None,
-        conductivity=None if len(fresh) or conductivity is None else conductivity.known(both),
+        conductivity=None if conductivity is None else conductivity.known(both),
         latitude=latitude,
         longitude=longitude,
         tally=tally,

@@ -31,9 +31,10 @@ from factory.importing.formats.og1.vocabulary import (
     TRUE_TRACK,
     WAYPOINT,
 )
-from factory.importing.netcdf import as_array
+from factory.importing.netcdf import as_array, unit_in
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out
+from factory.importing.units import in_unit, is_of
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -64,10 +65,12 @@ def ctd(
     if temperature is None:
         return {}, used
     practical = first(SALINITIES)
-    measured = first(CONDUCTIVITIES) if practical is None or own_conductivity else None
+    read = set(used)
+    measured = first(CONDUCTIVITIES)
+    if practical is not None and not own_conductivity:
+        used = read  # it tells only where the CTD was off
     if measured is not None:
         measured = siemens(measured, "CNDC", tally)
-    conductivity = measured if practical is None else None
     latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
     places = fixes
     if not len(fixes) and latitude is not None and longitude is not None:
@@ -79,7 +82,7 @@ def ctd(
         temperature=temperature,
         pressure=at.known(time),
         practical=practical,
-        conductivity=conductivity,
+        conductivity=measured,
         latitude=north,
         longitude=east,
         tally=tally,
@@ -102,8 +105,8 @@ def oxygen_per_volume(
 
     Without salinity and temperature nobody knows it per volume: left out, and told.
     """
-    units = str(attributes.get("units", "")).lower().replace("_per_", "/")
-    if not any(word in units for word in ("kg", "kilogram")):
+    unit = unit_in(attributes)
+    if not is_of(unit, "umol kg-1"):
         return oxygen
     known = [water.get(n, EMPTY) for n in ("measured_salinity", "measured_temperature")]
     if not all(len(one) for one in known) or not len(pressure):
@@ -111,7 +114,8 @@ def oxygen_per_volume(
         return EMPTY
     dense = potential_density(*(one.at(oxygen.time) for one in (*known, pressure)))
     tally.add("note", name, len(oxygen), "umol/kg, kept as umol/L by its potential density")
-    return Channel(oxygen.time, oxygen.values * dense / LITRES)
+    values = in_unit(oxygen.values, unit, "umol kg-1", name)
+    return Channel(oxygen.time, values * dense / LITRES)
 
 
 @dataclasses.dataclass(frozen=True)

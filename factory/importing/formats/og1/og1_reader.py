@@ -26,9 +26,9 @@ from factory.exporting.og1.og1_terms import (
     VARIATION,
 )
 from factory.exporting.og1.variables import ENDING, ESTIMATED
-from factory.importing.angles import REACH, to_degrees
-from factory.importing.cleaning import clean, downward, from_degrees, to_dbar
-from factory.importing.columns import tidy
+from factory.importing.angles import LoggedAngle, attitude_degrees
+from factory.importing.cleaning import clean, downward
+from factory.importing.columns import tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -53,14 +53,18 @@ from factory.importing.formats.og1.vocabulary import (
     ALIASES,
     CONDUCTIVITIES,
     CORRECTED,
+    CURRENTS,
     DEPLOYED,
     DIMENSION,
     ORIGINAL_TIMES,
     OURS,
+    OWN_TRACK,
     READ,
     RECKONED,
     SALINITIES,
     TEMPERATURES,
+    TRUE_TRACK,
+    WAYPOINT,
     deployment_words,
     flags_of,
     leave_out_made_again,
@@ -73,20 +77,32 @@ from factory.importing.netcdf import (
     open_netcdf,
     seconds_of,
     text_of,
+    unit_in,
 )
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.sample_clock import NoClock, sample_clock
 from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
+from factory.importing.units import converted, declared, is_of, unit_of
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, declare_stored
 
 Array = NDArray[np.float64]
 
-_RADIAN = frozenset({"rad", "radian", "radians"})
-_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
-_FLYING = 20.0
-"""[m] A glider that was deeper has pitched."""
+PLACES = (
+    "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", *OWN_TRACK, *WAYPOINT, *TRUE_TRACK,
+)  # fmt: skip
+UNITS = {
+    **{n: unit_of("measured_temperature") for n in TEMPERATURES},
+    **{n: unit_of("measured_salinity") for n in SALINITIES},
+    **dict.fromkeys(CONDUCTIVITIES, "S m-1"),
+    **dict.fromkeys(CURRENTS.values(), "m s-1"),
+    **dict.fromkeys(PLACES, "degree"),
+    VARIATION: "degree",
+}
+"""What variables that are no signals themselves are converted to"""
+ATTITUDE = {f"measured_{kind}": kind for kind in ("pitch", "roll", "heading")}
 
 
 def own_signals(attributes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
@@ -115,32 +131,58 @@ def signals_in(
     """Channels, the names that they come from, and the variation that was added."""
     applied = EMPTY
     sources = {target: name for name, target in OURS.items() if name in columns}
-    sources |= {target: name for name, target in own_signals(attributes).items()}
+    own = own_signals(attributes)
+    sources |= {target: name for name, target in own.items() if name in columns}
     for target, names in ALIASES.items():
         found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
         if found is not None:
             sources[target] = found
     channels: dict[str, Channel] = {}
-    depth = columns.get(sources.get("measured_depth", ""))
-    depth = None if depth is None else downward(depth, "depth", Tally())
-    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > _FLYING)
+    name_of_depth = sources.get("measured_depth", "")
+    depth = columns.get(name_of_depth)
+    if depth is not None:
+        depth = declared(depth, unit_in(attributes[name_of_depth]), "m", name_of_depth, tally)
+    if depth is not None:  # the pressure is compared with it; cleaning tells
+        depth = downward(depth, "depth", Tally())
+    below = depth
+    if below is None and (name := sources.get("measured_pressure")) is not None:
+        below = declared(columns[name], unit_in(attributes[name]), "dbar", name, Tally())
+    attitude = attitude_degrees(
+        {
+            kind: LoggedAngle(
+                values=columns[sources[target]], unit=unit_in(attributes[sources[target]]),
+                subject=sources[target],
+            )
+            for target, kind in ATTITUDE.items() if target in sources
+        },
+        time, below, tally, deployment=variation.deployment,
+    )  # fmt: skip
     for target, name in sources.items():
-        values, units = columns[name], str(attributes[name].get("units", ""))
-        if VARIABLES[target].units == "degree":
-            if units.lower() in _RADIAN:
-                part = target.split("_")[-1]
-                kind = part if part in REACH else "roll"
-                values = to_degrees(values, name, tally, kind=kind)
-            elif target == "measured_pitch":
-                values = from_degrees(values, name, tally, flying=flying)
-        elif target == "measured_shift":
-            values = values * _LENGTHS.get(units, 1.0)
-        elif target == "measured_pressure":
-            values = to_dbar(values, depth, name, tally, native="bar" if units == "bar" else "dbar")
+        unit = unit_in(attributes[name])
+        if target in ATTITUDE:
+            values = attitude.get(ATTITUDE[target])
+        elif target == "measured_depth":
+            values = depth
+        else:
+            values = declared(
+                columns[name], unit, unit_of(target), name, tally, deployment=variation.deployment
+            )
+        if values is None:
+            continue
+        if target == "measured_pressure":
+            values = to_dbar(
+                values, depth, name, tally, native="dbar", declared=unit,
+                deployment=variation.deployment,
+            )  # fmt: skip
         if target == "measured_heading":
             values, applied = true_heading(values, time, attributes[name], variation, path, tally)
         channels[target] = clean(target, time, values, tally, subject=name)
-    if depth is not None and "measured_pressure" in channels:
+    pressure = channels.get("measured_pressure", EMPTY)
+    if depth is None and len(pressure):
+        pitch = channels.get("measured_pitch", EMPTY)
+        name = sources["measured_pressure"]
+        channels["measured_pressure"] = pressure_by_flight(pressure, pitch, name, tally)
+    if depth is not None and len(pressure):
         channels.pop("measured_depth", None)  # computed from pressure, as for every log
     return channels, set(sources.values()), applied
 
@@ -230,6 +272,10 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     if ours:
         columns |= stored_columns(columns, flags)
     time, columns = tidy(time, columns, path.name, tally)
+    units = {n: unit_in(described) for n, described in attributes.items()}
+    columns = converted(
+        with_values(columns, ("TIME_GPS",)), units, UNITS, tally, deployment=name
+    )  # fmt: skip
     tally.add("read", path.name, len(time), "measurements")
     extra = payload_names(options.payload)
     own = own_signals(attributes)
@@ -254,12 +300,13 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     if dense is not None:  # with what the store had where the CTD was off
         channels["measured_density"] = dense
     found = {n: one for n in extra if len(one := _series(time, columns, n))}
-    if PER_MASS in found:
-        pressure = channels.get("measured_pressure", EMPTY)
+    if PER_MASS in found:  # for a potential density a metre is a dbar
+        pressure = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
         found[PER_MASS] = oxygen_per_volume(
             found[PER_MASS], attributes[PER_MASS], PER_MASS, water, pressure, tally
         )
-    units = {n: str(attributes[n].get("units", "")) for n in found}
+        if is_of(units[PER_MASS], "umol kg-1"):
+            units[PER_MASS] = "umol L-1"
     channels |= payload_channels(found, options.payload, tally, units=units)
     known = {n for names in ALIASES.values() for n in names} | {*TEMPERATURES, *SALINITIES}
     known |= {*CONDUCTIVITIES, *OURS}

@@ -5,16 +5,18 @@ Pump of a Slocum: of the two that its software knows, the one that this vehicle 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean, to_cm3, to_dbar
+from factory.importing.cleaning import clean
 from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.gps_fixes import nearest
+from factory.importing.pressures import to_dbar
 from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out
+from factory.importing.units import to_cm3
 
 Array = NDArray[np.float64]
 
@@ -235,11 +237,16 @@ _PART = 0.05
 """A pump that moves by less than this part of the other's range stands still and is noisy."""
 
 
-def slocum_pump(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+def slocum_pump(
+    native: Mapping[str, Channel], tally: Tally, declared: Collection[str] = ()
+) -> dict[str, Channel]:
     """Measured and commanded volume [cm3] of the pump that moves; of two, the fuller record.
 
     The software writes a sensor of the pump that a vehicle has not: once at the start, or as 0 in
     every cycle. Nothing is returned for a log with neither; the report calls it missing.
+
+    Args:
+      declared: sensors whose unit the files say, so that their range is no guess of it.
     """
     there = [pair for pair in PUMPS if any(len(native.get(name, ())) for name in pair)]
     if not there:
@@ -252,7 +259,7 @@ def slocum_pump(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channe
     for name, target in zip(best, ("measured_pump", "commanded_pump"), strict=True):
         one = native.get(name)
         if one is not None and len(one):
-            volume = to_cm3(one.values, name, tally)
+            volume = one.values if name in declared else to_cm3(one.values, name, tally)
             channels[target] = clean(target, one.time, volume, tally, subject=name)
     for pair in others:
         for name in pair:

@@ -13,13 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import jointly_degrees, reference_declination, to_degrees
-from factory.importing.batteries import SLOCUM_SENSORS, slocum_batteries
-from factory.importing.cleaning import (
-    clean,
-    positions,
-    pressure_by_flight,
-    to_dbar,
-)
+from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
+from factory.importing.cleaning import clean, positions
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -29,14 +24,18 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.slocum.choices import PRESSURES, PUMPS, slocum_pressure, slocum_pump
 from factory.importing.formats.slocum.on_board import (
+    CURRENTS,
     ON_BOARD,
+    TRACK,
     at_common_times,
     on_board,
     on_board_places,
 )
 from factory.importing.payload import PayloadSignal, payload_channels
+from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally
+from factory.importing.units import converted, is_declared
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -68,6 +67,33 @@ WANTED = (
 )  # fmt: skip
 """Every native sensor that is read, beside those of the payload."""
 
+UNITS = {
+    **dict.fromkeys((*ANGLES, "m_heading", "c_heading", "m_gps_mag_var"), "rad"),
+    **dict.fromkeys(PRESSURES, "bar"),
+    **dict.fromkeys((name for pair in PUMPS for name in pair), "cm3"),
+    **dict.fromkeys(("m_battpos", "c_battpos"), "inch"),
+    **dict.fromkeys(TRACK, "m"),
+    **dict.fromkeys((name for pair in CURRENTS for name in pair), "m s-1"),
+    "m_depth": "m", "sci_water_cond": "S m-1", "sci_water_temp": "degree_Celsius",
+    **SLOCUM_UNITS,
+}  # fmt: skip
+"""What a Slocum's software writes its sensors in"""
+
+
+def in_native_units(
+    native: Native, units: Mapping[str, str], deployment: str, tally: Tally
+) -> dict[str, Channel]:
+    """Channels in the native units by what the files' sensor lists say."""
+    columns = converted(
+        {name: one.values for name, one in native.items()}, units,
+        {name: unit for name, unit in UNITS.items() if name in units}, tally,
+        deployment=deployment,
+    )  # fmt: skip
+    return {
+        name: Channel(one.time, columns[name]) if name in columns else EMPTY
+        for name, one in native.items()
+    }
+
 
 def slocum_log(
     deployment: str,
@@ -95,6 +121,9 @@ def slocum_log(
       InputError: pressure and depth do not belong together, or there is a heading but no
         magnetic variation.
     """
+    units = units or {}
+    native = in_native_units(native, units, deployment, tally)
+    sure = {name for name in units if is_declared(units[name])}
     if not len(fixes):
         fixes = gps_fixes(
             *at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status")), tally=tally
@@ -123,9 +152,12 @@ def slocum_log(
             magnetic = to_degrees(channel.values, name, tally, kind="heading", likely=likely)
             true = np.mod(magnetic + variation.at(channel.time), 360.0)
             channels[target] = clean(target, channel.time, true, tally, subject=name)
-    channels |= slocum_pump(native, tally)
+    channels |= slocum_pump(native, tally, sure)
     batteries = (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift"))
-    unit = _shift_unit([native[name].values for name, _ in batteries if name in native], tally)
+    unit = _shift_unit(
+        [native[name].values for name, _ in batteries if name in native], tally,
+        declared="m_battpos" in sure,
+    )  # fmt: skip
     for name, target in batteries:
         if name in native:
             one = native[name]
@@ -194,15 +226,18 @@ _TRAVELS = (
 travels 2 to 10 cm; less than 4 cm given in cm cannot be told from inches."""
 
 
-def _shift_unit(positions_: Sequence[Array], tally: Tally) -> float:
-    """[m] in the unit of the battery's positions, by how far it travels; counted if not inches."""
+def _shift_unit(positions_: Sequence[Array], tally: Tally, *, declared: bool) -> float:
+    """[m] in the unit of the battery's positions, by how far it travels; counted if not inches.
+
+    Where inches are declared, a battery that hardly moves is one that stands.
+    """
     for values in positions_:
         good = values[np.isfinite(values)]
         if good.size <= 100:
             continue
         travel = float(np.ptp(np.percentile(good, [2.0, 98.0])))
         for low, high, factor, unit in _TRAVELS:
-            if low < travel <= high:
+            if low < travel <= high and not (declared and unit == "metres"):
                 if unit != "inches":
                     tally.add(
                         "repaired", "m_battpos", good.size,

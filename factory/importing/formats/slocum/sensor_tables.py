@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean
-from factory.importing.columns import Table, parse_stamps, read_table, tidy, unix_seconds
+from factory.importing.columns import (
+    Table,
+    parse_stamps,
+    read_table,
+    tidy,
+    unix_seconds,
+    with_values,
+)
 from factory.importing.deployment_log import (
     NO_FIXES,
     Channel,
@@ -177,8 +184,9 @@ def read_slocum_tables(
 
 def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Array, dict]:
     subject = table.path.name
-    names = [time_name] if time_name else TIMES
-    there = [n for n in names if n in table.columns or n in table.texts]
+    valued = {*with_values(table.columns), *table.texts}
+    there = [n for n in TIMES if n in valued] or [n for n in TIMES if n in table.columns]
+    there = [time_name] if time_name else there
     if not there:
         raise InputError(
             f"{subject} has no column of time ({', '.join(TIMES)}); it has "
@@ -237,10 +245,13 @@ def _attach(
     parts.files.append(subject)
     tally.add("read", subject, len(time), f"{which} rows")
     if which == "gps":
-        latitude = next(columns[n] for n in LATITUDES if n in columns)
-        longitude = next(columns[n] for n in LONGITUDES if n in columns)
+        valued = with_values(columns)
+        latitude, longitude = (
+            columns[next(n for n in (*(n for n in names if n in valued), *names) if n in columns)]
+            for names in (LATITUDES, LONGITUDES)
+        )
         unknown = np.full(len(time), np.nan)
-        status = columns.get("status", columns.get("m_gps_status", unknown))
+        status = valued.get("status", valued.get("m_gps_status", unknown))
         unfixed = ~has_fix(columns, len(time))
         tally.add("removed", "GPS fixes", int(unfixed.sum()), "the receiver says that it has none")
         latitude = np.where(unfixed, np.nan, latitude)

@@ -1,0 +1,337 @@
+"""Units of logs: a variable's values in the unit of a store, by what its file declares.
+
+The rule for every kind of log: a declaration converts; values that contradict it make the log
+suspect, or are repaired and counted where only one other reading is possible; a unit is guessed
+from the values only where nothing is declared.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.tally import Tally
+from twin.errors import InputError, unknown_name
+from twin.records.schema import VARIABLES
+
+Array = NDArray[np.float64]
+
+PRACTICAL = "psu"
+"""Practical salinity: 35 is written as 35 of `1`, of `psu` and of `1e-3`, and as 0.035 kg/kg"""
+_BASES = {PRACTICAL: "1e-3", "A h": "A.h"}
+"""UDUNITS' words for units of a store, where they differ"""
+_NOTHING = frozenset(
+    {"", "-", "--", "?", "none", "null", "nan", "n/a", "na", "unknown", "undefined", "unset",
+     "no_unit", "nodim", "tbd"}
+)  # fmt: skip
+"""Words in place of a unit that declare none"""
+
+_WORDS: dict[str, dict[str, str]] = {
+    "": {
+        "deg": "degree", "degs": "degree", "arcdeg": "degree", "deg/s": "degree/s",
+        "deg s-1": "degree/s", "deg/sec": "degree/s", "rev/s": "turn/s", "hz": "turn/s",
+        "kn": "knot", "kts": "knot", "ms-1": "m/s", "cms-1": "cm/s", "kph": "km/h",
+        "nmi": "nautical_mile", "cubic_meter": "m3", "cubic_metre": "m3", "ccm": "cm3",
+        "cubic centimeters": "cm3", "cubic centimetres": "cm3",
+        "pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "inhg": "inHg", "inches hg": "inHg",
+        "mhos/m": "S/m", "mho/m": "S/m", "mmho/cm": "mS/cm", "mmhos/cm": "mS/cm", "s/m": "S/m",
+        "ms/cm": "mS/cm", "ms cm-1": "mS/cm", "s m-1": "S/m", "us/cm": "uS/cm", "ms/m": "mS/m",
+        "degc": "degC", "deg c": "degC", "deg_c": "degC", "degree c": "degC", "degrees c": "degC",
+        "deg. c": "degC", "degrees celsius": "degC", "degree celsius": "degC", "its-90": "degC",
+        "degc (its-90)": "degC", "deg f": "degF", "degf": "degF", "degrees f": "degF",
+        "amp-hrs": "A.h", "amp-hr": "A.h", "amphr": "A.h", "amp hours": "A.h", "ah": "A.h",
+        "a h": "A.h", "mamp-hrs": "mA.h", "mah": "mA.h", "um": "umol/L", "um/l": "umol/L",
+        "micromolar": "umol/L", "ntu": "1", "ftu": "1",
+    },
+    "degree": {"decimal degrees": "degree", "dd": "degree"},
+    "degree_Celsius": {"c": "degC", "°c": "degC", "f": "degF", "k": "K"},
+    "m": {"um": "um"},
+    "m s-2": {"g": "gravity", "mg": "1e-3 gravity"},
+    "V": {"v": "V", "mv": "mV"},
+    "A": {"a": "A", "ma": "mA"},
+    "W": {"w": "W", "mw": "mW"},
+    PRACTICAL: {
+        "1": "1e-3", "psu": "1e-3", "pss": "1e-3", "pss-78": "1e-3", "pss78": "1e-3",
+        "pss_78": "1e-3", "ppt": "1e-3", "‰": "1e-3", "per mille": "1e-3", "o/oo": "1e-3",
+        "dimensionless": "1e-3", "unitless": "1e-3", "practical salinity units": "1e-3",
+        "practical salinity unit": "1e-3", "practical": "1e-3",
+    },
+    "1": {"psu": "1", "pss-78": "1", "dimensionless": "1", "unitless": "1"},
+}  # fmt: skip
+"""Vendors' words in small letters, by the store's unit or for all: what they are to UDUNITS"""
+_USUAL: dict[str, tuple[str, ...]] = {
+    "degree": ("deg", "degree", "degrees", "rad", "radian", "radians"),
+    "rad s-1": ("rad/s", "rad s-1", "deg/s", "deg s-1", "rpm", "rev/s"),
+    "m s-1": ("m/s", "m s-1", "cm/s", "mm/s", "km/h", "knot", "knots", "kn", "kt", "ft/s"),
+    "m s-2": ("m/s2", "m/s^2", "m s-2", "g", "mg"),
+    "m": ("m", "meter", "metre", "cm", "mm", "km", "inch", "in", "ft", "fathom"),
+    "dbar": ("dbar", "decibar", "bar", "mbar", "hPa", "kPa", "Pa", "MPa", "psi"),
+    "cm3": ("cm3", "cc", "ml", "l", "liter", "litre", "m3", "m^3"),
+    "kg": ("kg", "g", "gram"),
+    "A h": ("A h", "Ah", "amp-hrs", "mAh"),
+    "V": ("V", "volt", "volts", "mV"),
+    "A": ("A", "amp", "ampere", "mA"),
+    "W": ("W", "watt", "mW"),
+    "Pa": ("Pa", "hPa", "mbar", "kPa", "inHg"),
+    "kg m-3": ("kg/m3", "kg/m^3", "kg m-3", "g/cm3"),
+    "S m-1": ("S/m", "S m-1", "mS/cm"),
+    "degree_Celsius": ("degC", "celsius", "degree_Celsius", "C", "K", "kelvin", "degF"),
+    PRACTICAL: ("1", "psu", "PSS-78", "1e-3", "g/kg", "kg/kg"),
+    "1": ("1", "%"),
+}
+"""Words that messages offer, by the store's unit; every other word of UDUNITS is taken too"""
+SECONDS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "min": 60.0, "h": 3600.0, "hour": 3600.0, "day": 86400.0, "days": 86400.0,
+}  # fmt: skip
+"""Units of a clock, in lower case, in seconds."""
+
+
+def unit_of(name: str) -> str:
+    """Unit of a signal in a store, with salinity told from other plain numbers."""
+    return PRACTICAL if name.endswith("salinity") else VARIABLES[name].units
+
+
+def known_units(wanted: str) -> tuple[str, ...]:
+    """Usual words for units that can be converted to one of the schema."""
+    return _USUAL.get(wanted, (wanted,))
+
+
+def is_declared(unit: str) -> bool:
+    """Whether a file's word for a unit says anything."""
+    return _plain(unit) not in _NOTHING
+
+
+def in_unit(values: Array, unit: str, wanted: str, subject: str) -> Array:
+    """Values in the wanted unit of the schema, by the unit that is written; "" is taken as it.
+
+    Raises:
+      InputError: an unknown unit (the nearest is offered), or one of another quantity.
+    """
+    if not is_declared(unit) or unit == wanted:
+        return values
+    found = _conversion(unit, wanted)
+    if isinstance(found, str):
+        raise InputError(f"{subject}: {_refusal(unit, wanted, found)}")
+    factor, zero = found
+    return values if (factor, zero) == (1.0, 0.0) else values * factor + zero
+
+
+def is_of(unit: str, wanted: str) -> bool:
+    """Whether a declared unit can be converted to the wanted one."""
+    return is_declared(unit) and not isinstance(_conversion(unit, wanted), str)
+
+
+def is_known(unit: str) -> bool:
+    """Whether a word is a unit of anything."""
+    return any(_unit(text) is not None for text in _readings(unit, ""))
+
+
+def factor_of(unit: str, wanted: str) -> float:
+    """Size of a known unit in the wanted one."""
+    found = _conversion(unit, wanted)
+    if isinstance(found, str):
+        raise InputError(_refusal(unit, wanted, found))
+    return found[0]
+
+
+def declared(
+    values: Array,
+    unit: str,
+    wanted: str,
+    subject: str,
+    tally: Tally,
+    *,
+    native: str = "",
+    deployment: str = "",
+) -> Array | None:
+    """Values in the wanted unit, by what a file declares of them; None: not of that quantity.
+
+    A word that nobody knows leaves the values in the format's own unit and makes the log suspect.
+    A variable of another quantity is left out by name.
+
+    Args:
+      unit: as the file writes it; empty where it declares none.
+      wanted: of the schema, or `PRACTICAL`.
+      subject: the variable, for the report.
+      native: unit of the format where nothing is declared [default: the wanted one].
+      deployment: that the values are of, where it is known.
+    """
+    taken = unit_to_take(
+        unit, wanted, subject, tally, native=native or wanted, deployment=deployment,
+        count=int(np.isfinite(values).sum()),
+    )  # fmt: skip
+    return None if taken is None else in_unit(values, taken, wanted, subject)
+
+
+def converted(
+    columns: Mapping[str, Array],
+    units: Mapping[str, str],
+    wanted: Mapping[str, str],
+    tally: Tally,
+    *,
+    native: Mapping[str, str] = MappingProxyType({}),
+    deployment: str = "",
+) -> dict[str, Array]:
+    """Columns, those that are `wanted` in these units; without those of another quantity.
+
+    Args:
+      columns: by name, as the file has them.
+      units: that the file declares.
+      native: units of the format where they differ from the wanted ones.
+    """
+    found = dict(columns)
+    for name in [one for one in columns if one in wanted]:
+        values = declared(
+            columns[name], units.get(name, ""), wanted[name], name, tally,
+            native=native.get(name, ""), deployment=deployment,
+        )  # fmt: skip
+        if values is None:
+            del found[name]
+        else:
+            found[name] = values
+    return found
+
+
+def unit_to_take(
+    unit: str,
+    wanted: str,
+    subject: str,
+    tally: Tally,
+    *,
+    native: str,
+    deployment: str = "",
+    count: int = 1,
+) -> str | None:
+    """The declared unit, or else the format's own one; None for one of another quantity, left out.
+
+    Args: as of `declared`; count: values that it concerns.
+    """
+    if not is_declared(unit):
+        return native
+    found = _conversion(unit, wanted)
+    if not isinstance(found, str):
+        return unit
+    if found:
+        tally.add("left out", subject, max(count, 1), _refusal(unit, wanted, found))
+        return None
+    if count:
+        why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
+        tally.doubt(subject, why, count, deployment=deployment)
+    return native
+
+
+def _refusal(unit: str, wanted: str, other: str) -> str:
+    unit = unit[:_LONGEST]
+    words = known_units(wanted)
+    if other:
+        return (
+            f"unit {unit!r} is not one of {wanted}, it is one of {other}; take {', '.join(words)}"
+        )
+    return f"unit {unit!r} is not one of {wanted}: {unknown_name('unit', unit, words)}"
+
+
+def _plain(unit: str) -> str:
+    return " ".join(unit.strip("\0 \t\n").split()).lower()
+
+
+_ASIDE = re.compile(r"\s*[(\[,;].*")
+"""What follows a unit in words, as in `degrees (clockwise from true north)`"""
+_DIRECTION = re.compile(r"(?:arc)?deg(?:ree)?s?[ _.]?(?:t|m|true|mag|magnetic|north|east|n|e)")
+_LONGEST = 100
+"""Characters of a unit; what is longer is a text"""
+_PER = re.compile(r"\s*(?:_per_|\bper\b)\s*")
+
+
+def _readings(unit: str, wanted: str) -> list[str]:
+    """Texts that UDUNITS may know a word by, the likeliest first."""
+    found: list[str] = []
+    if len(unit) > _LONGEST:
+        return []
+    whole = " ".join(unit.strip("\0 \t\n").split())
+    for written in dict.fromkeys((whole, _ASIDE.sub("", whole))):
+        plain = written.lower()
+        for table in (wanted, ""):
+            if plain in _WORDS.get(table, {}):
+                found.append(_WORDS[table][plain])
+        if wanted == "degree" and _DIRECTION.fullmatch(plain):
+            found.append("degree")
+        found += [written, plain, _PER.sub("/", plain)]
+    return [text for text in dict.fromkeys(found) if text]
+
+
+@functools.lru_cache(maxsize=1024)
+def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
+    """Factor and zero of a unit in the wanted one; else what it is a unit of, "" if unknown."""
+    base = _unit(_BASES.get(wanted, wanted))
+    other = ""
+    for text in _readings(unit, wanted):
+        one = _unit(text)
+        if one is None:
+            continue
+        # to UDUNITS an angle is a plain number
+        if one.is_convertible(base) and _is_angle(one) == _is_angle(base):
+            zero = float(one.convert(0.0, base))
+            factor = float(one.convert(1.0, base)) - zero
+            if np.isfinite([factor, zero]).all() and factor:
+                return _round(factor), _round(zero)
+        other = other or _quantity(one)
+    return other
+
+
+def _unit(text: str) -> Any:
+    """The unit that UDUNITS reads in a text; None for none."""
+    import cf_units  # the help of the commands need not wait for it
+
+    try:
+        found = cf_units.Unit(text)
+    except ValueError:
+        return None
+    return None if found.is_unknown() or found.is_no_unit() else found
+
+
+def _is_angle(unit: Any) -> bool:
+    return "rad" in str(unit.definition)
+
+
+def _quantity(unit: Any) -> str:
+    """The store's unit that a unit can be converted to, else the unit itself."""
+    for base in (one for one in _USUAL if one != PRACTICAL):
+        its = _unit(_BASES.get(base, base))
+        if unit.is_convertible(its) and _is_angle(unit) == _is_angle(its):
+            return base
+    return str(unit.definition)
+
+
+def _round(value: float) -> float:
+    """A conversion's number without what the library's own arithmetic adds to it."""
+    short = float(f"{value:.12g}")
+    return short if abs(short - value) <= 1e-14 * abs(value) else value
+
+
+_LITRES = 5.0
+"""[cm3] No pump moves so little in a log: a range below is litres, a thousandth of it m3."""
+_STILL = 1e-5
+"""A pump that does not move says nothing about its unit."""
+_LARGEST_PUMP = 3000.0
+"""[cm3] Beyond are sentinels, which have no say."""
+
+
+def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
+    """Pumped volume in cm3 where no unit is declared; litres and m3 are known by their range."""
+    good = values[np.isfinite(values)]
+    good = good[np.abs(good) <= _LARGEST_PUMP]
+    if good.size < 20:
+        return values
+    span = float(np.ptp(np.percentile(good, [1.0, 99.0])))
+    if _STILL < span < _LITRES:
+        factor, unit = (1e3, "litres") if span > _LITRES * 1e-3 else (1e6, "m3")
+        tally.add("repaired", subject, good.size, f"was in {unit} where cm3 is native")
+        return values * factor
+    return values
