@@ -11,7 +11,7 @@ import datetime
 import numpy as np
 
 from factory.importing.deployment_log import TRUNCATED, Channel, DeploymentLog
-from factory.importing.dives.regular_times import computer_of
+from factory.importing.dives.computer import computer_of
 from factory.importing.dives.segments import LogSegment
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally

@@ -149,9 +149,10 @@ def mapped_log(
         )
     variation = channels.pop("magnetic_variation", EMPTY)
     _to_true_north(deployment, channels, mapping, variation, variation_deg, tally)
-    fixes = _fixes(
-        *(channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")), tally
+    latitude, longitude, fix = (
+        channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")
     )
+    fixes = _fixes(latitude, longitude, fix, tally)
     log = DeploymentLog(
         deployment=deployment,
         platform=mapping.vehicle,
