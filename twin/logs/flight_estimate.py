@@ -139,6 +139,8 @@ def estimate_flight(
         mission: currents(
             mission, dive.velocity, dive.depth, found.period, fixes[mission], float(starts[mission])
         )
+        if dive.tells_current
+        else []
         for mission, dive in dives.items()
         if mission in logs
     }

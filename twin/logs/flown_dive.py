@@ -20,6 +20,10 @@ Mask = NDArray[np.bool_]
 
 LEAST_COSINE = 0.2
 """cos(pitch) cos(roll) below which heave cannot be solved for"""
+LEAST_KNOWN = 0.9
+"""[1] of the time under water: what a cut log does not say is a guess, and no current follows"""
+UNDER_WATER = 3.0
+"""[m]"""
 RATE_WINDOW = 20.0
 """[s] of the filter of depth rate and of vertical velocities, `WINDOW` of
 `twin.identify.logged_missions`"""
@@ -47,6 +51,13 @@ class FlownDive:
     """In a climb"""
     ctd: CtdSeries | None
     """Corrected; None without one"""
+    known: float = 1.0
+    """[1] Part of the time under water in which the log has an attitude"""
+
+    @property
+    def tells_current(self) -> bool:
+        """Whether its way through the water is known well enough for a current."""
+        return self.motion is not None and self.known >= LEAST_KNOWN
 
 
 def fly_dive(
@@ -81,6 +92,7 @@ def fly_dive(
     count = int(store.samples[log.index])
     return FlownDive(
         mission=log.index,
+        known=_known(store, log.index),
         motion=motion,
         velocity=np.nan_to_num(np.stack(horizontal(log, calibration, motion), axis=1), nan=0.0),
         depth=store.row("measured_depth", log.index)[:count].astype(float),
@@ -90,6 +102,15 @@ def fly_dive(
         ascending=up & use,
         ctd=ctd,
     )
+
+
+def _known(store: MissionStore, mission: int) -> float:
+    count = int(store.samples[mission])
+    depth, pitch, heading = (
+        store.row(f"measured_{name}", mission)[:count] for name in ("depth", "pitch", "heading")
+    )
+    under = depth > UNDER_WATER
+    return float(np.isfinite(pitch + heading)[under].mean()) if under.any() else 1.0
 
 
 def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive:

@@ -282,7 +282,5 @@ def flown_velocities(
 
     flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
     return {
-        one.dive.mission: one.dive.velocity
-        for one in flight.missions
-        if one.dive.motion is not None
+        one.dive.mission: one.dive.velocity for one in flight.missions if one.dive.tells_current
     }

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from factory.importing.deployment_log import TRUNCATED, Array, Channel, DeploymentLog
-from factory.importing.dives.regular_times import computer_of
+from factory.importing.dives.computer import computer_of
 from factory.importing.dives.segments import CLIMB, DESCENT, LogSegment
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally

@@ -7,13 +7,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import (
-    EMPTY,
-    NEAR,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.deployment_log import NEAR, Channel, DeploymentLog, LoggedFixes
+from factory.importing.dives.computer import DEEP, floating, running
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
 from factory.importing.gps_fixes import nearest
 from factory.importing.plausibility import DiveRules
@@ -44,7 +39,6 @@ WATER = frozenset({"measured_temperature", "measured_salinity", "measured_densit
 """Interpolated near samples of the CTD alone."""
 DEPTHS = ("measured_depth", "measured_pressure")
 """Without a hole in a store: bridged and marked."""
-ATTITUDE = ("measured_pitch", "measured_heading", "measured_roll")
 MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
 """Sensors that never report on change: without a sample nothing is known."""
 _GAP_FACTOR = 3.0
@@ -75,7 +69,7 @@ def on_grid(
     that keep their last value.
     """
     signals: dict[str, Array] = {}
-    runs = _running(log, segment, times)
+    runs = running(log, segment, times)
     for name, channel in log.channels.items():
         if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
             values = _close(channel, times, _step(log, period))
@@ -84,7 +78,8 @@ def on_grid(
             continue
         if name in HELD | KNOWN_FROM:
             if channel.time[0] <= times[-1]:
-                known = (runs & ~_ended(name, channel, times)) | channel.covers(times)
+                known = runs & ~_ended(name, channel, times)
+                known |= _distance(channel, times) <= period
                 if name in KNOWN_FROM:
                     known &= times >= channel.time[0]
                 if known.any():
@@ -113,7 +108,9 @@ def on_grid(
                 known = _bridged(near, times)
             else:
                 known = near.covers(times) | (_distance(near, times) <= period)
-                known |= _floats(near, log, segment, times)
+                if near.on_change:  # nothing changes while nothing is written
+                    known &= runs
+                known |= floating(near, log, segment, times)
                 if _is_reported(name):
                     inside = (times >= channel.time[0]) & ~_ended(name, channel, times)
                     known |= inside & runs
@@ -146,46 +143,6 @@ def on_grid(
     return signals
 
 
-def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
-    """What of a row shows that the vehicle's computer runs: what it logs, or an attitude that comes
-    all the time; empty where nothing shows it."""
-    for name in ("awake", *ATTITUDE):
-        one = log.channel(name).within(segment.start, segment.end)
-        if len(one) >= _FEWEST and not one.on_change:
-            return one
-    return EMPTY
-
-
-def _running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np.bool_]:
-    """When the vehicle's computer runs; always, where nothing shows it."""
-    shown = computer_of(log, segment)
-    if not len(shown):
-        return np.ones(len(times), bool)
-    return shown.covers(times) | _floats(shown, log, segment, times)
-
-
-def _floats(
-    channel: Channel, log: DeploymentLog, segment: LogSegment, times: Array
-) -> NDArray[np.bool_]:
-    """When a vehicle waits at the surface for the fix of a row's end, and says little: before the
-    first and after the last sample of a channel."""
-    floats = np.zeros(len(times), bool)
-    depth = log.channel("measured_depth").within(segment.start, segment.end)
-    inside = channel.within(segment.start, segment.end)
-    if not len(depth) or not len(inside):
-        return floats
-    first, last = inside.time[0], inside.time[-1]
-    if segment.start_fix is not None and depth.at(first) < _DEEP:
-        floats |= times < first
-    if segment.end_fix is not None and depth.at(last) < _DEEP:
-        floats |= times > last
-    return floats
-
-
-_FEWEST = 20
-"""Samples without which a channel shows nothing."""
-
-
 def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
     """When a sensor that reports on change says nothing any more: for longer than ever before."""
     if name in KNOWN_FROM or not name.startswith("measured_"):  # stands until the next one
@@ -203,15 +160,11 @@ def _is_reported(name: str) -> bool:
 def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
     """Depth or pressure that ends, or begins, deep: on a line to the fix there, at the surface."""
     time, values = depth.time, depth.values
-    if segment.start_fix is not None and values[0] > _DEEP and time[0] - segment.start > NEAR:
+    if segment.start_fix is not None and values[0] > DEEP and time[0] - segment.start > NEAR:
         time, values = np.append(segment.start, time), np.append(0.0, values)
-    if segment.end_fix is not None and values[-1] > _DEEP and segment.end - time[-1] > NEAR:
+    if segment.end_fix is not None and values[-1] > DEEP and segment.end - time[-1] > NEAR:
         time, values = np.append(time, segment.end), np.append(values, 0.0)
     return Channel(time, values)
-
-
-_DEEP = 10.0
-"""[m], [dbar] No vehicle with a fix is so deep."""
 
 
 def _distance(channel: Channel, times: Array) -> Array:
@@ -368,7 +321,7 @@ def _put_waypoint(
     if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
         return
     values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
-    known = (times >= latitude.time[0]) & _running(log, segment, times)
+    known = (times >= latitude.time[0]) & running(log, segment, times)
     for axis, one in zip(("north", "east"), values, strict=True):
         signals[f"commanded_waypoint_{axis}"] = np.where(known, one, np.nan)
 
@@ -416,7 +369,7 @@ def _put_onboard(
     # a track goes on as far as its vehicle: between its positions on a line
     longest = max(NEAR, float(np.diff(north.time).max()))
     known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)
-    known |= _floats(north, log, segment, times)
+    known |= floating(north, log, segment, times)
     signals["measured_onboard_north"] = np.where(known, north.at(times), np.nan)
     signals["measured_onboard_east"] = np.where(known, east.at(times), np.nan)
 

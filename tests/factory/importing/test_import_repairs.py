@@ -15,11 +15,14 @@ from hypothesis import strategies as st
 from logs import (
     Flight,
     slocum_columns,
+    write_basestation,
     write_csv,
     write_mat,
+    write_og1,
     write_seaglider,
     write_slocum,
 )
+from message_logs import dives, write_bag
 
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
@@ -439,3 +442,53 @@ def test_the_pressure_above_the_sea_goes_on_as_below(tmp_path: Path) -> None:
     np.testing.assert_allclose(pressure[1:], gsw.p_from_z(-depth[1:], 45.0), rtol=1e-12)
     slope = np.diff(pressure[:3]) / np.diff(depth[:3])
     np.testing.assert_allclose(slope, slope[-1], rtol=1e-4)
+
+
+def write_slocum_depths(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+    write_slocum(folder, FLIGHT, m_depth=change(slocum_columns(FLIGHT)["m_depth"]), m_pressure=None)
+    return "slocum"
+
+
+def write_og1_depths(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+    with netCDF4.Dataset(write_og1(folder / "one.nc", FLIGHT), "a") as file:
+        file["DEPTH"][:] = change(file["DEPTH"][:])
+    return "og1"
+
+
+def write_dive_pressures(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+    for path in write_basestation(folder, FLIGHT):
+        with netCDF4.Dataset(path, "a") as file:
+            for name in ("depth", "pressure"):
+                file[name][:] = change(file[name][:])
+    return "seaglider"
+
+
+def write_messages(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+    pytest.importorskip("rosbags.rosbag2")
+    time, state = dives(FLIGHT)
+    write_bag(folder / "run", {**state, "depth": change(state["depth"])}, time)
+    return "rosbag2"
+
+
+@pytest.mark.parametrize(
+    "write", [write_slocum_depths, write_og1_depths, write_dive_pressures, write_messages]
+)
+@pytest.mark.parametrize("upward", [False, True])
+def test_every_kind_of_log_judges_its_depth_alike(
+    tmp_path: Path, write: Callable[..., str], upward: bool
+) -> None:
+    def change(depth: np.ndarray) -> np.ndarray:
+        depth = np.array(depth, float)
+        if upward:
+            return -depth
+        depth[40] = -9.0
+        return depth
+
+    kind = write(tmp_path, change)
+    paths = [tmp_path / "run"] if kind == "rosbag2" else [tmp_path]
+    dataset, report = import_logs(kind, paths)
+    depth = dataset["measured_depth"].values
+    assert np.nanmin(depth) > -0.5
+    assert np.nanmax(depth) == pytest.approx(FLIGHT.depth, abs=1.5)
+    turned = [e for e in report.entries if e.detail == "was positive up"]
+    assert len(turned) == int(upward)

@@ -128,6 +128,24 @@ def test_a_log_that_begins_under_way_has_no_phantom_water(store: Path, flight, t
     assert surge == pytest.approx(truth(store, "surge")[first], abs=0.05)
 
 
+@pytest.mark.parametrize(("lost", "tells"), [(0.03, True), (0.4, False)])
+def test_a_dive_that_has_no_attitude_for_long_tells_no_current(
+    store: Path, flight, tmp_path: Path, lost: float, tells: bool
+) -> None:
+    """What is not known of the way through the water would count as current."""
+    whole = xr.open_zarr(store).load()
+    count = int(whole["n_samples"][0])
+    hole = slice(int((0.5 - 0.5 * lost) * count), int((0.5 + 0.5 * lost) * count))
+    for name in ("pitch", "roll", "heading"):
+        whole[f"measured_{name}"][0, hole] = np.nan
+    cut = write_store(whole, tmp_path / "cut.zarr")
+    found = estimate_flight(cut)
+    assert found.missions[0].dive.tells_current is tells
+    assert bool(flown_velocities(cut, None)) is tells
+    assert len(found.currents) == (len(flight.currents) if tells else 0)
+    assert len(flight.currents) > 0
+
+
 def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
     dataset = flight_dataset(flight)
     for name, standard in (

@@ -151,9 +151,10 @@ def mapped_log(
         )
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
-    fixes = _fixes(
-        *(channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")), tally
+    latitude, longitude, fix = (
+        channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")
     )
+    fixes = _fixes(latitude, longitude, fix, tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
     if magnetic and variation_deg is None and not len(variation):
         variation = reference_declination(places_for(fixes, channels), deployment, tally)
