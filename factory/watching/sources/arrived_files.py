@@ -71,7 +71,8 @@ class ArrivedFiles:
 
         Files that went away meanwhile are among the refused.
         """
-        sums, refused = {}, dict(self.refused)
+        sums: dict[str, str] = {}
+        refused = dict(self.refused)
         for name, path in self.places.items():
             target = folder / name
             try:

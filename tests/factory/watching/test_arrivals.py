@@ -32,6 +32,7 @@ from factory.watching import WatchedDeployment, one_pass, watch_pass
 from factory.watching.kept_beliefs import BELIEFS
 from factory.watching.log_of_files import DIGEST, LOG, log_of_files
 from factory.watching.made_parts import content_of
+from factory.watching.morning import Morning
 from factory.watching.morning_page import PAGE
 from factory.watching.noticed import EVENTS, noticed, write_events
 from twin.__main__ import PROGRAM
@@ -392,7 +393,7 @@ def passed(tmp_path_factory: pytest.TempPathFactory) -> tuple[WatchedDeployment,
     return made, made_of
 
 
-TOLD: list[watch_pass.Morning] = []
+TOLD: list[Morning] = []
 
 
 @pytest.mark.parametrize("harm", [_cut, _flip, Path.unlink, _nest])

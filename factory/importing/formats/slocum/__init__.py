@@ -13,7 +13,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
-    from factory.importing.formats.base import ReadOptions
+    from factory.importing.formats.base import Reader, ReadOptions
     from factory.importing.tally import Tally
 
 
@@ -36,10 +36,11 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
         raise InputError("only cache files (.cac) are named; add the .dbd and .ebd files")
     logs: list[DeploymentLog] = []
     refused: list[tuple[Sequence[Path], InputError]] = []
-    for some, read in (
+    readers: list[tuple[list[Path], Reader]] = [
         (binary, functools.partial(read_slocum_binary, caches=caches)),
         (tables, read_slocum_tables),
-    ):
+    ]
+    for some, read in readers:
         try:
             logs += read(some, options, tally) if some else []
         except InputError as error:

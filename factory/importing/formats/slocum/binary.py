@@ -152,7 +152,8 @@ def read_slocum_binary(
             tally.add("note", path.name, 1, f"{TRUNCATED}{goes}")
     for kind in {f"{path.suffix.lower()} file" for path, _ in decoded}:
         note_empty(kind, [n for n in wanted if n not in kinds.get(kind, ())], tally)
-    logs, refused = [], []
+    logs: list[DeploymentLog] = []
+    refused: list[tuple[str, InputError]] = []
     for vehicle, own in pieces.items():
         try:
             logs.append(_log(vehicle, own, units, files[vehicle], cut, options, tally))
