@@ -199,7 +199,7 @@ def to_dbar(
     if depth is not None:
         use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
         if use.sum() >= 10:
-            ratio = float(np.median(depth[use] / values[use]))
+            ratio = float(np.median(depth[use] / np.maximum(values[use], 1e-30)))
             near = {u: abs(np.log(ratio / f)) for u, f in _DBAR_PER.items()}
             unit = min(near, key=lambda u: near[u])
             if near[unit] > _NEAR * 2.5:
