@@ -187,7 +187,11 @@ def _turn_west(tables: dict[str, MessageTable], tally: Tally) -> None:
     """Count the receiver's longitudes eastward where they count westward: the vehicle's own track
     has the other sign."""
     gps, own = (tables.get(name) for name in ("gps", "navigation"))
-    names = [n for n in ("longitude", "longitudeNav") if own is not None and n in own.columns]
+    nothing = np.zeros(0)
+    names = [
+        n for n in ("longitude", "longitudeNav")
+        if own is not None and np.isfinite(own.columns.get(n, nothing)).any()
+    ]  # fmt: skip
     if gps is None or own is None or "longitude" not in gps.columns:
         return
     west = gps.columns["longitude"]

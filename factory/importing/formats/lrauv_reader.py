@@ -10,6 +10,7 @@ surfacing may be reset to GPS already.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -126,7 +127,8 @@ def _groups(file: Any) -> dict[str, TimedValues]:
             continue
         if {"time", "value"} <= set(group.variables):
             unit = group.variables.get("units")
-            text = "" if unit is None else "".join(chr(int(c)) for c in np.ravel(unit[:]))
+            codes = () if unit is None else as_array(unit[:])
+            text = "".join(chr(int(c)) for c in codes if 0.0 <= c <= sys.maxunicode)
             time, values = (as_array(group.variables[n][:]) for n in ("time", "value"))
             if len(time) == len(values):
                 found[name] = (time, values, text.strip("\0 "))

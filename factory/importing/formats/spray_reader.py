@@ -143,6 +143,13 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
             }
         except (RuntimeError, OSError) as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+    sizes = {name: len(values) for name, values in numbers.items()}
+    odd = [name for name, size in sizes.items() if size != count]
+    if odd:
+        raise InputError(
+            f"{path.name}: {odd[0]} has {sizes[odd[0]]} values, time {count}: one belongs to each "
+            "profile"
+        )
     owner = next((name for name in OWNERS if name in numbers), None)
     numbers["owner"] = np.zeros(count) if owner is None else numbers[owner]
     found = SprayProfiles(

@@ -211,3 +211,13 @@ def test_rows_of_a_glider_with_an_endless_name_are_left_out(tmp_path):
     assert report.rows == FLIGHT.dives
     assert report.count("left out", dives.name) == 1
     assert max(map(len, report.deployments)) < 10
+
+
+def test_a_spray_s_variable_of_another_length_is_named(tmp_path):
+    (path,) = write("spray", 0, tmp_path, FLIGHT)
+    with netCDF4.Dataset(path, "a") as file:
+        file.renameVariable("lat_uv", "was")
+        file.createDimension("short", 1)
+        file.createVariable("lat_uv", "f8", ("short",))[:] = 50.0
+    with pytest.raises(InputError, match=r"lat_uv has 1 values, time 2: one belongs to each"):
+        import_logs("spray", [path])
