@@ -26,6 +26,7 @@ from logs import (
     write_seaexplorer,
     write_spray,
 )
+from message_logs import Dataflash, write_ardusub
 
 from factory.importing import import_logs
 from factory.importing.deployment_log import (
@@ -605,3 +606,22 @@ def test_oxygen_of_og1_is_kept_per_volume(tmp_path: Path, unit: str) -> None:
     dense = float(gsw.sigma0(gsw.SA_from_SP(35.0, 0.0, -58.0, 49.5), 8.0)) + 1000.0
     right = 250.0 * (dense / 1000.0 if per_mass else 1.0)
     assert float(np.nanmedian(dataset["measured_oxygen"])) == pytest.approx(right, abs=0.05)
+
+
+def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink")
+    path, mapping = write_ardusub(tmp_path, FLIGHT)[0], tmp_path / "mine.toml"
+    right, _ = import_logs("ardusub", [path], mapping=mapping)
+    log = Dataflash()
+    for name in ("ATT", "CTUN", "IMU"):  # their numbers in the file
+        log.define(name, "Q", "TimeUS")
+    before = len(log.data)
+    log.define("UNIT", "QbZ", "TimeUS,Id,Label", 0xA0)
+    log.define("FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds", 0xA1)
+    log.add("UNIT", 0, ord("m"), b"fathom")
+    log.add("FMTU", 0, 0x83, b"-mmm", b"----")
+    path.write_bytes(path.read_bytes() + bytes(log.data[before:]))
+    dataset, _ = import_logs("ardusub", [path], mapping=mapping)
+    deepest = largest(right, "measured_depth")
+    assert deepest == pytest.approx(60.0, abs=1.0)
+    assert largest(dataset, "measured_depth") == pytest.approx(1.8288 * deepest, rel=1e-3)

@@ -137,7 +137,10 @@ def signals_in(
     name_of_depth = sources.get("measured_depth", "")
     depth = columns.get(name_of_depth)
     if depth is not None:
-        depth = declared(depth, unit_in(attributes[name_of_depth]), "m", name_of_depth, tally)
+        unit = unit_in(attributes[name_of_depth])
+        depth = declared(
+            depth, unit, "m", name_of_depth, tally, deployment=variation.deployment
+        )  # fmt: skip
     below = depth
     if below is None and (name := sources.get("measured_pressure")) is not None:
         below = declared(columns[name], unit_in(attributes[name]), "dbar", name, Tally())
