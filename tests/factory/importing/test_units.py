@@ -42,6 +42,7 @@ from factory.importing.formats.slocum.native_sensors import in_native_units
 from factory.importing.log_limits import within_limits
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
+from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
 from factory.importing.tally import ImportReport, Tally
 from factory.importing.units import declared, in_unit, known_units
@@ -625,3 +626,12 @@ def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path: Path) -> None:
     deepest = largest(right, "measured_depth")
     assert deepest == pytest.approx(60.0, abs=1.0)
     assert largest(dataset, "measured_depth") == pytest.approx(1.8288 * deepest, rel=1e-3)
+
+
+@pytest.mark.parametrize(("ways", "sinks"), [(1.0, None), (-1.0, True)])
+def test_only_both_ways_tell_radian_by_the_sinking(ways: float, sinks: bool | None) -> None:
+    """A vehicle on its thrusters that only goes down can hang nose down by one degree."""
+    time = np.arange(400.0)
+    rate = np.where(time < 200.0, 0.2, 0.2 * ways)
+    depth = 6.0 + np.concatenate([[0.0], np.cumsum(rate[1:])])
+    assert sinks_in_radian(time, depth, -np.sign(rate) * 0.4) is sinks
