@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DIVES = 'vehicle = "test vehicle"\nrows = "dives"\n\n[signals]\n'
-FIELDS = {"Q": "Q", "B": "B", "f": "f", "c": "h", "C": "H", "L": "i", "I": "I", "H": "H", "n": "4s"}
+FIELDS = {"Q": "Q", "B": "B", "f": "f", "c": "h", "C": "H", "L": "i", "I": "I", "H": "H", "n": "4s",
+          "b": "b", "N": "16s", "Z": "64s"}  # fmt: skip
 """Letters of ArduPilot's formats that are used here, for `struct`"""
 
 
@@ -168,7 +169,7 @@ class Dataflash:
             letters.encode(), columns.encode(),
         )  # fmt: skip
 
-    def add(self, name: str, *values: float) -> None:
+    def add(self, name: str, *values: float | bytes) -> None:
         number, layout = self._formats[name]
         self.data += b"\xa3\x95" + bytes([number]) + struct.pack(layout, *values)
 

@@ -63,7 +63,7 @@ _AGREE = 0.9
 def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
     """Whether a vehicle sinks and rises as its pitch in radian says and cannot as in degrees.
 
-    None where it moves too little to tell.
+    None where it does not go both ways: one that only sinks may hang nose down.
 
     Args:
       time: [s] increasing, (samples,).
@@ -76,9 +76,9 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
     rate = Channel(moving.time, vertical_speed(moving)).at(time[known])
     below = moving.at(time[known]) > _BELOW
     angle, use = pitch[known], below & (np.abs(rate) > _MOVING)
-    if use.sum() < 2 * _ENOUGH:
-        return None
     rate, angle = rate[use], angle[use]
+    if min((rate > 0.0).sum(), (rate < 0.0).sum()) < _ENOUGH:
+        return None
     agree = float(np.mean(np.sign(rate) == -np.sign(angle)))
     as_degrees = float(np.median(np.abs(rate) / np.sin(np.radians(np.abs(angle)))))
     as_radian = float(np.median(np.abs(rate) / np.sin(np.abs(angle))))

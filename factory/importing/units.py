@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.tally import Tally
+from factory.importing.tally import Doubt, Tally
 from twin.errors import InputError, unknown_name
 from twin.records.schema import VARIABLES
 
@@ -34,7 +34,8 @@ _NOTHING = frozenset(
 
 _WORDS: dict[str, dict[str, str]] = {
     "": {
-        "deg": "degree", "degs": "degree", "arcdeg": "degree", "deg/s": "degree/s",
+        "deg": "degree", "degs": "degree", "degheading": "degree", "deglatitude": "degree",
+        "deglongitude": "degree", "arcdeg": "degree", "deg/s": "degree/s",
         "deg s-1": "degree/s", "deg/sec": "degree/s", "rev/s": "turn/s", "hz": "turn/s",
         "kn": "knot", "kts": "knot", "ms-1": "m/s", "cms-1": "cm/s", "kph": "km/h",
         "nmi": "nautical_mile", "cubic_meter": "m3", "cubic_metre": "m3", "ccm": "cm3",
@@ -223,7 +224,10 @@ def unit_to_take(
         return None
     if count:
         why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
-        tally.doubt(subject, why, count, deployment=deployment)
+        if Doubt(subject, why, deployment) in tally.doubts:  # of another file
+            tally.add("suspect", subject, count, why)
+        else:
+            tally.doubt(subject, why, count, deployment=deployment)
     return native
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from factory.importing.messages import (
     with_standard,
 )
 from factory.importing.tally import Tally, note_unread
+from factory.importing.units import unit_to_take
 from twin.errors import InputError
 
 GAP = 10.0
@@ -50,7 +51,7 @@ STANDARD = {
     "onboard_north": Signal(column="XKF1 PN", unit="m"),
     "onboard_east": Signal(column="XKF1 PE", unit="m"),
 }
-"""What ArduPilot's fields are, in the units that its format descriptions give"""
+"""What ArduPilot's fields are, in the units of its documentation where a log does not say them"""
 FIRST = ("I", "Instance", "C")
 """Fields that number sensors and filter cores: the first of them is read"""
 FIXED = 3
@@ -102,10 +103,12 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 def _log_of(path: Path, log: Any, options: ReadOptions, tally: Tally) -> DeploymentLog:
     mapping = mapping_of(options, "ArduSub", None, GAP)
     formats = {one.name: one.columns for one in log.formats.values() if one.name != "FMT"}
+    units = {f"{f.name} {c}": f.get_unit(c) for f in log.formats.values() for c in f.columns}
     standard = {
-        name: signal
+        name: dataclasses.replace(signal, unit=unit)
         for name, signal in STANDARD.items()
         if (said := signal.column.split())[1] in formats.get(said[0], ())
+        and (unit := _unit(name, signal, units, tally)) is not None
     }
     mapping = with_standard(mapping, standard, tally)
     wanted = {t: f for t, f in wanted_fields(mapping).items() if t in formats}
@@ -131,6 +134,12 @@ def _log_of(path: Path, log: Any, options: ReadOptions, tally: Tally) -> Deploym
     return log_of_messages(
         path, path.name.partition(".")[0], list(present), tables, mapping, options, tally
     )
+
+
+def _unit(name: str, signal: Signal, units: Mapping[str, str], tally: Tally) -> str | None:
+    """What a log's own table of units says of a field, else ArduPilot's documentation."""
+    said, wanted = units.get(signal.column, ""), signal.wanted(name)
+    return unit_to_take(said, wanted, signal.column, tally, native=signal.unit)
 
 
 def _is_first(message: Any, fields: Sequence[str]) -> bool:

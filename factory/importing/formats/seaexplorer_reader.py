@@ -339,9 +339,8 @@ def _payload(
     practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
     if conductivity is not None:
         source = f"{ctd}_CONDUCTIVITY"
-        conductivity = siemens(
-            in_unit(conductivity, _CONDUCTIVITY[ctd], "S m-1", name), name, tally
-        )
+        conductivity = in_unit(conductivity, _CONDUCTIVITY[ctd], "S m-1", source)
+        conductivity = siemens(conductivity, source, tally)
         if practical is not None:
             leave_out([source], f"{ctd}_SALINITY is there", tally)
     return channels | ctd_channels(

@@ -26,6 +26,7 @@ from logs import (
     write_seaexplorer,
     write_spray,
 )
+from message_logs import Dataflash, write_ardusub
 
 from factory.importing import import_logs
 from factory.importing.deployment_log import (
@@ -41,6 +42,7 @@ from factory.importing.formats.slocum.native_sensors import in_native_units
 from factory.importing.log_limits import within_limits
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
+from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
 from factory.importing.tally import ImportReport, Tally
 from factory.importing.units import declared, in_unit, known_units
@@ -605,3 +607,31 @@ def test_oxygen_of_og1_is_kept_per_volume(tmp_path: Path, unit: str) -> None:
     dense = float(gsw.sigma0(gsw.SA_from_SP(35.0, 0.0, -58.0, 49.5), 8.0)) + 1000.0
     right = 250.0 * (dense / 1000.0 if per_mass else 1.0)
     assert float(np.nanmedian(dataset["measured_oxygen"])) == pytest.approx(right, abs=0.05)
+
+
+def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("pymavlink")
+    path, mapping = write_ardusub(tmp_path, FLIGHT)[0], tmp_path / "mine.toml"
+    right, _ = import_logs("ardusub", [path], mapping=mapping)
+    log = Dataflash()
+    for name in ("ATT", "CTUN", "IMU"):  # their numbers in the file
+        log.define(name, "Q", "TimeUS")
+    before = len(log.data)
+    log.define("UNIT", "QbZ", "TimeUS,Id,Label", 0xA0)
+    log.define("FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds", 0xA1)
+    log.add("UNIT", 0, ord("m"), b"fathom")
+    log.add("FMTU", 0, 0x83, b"-mmm", b"----")
+    path.write_bytes(path.read_bytes() + bytes(log.data[before:]))
+    dataset, _ = import_logs("ardusub", [path], mapping=mapping)
+    deepest = largest(right, "measured_depth")
+    assert deepest == pytest.approx(60.0, abs=1.0)
+    assert largest(dataset, "measured_depth") == pytest.approx(1.8288 * deepest, rel=1e-3)
+
+
+@pytest.mark.parametrize(("ways", "sinks"), [(1.0, None), (-1.0, True)])
+def test_only_both_ways_tell_radian_by_the_sinking(ways: float, sinks: bool | None) -> None:
+    """A vehicle on its thrusters that only goes down can hang nose down by one degree."""
+    time = np.arange(400.0)
+    rate = np.where(time < 200.0, 0.2, 0.2 * ways)
+    depth = 6.0 + np.concatenate([[0.0], np.cumsum(rate[1:])])
+    assert sinks_in_radian(time, depth, -np.sign(rate) * 0.4) is sinks

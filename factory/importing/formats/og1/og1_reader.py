@@ -141,7 +141,10 @@ def signals_in(
     name_of_depth = sources.get("measured_depth", "")
     depth = columns.get(name_of_depth)
     if depth is not None:
-        depth = declared(depth, unit_in(attributes[name_of_depth]), "m", name_of_depth, tally)
+        unit = unit_in(attributes[name_of_depth])
+        depth = declared(
+            depth, unit, "m", name_of_depth, tally, deployment=variation.deployment
+        )  # fmt: skip
     if depth is not None:  # the pressure is compared with it; cleaning tells
         depth = downward(depth, "depth", Tally())
     below = depth
