@@ -20,7 +20,7 @@ import tomllib
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,8 @@ MOST_RATIO = 300
 and no row of measurements comes near."""
 LONGEST_NAME = 255
 """Characters of a file's name"""
+MOST_STEM = 100
+"""Characters of a file's name that come from a text of somebody else"""
 MOST_WAYS = 10**8
 """Ways in which the repeats of a pattern may share a name: a second or two"""
 FREE_BYTES = 256 * 2**20
@@ -188,6 +190,30 @@ def compile_pattern(
             f"{what} could take without end: repeat no group, and few characters by *, + or ?"
         )
     return compiled
+
+
+def file_names(texts: Iterable[str], instead: str, marks: str = "-_.") -> dict[str, str]:
+    """Names for files, of texts that stand in somebody else's file, such as deployments.
+
+    A text of a file never becomes a path itself. Its name has letters and digits of ASCII and the
+    marks alone, begins and ends with no mark, and is no other text's name in small letters.
+
+    Args:
+      instead: the name of a text that has no letter and no digit.
+      marks: characters that a name may have too; the first stands for whatever else a text has.
+    """
+    kept = f"A-Za-z0-9{re.escape(marks)}"
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for text in dict.fromkeys(texts):
+        name = plain = re.sub(f"[^{kept}]+", marks[0], text)[:MOST_STEM].strip(marks) or instead
+        number = 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{plain}{marks[0]}{number}"
+        taken.add(name.lower())
+        found[text] = name
+    return found
 
 
 def check_declared(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from twin.bounded import file_names
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 
@@ -67,10 +67,9 @@ def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
     from factory.logs_page import deployment_page
 
-    names = list(dict.fromkeys(logs.deployments))
+    names = file_names(logs.deployments, "deployment")
     pages = {}
-    for number, name in enumerate(names):
-        word = re.sub(r"[^\w.-]+", "-", name) or str(number)
+    for name, word in names.items():
         path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
         pages[path] = deployment_page(logs, name)
     return pages

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import datetime
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -21,33 +22,83 @@ from twin.errors import InputError
 _HEADER_BYTES = 4000
 """The ASCII header of 14 lines fits."""
 _LABEL = "dbd_label"
-_NEEDED = ("full_filename", "sensor_list_crc", "total_num_sensors", "sensors_per_cycle")
+_LIST, _STATES, _TAGS = "sensor_list_crc", "state_bytes_per_cycle", "num_ascii_tags"
+_NEEDED = ("full_filename", _LIST, "total_num_sensors", "sensors_per_cycle")
+_CRC = re.compile(r"[0-9A-Fa-f]{8}")
+"""The number of a list of sensors, which names its cache file"""
+_COUNT = r"[0-9]{1,6}"
+_SENSORS_A_BYTE = 4
+"""Sensors whose state one byte of a cycle tells"""
+_SHOWN = 40
+"""Characters of a wrong value that an error repeats"""
 
 
-def read_header(path: Path) -> dict[str, str]:
+def read_header(path: Path, name: str = "") -> dict[str, str]:
     """The ASCII header of a plain file.
+
+    Args:
+      name: what errors call it, such as that of the compressed file; its own where empty.
 
     Raises:
       InputError: not a Slocum file, or cut within its header.
     """
+    name = name or path.name
     with path.open("rb") as file:
         start = file.read(_HEADER_BYTES)
     header: dict[str, str] = {}
-    for line in start.split(b"\n"):
-        key, colon, value = line.decode("latin-1").partition(":")
-        if not colon or not key.strip().isidentifier():
-            if not header:
-                break
-            continue
-        header[key.strip()] = value.strip()
-        if len(header) == int(header.get("num_ascii_tags") or 10**6):
+    *lines, _ = start.split(b"\n")
+    for count, line in enumerate(lines, 1):
+        key, colon, value = (part.strip() for part in line.decode("latin-1").partition(":"))
+        if colon and header.setdefault(key, value) != value:
+            raise _damaged(name, f"{key} is {header[key][:_SHOWN]!r} and {value[:_SHOWN]!r}")
+        if _LABEL not in header:
             break
+        if count == _number(header, _TAGS, name, len(lines) + 1):
+            break
+    else:
+        count = 0
     if _LABEL not in header:
-        raise InputError(f"{path.name} is not a Slocum binary file: its header lacks {_LABEL}")
+        raise InputError(f"{name} is not a Slocum binary file: its header lacks {_LABEL}")
     lacking = [key for key in _NEEDED if key not in header]
-    if lacking:
-        raise InputError(f"{path.name} is truncated within its header: no {lacking[0]}")
+    if lacking or not count:
+        raise InputError(
+            f"{name} is truncated within its header: "
+            + (f"no {lacking[0]}" if lacking else "it has fewer lines than it says")
+        )
+    _check_header(header, name)
     return header
+
+
+def _check_header(header: Mapping[str, str], name: str) -> None:
+    """Refuse a header that says what no vehicle writes.
+
+    The number of the cache file is the name of a file in the decoder's folder, and the counts are
+    the decoder's memory, so that neither may be anything else.
+
+    Raises:
+      InputError: the header is damaged.
+    """
+    if not _CRC.fullmatch(header[_LIST]):
+        raise _damaged(name, f"{_LIST} is {header[_LIST][:_SHOWN]!r}, not eight hexadecimal digits")
+    total = _number(header, "total_num_sensors", name)
+    used = _number(header, "sensors_per_cycle", name)
+    if used > total:
+        raise _damaged(name, f"sensors_per_cycle is {used}, and total_num_sensors {total}")
+    states = -(-used // _SENSORS_A_BYTE)
+    if _number(header, _STATES, name, states) != states:
+        raise _damaged(name, f"{_STATES} is {header[_STATES]!r}, not {states} for {used} sensors")
+
+
+def _number(header: Mapping[str, str], key: str, name: str, default: int = 0) -> int:
+    """A count of the header; raises InputError where it is none."""
+    word = header.get(key, str(default))
+    if not re.fullmatch(_COUNT, word):
+        raise _damaged(name, f"{key} is {word[:_SHOWN]!r}, not a count")
+    return int(word)
+
+
+def _damaged(name: str, why: str) -> InputError:
+    return InputError(f"{name} is damaged in its header: {why}")
 
 
 def vehicle_of(header: Mapping[str, str], path: Path) -> str:
@@ -67,9 +118,10 @@ def opened(path: Path) -> tuple[str, float]:
       InputError: no Slocum file, cut within its header, or without that time.
     """
     with tempfile.TemporaryDirectory() as folder:
-        header = read_header(_plain(path, Path(folder)))
+        header = read_header(_plain(path, Path(folder)), path.name)
+    said = header.get("fileopen_time", "").replace("__", "_")  # before a day of one digit
     try:
-        moment = datetime.datetime.strptime(header.get("fileopen_time", ""), OPENED)
+        moment = datetime.datetime.strptime(said, OPENED)
     except ValueError as error:
         raise InputError(f"{path.name}: its header has no fileopen_time") from error
     return vehicle_of(header, path), moment.replace(tzinfo=datetime.UTC).timestamp()
@@ -83,7 +135,7 @@ def keep_lists(paths: Sequence[Path], folder: Path) -> None:
         try:
             with tempfile.TemporaryDirectory() as temporary:
                 plain = _plain(path, Path(temporary))
-                header = read_header(plain)
+                header = read_header(plain, path.name)
                 target = folder / f"{header['sensor_list_crc'].lower()}.cac"
                 if lists_itself(header) and not target.exists():
                     target.write_bytes(sensor_list(plain, header))
@@ -220,7 +272,7 @@ class CacheShelf:
                     if source.suffix.lower() in CACHES:
                         shutil.copyfile(whole, target)
                     else:
-                        target.write_bytes(sensor_list(whole, read_header(whole)))
+                        target.write_bytes(sensor_list(whole, read_header(whole, source.name)))
         lines = target.read_text("latin-1").split("\n")
         listed = [line.split() for line in lines if line.startswith("s:")]
         used = sum(1 for words in listed if len(words) > 1 and words[1] == "T")
@@ -293,7 +345,7 @@ def _self_listing(folder: Path) -> dict[str, Path]:
         try:
             with tempfile.TemporaryDirectory() as temporary:
                 plain = _plain(path, Path(temporary))
-                header = read_header(plain)
+                header = read_header(plain, path.name)
                 if lists_itself(header) and header["sensor_list_crc"].lower() not in found:
                     sensor_list(plain, header)
                     found[header["sensor_list_crc"].lower()] = path
