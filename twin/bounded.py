@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gzip
 import io
 import json
 import math
@@ -46,6 +47,12 @@ MOST_WAYS = 10**8
 """Ways in which the repeats of a pattern may share a name: a second or two"""
 FREE_BYTES = 256 * 2**20
 """[byte] that any file may declare, however small it is"""
+MOST_UNPACKED = 50
+"""Bytes that a log of somebody else may unpack to per byte that it has. Tables, recordings and
+compressed arrays of vehicles have 2 to 10, many columns of missing values forty."""
+UNPACKED_BYTES = 2**25
+"""[byte] that any log may unpack to, however small it is: read, they take up to twenty times as
+much memory"""
 
 
 _KINDS = {
@@ -234,6 +241,53 @@ def check_declared(
             f"{what} declares {_size(declared)} of values in {_size(stored)}: it is damaged, or "
             "made to fill the memory"
         )
+
+
+def check_unpacked(unpacked: float, stored: int, what: str) -> None:
+    """Raise when a log of `stored` bytes unpacks to `unpacked` bytes, far too many.
+
+    Every reader asks it of whatever unpacks to more than the file has: gzip, LZ4, zstd, parquet,
+    and the compressed arrays of netCDF, HDF5 and MATLAB.
+
+    Raises:
+      InputError: it is damaged, or made to fill the memory.
+    """
+    if unpacked > UNPACKED_BYTES and unpacked > MOST_UNPACKED * stored:
+        raise InputError(
+            f"{what} unpacks to {_size(unpacked)} of values or more from {_size(stored)}: it is "
+            "damaged, or made to fill the memory"
+        )
+
+
+def unpacked_file(path: Path) -> io.BufferedReader:
+    """Content of a gzip file.
+
+    Reading raises InputError as `check_unpacked`, and EOFError, OSError or zlib.error where the
+    file is cut off or damaged.
+    """
+    # closed with the reader that has it
+    return io.BufferedReader(_Counted(gzip.open(path, "rb"), path.stat().st_size, str(path)))
+
+
+class _Counted(io.RawIOBase):
+    """A stream that unpacks and ends with an error where it gives far too much."""
+
+    def __init__(self, file: gzip.GzipFile, stored: int, what: str) -> None:
+        self._file, self._stored, self.name, self._given = file, stored, what, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._file.read1(len(buffer))  # of a file that was cut off, what is there
+        buffer[: len(data)] = data
+        self._given += len(data)
+        check_unpacked(self._given, self._stored, self.name)
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def check_dataset(

@@ -6,6 +6,7 @@ Units as logs write them, and the factor of each to the unit of the schema.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from factory.importing.columns import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
-from twin.bounded import check_declared
+from twin.bounded import check_unpacked
 from twin.errors import InputError, unknown_name
 
 Array = NDArray[np.float64]
@@ -29,6 +30,9 @@ def open_netcdf(path: Path) -> Any:
     """
     import netCDF4
 
+    # limits that do not fit the variable's own kind of number are not used: no word of a library
+    # that names neither the file nor the variable
+    warnings.filterwarnings("ignore", r"WARNING: \w+ not used since it", UserWarning)
     try:
         file = netCDF4.Dataset(path)
     except (OSError, RuntimeError) as error:
@@ -40,7 +44,7 @@ def open_netcdf(path: Path) -> Any:
             f"{path.name} cannot be opened as netCDF-4 or HDF5: {why} ({type(error).__name__})"
         ) from error
     try:
-        check_declared(_declared(file), path.stat().st_size, path.name)
+        check_unpacked(_declared(file), path.stat().st_size, path.name)
     except InputError:
         file.close()
         raise
@@ -48,9 +52,9 @@ def open_netcdf(path: Path) -> Any:
 
 
 def _declared(group: Any) -> float:
-    """Bytes of the values that a file or group says it has; 8 for a value of no fixed size."""
+    """Bytes of the values that a file or group says it has: a number is read as eight."""
     own = sum(
-        float(variable.size) * getattr(variable.dtype, "itemsize", 8)
+        float(variable.size) * (1 if getattr(variable.dtype, "kind", "") == "S" else 8)
         for variable in group.variables.values()
     )
     return own + sum(_declared(inner) for inner in group.groups.values())

@@ -25,7 +25,7 @@ from factory.importing.deployment_log import Channel, DeploymentLog, joined
 from factory.importing.dives.dive_rows import DiveRow
 from factory.importing.dives.dive_store import row_of, rows_of, segmented
 from factory.importing.dives.positions import Positions
-from factory.importing.dives.regular_times import HELD, KNOWN_FROM
+from factory.importing.dives.regular_times import HELD, KNOWN_FROM, not_empty
 from factory.importing.dives.segments import LogSegment
 from factory.importing.formats.base import IMPORTERS, Importer, ReadOptions
 from factory.importing.gps_fixes import tell_read
@@ -121,6 +121,7 @@ def grown_rows(
     holds = HELD | KNOWN_FROM | importer.held | BESIDE
     for log in sorted((log for log in logs if log.channels), key=lambda one: one.span):
         whole, segments = segmented(log, rules, tally)
+        segments = not_empty(whole, segments, period, tally)
         cutting: dict[str, Any] = {"period": period, "rules": rules, "held": importer.held}
         for number, segment in enumerate(segments):
             before, after = segments[max(number - 1, 0)], segments[number + 1 : number + 2]

@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from twin.bounded import check_unpacked
 from twin.errors import InputError
 
 _HEADER_BYTES = 4000
@@ -189,25 +190,25 @@ def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
       InputError: not even the first block can be unpacked.
     """
     lz4: Any = import_module("lz4.block")
-    packed = path.read_bytes()
-    plain, at, cut = bytearray(), 0, False
-    while at < len(packed):
-        size = int.from_bytes(packed[at : at + 2], "big")
-        block = packed[at + 2 : at + 2 + size]
-        try:
-            plain += lz4.decompress(block, _BLOCK)
-        except lz4.LZ4BlockError as error:
-            if not plain:
-                raise InputError(
-                    f"{path.name} is not a compressed Slocum file, or is cut in its first block: "
-                    f"{' '.join(str(error).split())}"
-                ) from error
-            cut = True
-            break
-        at += 2 + size
     ending = f".{path.suffix[1].lower()}bd" if path.suffix[-1] in "dD" else ".cac"
     target = folder / f"{path.stem}{ending}"
-    target.write_bytes(plain)
+    packed = path.read_bytes()
+    at, cut = 0, False
+    with target.open("wb") as plain:
+        while at < len(packed) and not cut:
+            size = int.from_bytes(packed[at : at + 2], "big")
+            block = packed[at + 2 : at + 2 + size]
+            try:
+                plain.write(lz4.decompress(block, _BLOCK))
+            except lz4.LZ4BlockError as error:
+                if not at:
+                    raise InputError(
+                        f"{path.name} is not a compressed Slocum file, or is cut in its first "
+                        f"block: {' '.join(str(error).split())}"
+                    ) from error
+                cut = True
+            check_unpacked(plain.tell(), len(packed), path.name)
+            at += 2 + size
     return target, cut
 
 
