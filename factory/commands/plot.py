@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.bounded import file_names
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 
@@ -47,10 +46,11 @@ class PlotStore(JsonOption):
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
-        place = self.store if isinstance(self.store, Path) else Path(self.store.name)
-        out = place.with_suffix(".png") if self.out is None else self.out
         run = open_missions(self.store)
         run.check_arrays()
+        place = self.store if isinstance(self.store, Path) else Path(self.store.name)
+        place = place if place.name not in ("", "..") else place.resolve()
+        out = place.with_suffix(".png") if self.out is None else self.out
         pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
         for path, figure in pages.items():
             with whole_file(path) as place:
@@ -65,9 +65,9 @@ class PlotStore(JsonOption):
 
 def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
-    from factory.logs_page import deployment_page
+    from factory.logs_page import deployment_page, page_names
 
-    names = file_names(logs.deployments, "deployment")
+    names = page_names(logs.deployments)
     pages = {}
     for name, word in names.items():
         path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
