@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.dates import date2num
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
+from twin.bounded import file_names
 from twin.cli.text_table import counted
 from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import METHODS
@@ -41,6 +43,11 @@ HEADROOM = 1.12
 ERROR_HEADROOM = 1.25
 """Likewise, for a line of text"""
 DIVE, CLIMB = style.PALETTE["blue"], style.PALETTE["vermillion"]
+
+
+def page_names(deployments: Iterable[str]) -> dict[str, str]:
+    """The part of a page's name that tells its deployment, by deployment."""
+    return file_names(deployments, "deployment")
 
 
 def deployment_page(logs: LogStore, deployment: str) -> Figure:

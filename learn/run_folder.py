@@ -16,6 +16,7 @@ from learn.run import DESCRIPTION
 from twin.errors import InputError, quoted
 from twin.records.storage.checksums import LIST
 from twin.records.storage.disk import lock, sync_tree
+from twin.records.storage.store_path import check_addresses
 from twin.records.storage.whole import whole_folder
 
 CHECKPOINT = ".checkpoint"
@@ -24,7 +25,8 @@ WEIGHTS = ".safetensors"
 
 
 def training_folder(folder: Path, *, replace: bool) -> Path:
-    """Where the run of this folder is trained."""
+    """Where the run of this folder is trained; raises InputError where it is an address."""
+    check_addresses(folder)
     return _outer(folder) / folder.name if replace else folder
 
 

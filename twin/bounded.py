@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gzip
 import io
 import json
 import math
@@ -20,7 +21,7 @@ import tomllib
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,10 +41,18 @@ MOST_RATIO = 300
 and no row of measurements comes near."""
 LONGEST_NAME = 255
 """Characters of a file's name"""
+MOST_STEM = 100
+"""Characters of a file's name that come from a text of somebody else"""
 MOST_WAYS = 10**8
 """Ways in which the repeats of a pattern may share a name: a second or two"""
 FREE_BYTES = 256 * 2**20
 """[byte] that any file may declare, however small it is"""
+MOST_UNPACKED = 50
+"""Bytes that a log of somebody else may unpack to per byte that it has. Tables, recordings and
+compressed arrays of vehicles have 2 to 10, many columns of missing values forty."""
+UNPACKED_BYTES = 2**25
+"""[byte] that any log may unpack to, however small it is: read, they take up to twenty times as
+much memory"""
 
 
 _KINDS = {
@@ -190,6 +199,30 @@ def compile_pattern(
     return compiled
 
 
+def file_names(texts: Iterable[str], instead: str, marks: str = "-_.") -> dict[str, str]:
+    """Names for files, of texts that stand in somebody else's file, such as deployments.
+
+    A text of a file never becomes a path itself. Its name has letters and digits of ASCII and the
+    marks alone, begins and ends with no mark, and is no other text's name in small letters.
+
+    Args:
+      instead: the name of a text that has no letter and no digit.
+      marks: characters that a name may have too; the first stands for whatever else a text has.
+    """
+    kept = f"A-Za-z0-9{re.escape(marks)}"
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for text in dict.fromkeys(texts):
+        name = plain = re.sub(f"[^{kept}]+", marks[0], text)[:MOST_STEM].strip(marks) or instead
+        number = 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{plain}{marks[0]}{number}"
+        taken.add(name.lower())
+        found[text] = name
+    return found
+
+
 def check_declared(
     declared: float,
     stored: int,
@@ -208,6 +241,53 @@ def check_declared(
             f"{what} declares {_size(declared)} of values in {_size(stored)}: it is damaged, or "
             "made to fill the memory"
         )
+
+
+def check_unpacked(unpacked: float, stored: int, what: str) -> None:
+    """Raise when a log of `stored` bytes unpacks to `unpacked` bytes, far too many.
+
+    Every reader asks it of whatever unpacks to more than the file has: gzip, LZ4, zstd, parquet,
+    and the compressed arrays of netCDF, HDF5 and MATLAB.
+
+    Raises:
+      InputError: it is damaged, or made to fill the memory.
+    """
+    if unpacked > UNPACKED_BYTES and unpacked > MOST_UNPACKED * stored:
+        raise InputError(
+            f"{what} unpacks to {_size(unpacked)} of values or more from {_size(stored)}: it is "
+            "damaged, or made to fill the memory"
+        )
+
+
+def unpacked_file(path: Path) -> io.BufferedReader:
+    """Content of a gzip file.
+
+    Reading raises InputError as `check_unpacked`, and EOFError, OSError or zlib.error where the
+    file is cut off or damaged.
+    """
+    # closed with the reader that has it
+    return io.BufferedReader(_Counted(gzip.open(path, "rb"), path.stat().st_size, str(path)))
+
+
+class _Counted(io.RawIOBase):
+    """A stream that unpacks and ends with an error where it gives far too much."""
+
+    def __init__(self, file: gzip.GzipFile, stored: int, what: str) -> None:
+        self._file, self._stored, self.name, self._given = file, stored, what, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._file.read1(len(buffer))  # of a file that was cut off, what is there
+        buffer[: len(data)] = data
+        self._given += len(data)
+        check_unpacked(self._given, self._stored, self.name)
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def check_dataset(

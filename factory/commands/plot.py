@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -47,10 +46,11 @@ class PlotStore(JsonOption):
 
         if self.out is not None and self.out.suffix.lower() not in FORMATS:
             raise InputError(f"--out {self.out}: the ending must be one of {', '.join(FORMATS)}")
-        place = self.store if isinstance(self.store, Path) else Path(self.store.name)
-        out = place.with_suffix(".png") if self.out is None else self.out
         run = open_missions(self.store)
         run.check_arrays()
+        place = self.store if isinstance(self.store, Path) else Path(self.store.name)
+        place = place if place.name not in ("", "..") else place.resolve()
+        out = place.with_suffix(".png") if self.out is None else self.out
         pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
         for path, figure in pages.items():
             with whole_file(path) as place:
@@ -65,12 +65,11 @@ class PlotStore(JsonOption):
 
 def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
     """A page for each deployment, by its file."""
-    from factory.logs_page import deployment_page
+    from factory.logs_page import deployment_page, page_names
 
-    names = list(dict.fromkeys(logs.deployments))
+    names = page_names(logs.deployments)
     pages = {}
-    for number, name in enumerate(names):
-        word = re.sub(r"[^\w.-]+", "-", name) or str(number)
+    for name, word in names.items():
         path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
         pages[path] = deployment_page(logs, name)
     return pages

@@ -15,7 +15,7 @@ from factory import seams
 from twin.errors import InputError
 from twin.plugins import imported
 from twin.records.storage.checksums import is_listed
-from twin.records.storage.store_path import StorePath
+from twin.records.storage.store_path import StorePath, named
 from twin.records.storage.whole import whole_file, whole_folder
 from twin.registry import Registry, instance_of
 
@@ -106,6 +106,7 @@ class Exporter:
     def default_path(self, store: StorePath) -> Path:
         """Where an export goes when the user names no target: beside the store, or into the current
         folder where the store is not on this machine."""
+        store = named(store) if isinstance(store, Path) else store
         name = store.stem + self.ending
         return store.with_name(name) if isinstance(store, Path) else Path(name)
 

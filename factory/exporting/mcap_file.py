@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.mcap_samples import McapSamples
+from twin.bounded import file_names
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
 from twin.records.coordinates import NOMINAL
 from twin.records.logged import LogStore
@@ -83,13 +83,9 @@ def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, lis
         yield from ((f"mission_{mission:06d}", [mission]) for mission in missions)
         return
     wanted = set(missions)
-    taken: set[str] = set()
-    for deployment in dict.fromkeys(run.deployments):
+    for deployment, name in file_names(run.deployments, "deployment", "_-.").items():
         some = [mission for mission in run.missions_of(deployment) if mission in wanted]
         if some:
-            plain = re.sub(r"[^A-Za-z0-9._-]+", "_", deployment).strip("._") or "deployment"
-            name = plain if plain.lower() not in taken else f"{plain}_{some[0]}"
-            taken.add(name.lower())
             yield name, some
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import gzip
 import io
 import math
 import warnings
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from factory.importing.sample_clock import tell_standing
 from factory.importing.tally import Tally
-from twin.bounded import check_declared
+from twin.bounded import check_unpacked, unpacked_file
 from twin.errors import InputError
 from twin.extras import require
 
@@ -34,11 +33,17 @@ CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
 """SeaExplorer's time stamps."""
 LONGEST_HEADER = 2**20
 """Characters of the line of column names; a Slocum's two thousand names have a tenth"""
-UNPACKED_BYTES = 2**25
-"""[byte] of text that any compressed table may have, however small it is: in memory it takes
-thirty times as much"""
+MOST_COLUMNS = 10_000
+"""Columns of a table; a Slocum knows three thousand sensors"""
 _SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
 """Unix seconds from 1979 to 2103: what a log's time can be."""
+_YEAR = 365.25 * 86400.0
+_JUMP = _YEAR
+"""[s] No deployment is silent for so long"""
+_FEW = 0.01
+"""Rows behind such a silence are wrong where they are no more than this part of the others, or one
+beside several: a clock that was reset, or a damaged number"""
+_SEVERAL = 10
 
 
 LARGEST = 1e30
@@ -88,13 +93,17 @@ def _opened_parquet(path: Path) -> Any:
     require("pyarrow.parquet", extra="parquet", purpose=path.name)
     parquet: Any = import_module("pyarrow.parquet")
     try:
-        return parquet.ParquetFile(path)
+        with parquet.ParquetFile(path) as file:
+            names = [str(name) for name in file.schema_arrow.names]
+        # texts that repeat stay one text each
+        return parquet.ParquetFile(path, read_dictionary=names)
     except Exception as error:
         raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
 
 
 def _parquet(path: Path) -> Table:
     with _opened_parquet(path) as file:
+        check_unpacked(_declared(file.metadata), path.stat().st_size, str(path))
         try:
             table = file.read()
         except Exception as error:
@@ -102,7 +111,7 @@ def _parquet(path: Path) -> Table:
     columns: dict[str, Array] = {}
     texts: dict[str, NDArray[Any]] = {}
     for name in table.column_names:
-        values = table[name].to_numpy()
+        values = _array(table[name])
         if values.dtype.kind == "M":
             seconds = values.astype("datetime64[ns]").astype(np.int64) / 1e9
             columns[name] = np.where(np.isnat(values), np.nan, seconds)
@@ -111,6 +120,26 @@ def _parquet(path: Path) -> Table:
         else:
             texts[name] = values
     return Table(path, columns, texts)
+
+
+def _declared(metadata: Any) -> float:
+    """[byte] of a parquet file's values in memory, of eight bytes each or as long as they are."""
+    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+    columns = [group.column(k) for group in groups for k in range(group.num_columns)]
+    return float(sum(max(8 * c.num_values, c.total_uncompressed_size) for c in columns))
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """A column of an arrow table; of one with a dictionary, each text once in memory."""
+    if not hasattr(column.type, "index_type"):
+        return np.asarray(column.to_numpy())
+    parts = [
+        np.array([*chunk.dictionary.to_pylist(), None], object)[
+            chunk.indices.fill_null(len(chunk.dictionary)).to_numpy()
+        ]
+        for chunk in column.chunks
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0, object)
 
 
 def column_names(path: Path) -> list[str]:
@@ -132,40 +161,12 @@ _UNREADABLE = (OSError, EOFError, zlib.error)
 def _opened(path: Path) -> TextIO:
     def opened() -> io.BufferedReader:
         packed = path.suffix.lower() == ".gz"
-        return unpacked(path) if packed else path.open("rb")
+        return unpacked_file(path) if packed else path.open("rb")
 
     with opened() as binary:
         wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
     encoding = "utf-16" if wide else "utf-8-sig"
     return io.TextIOWrapper(opened(), newline="", encoding=encoding, errors="replace")
-
-
-def unpacked(path: Path) -> io.BufferedReader:
-    """What a gzip file unpacks to; reading raises InputError where it is far more than the file's
-    size, and EOFError, OSError or zlib.error where the file is cut off or damaged."""
-    return io.BufferedReader(_Unpacked(path))
-
-
-class _Unpacked(io.RawIOBase):
-    """The stream that `unpacked` reads."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._size, self._given = path, path.stat().st_size, 0
-        self._file = gzip.open(path, "rb")  # noqa: SIM115 - closed by `close`
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        data = self._file.read1(len(buffer))  # of a file that was cut off, what is there
-        buffer[: len(data)] = data
-        self._given += len(data)
-        check_declared(self._given, self._size, str(self._path), free=UNPACKED_BYTES)
-        return len(data)
-
-    def close(self) -> None:
-        self._file.close()
-        super().close()
 
 
 def _header(file: TextIO) -> tuple[list[str], str]:
@@ -177,7 +178,24 @@ def _header(file: TextIO) -> tuple[list[str], str]:
             "not a table of columns"
         )
     delimiter = max(",;\t", key=line.count)
+    if line.count(delimiter) >= MOST_COLUMNS:
+        raise InputError(
+            f"{file.name} has more than {MOST_COLUMNS} names in its first line: it is not a table "
+            "of columns"
+        )
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
+
+
+class _Behind(io.TextIOBase):
+    """A table behind a row of empty cells, by which the parser knows how many a row has at most:
+    it takes the first row's number for right, were it millions."""
+
+    def __init__(self, first: str, file: TextIO) -> None:
+        self._first, self._file = first, file
+
+    def read(self, size: int | None = -1) -> str:
+        first, self._first = self._first, ""
+        return first or self._file.read(-1 if size is None else size)
 
 
 def _csv(path: Path) -> Table:
@@ -189,13 +207,10 @@ def _csv(path: Path) -> Table:
             names, delimiter = _header(file)
             # a row may end with a separator, so that it has an empty cell more than the header
             cells = range(len(names) + 1)
-            try:
-                frame = pd.read_csv(
-                    file, sep=delimiter, header=None, names=cells, dtype=str, na_filter=False,
-                    index_col=False,
-                )  # fmt: skip
-            except pd.errors.EmptyDataError:
-                frame = pd.DataFrame(columns=cells, dtype=str)
+            frame = pd.read_csv(
+                _Behind(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
+                names=cells, dtype=str, na_filter=False, index_col=False,
+            )[1:]  # fmt: skip
     except _UNREADABLE as error:
         raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
     except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
@@ -315,6 +330,12 @@ def tidy(
     known = np.isfinite(time) & (time >= _SECONDS_FROM) & (time <= _SECONDS_TO)
     tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
     tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
+    astray = _astray(time, known)
+    tally.add(
+        "left out", subject, int(astray.sum()),
+        f"rows whose clock had jumped by {_JUMP / _YEAR:g} year or more",
+    )  # fmt: skip
+    known &= ~astray
     time = time[known]
     late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
     tally.add("sorted", subject, late.size, "rows earlier than one before them")
@@ -329,6 +350,20 @@ def tidy(
     if repeated:
         out = _once(first, out, subject, tally)
     return unique, out
+
+
+def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows so few and so far in time from the others that their clock was wrong."""
+    astray = np.zeros(len(time), bool)
+    rows = np.flatnonzero(known)
+    rows = rows[np.argsort(time[rows], kind="stable")]
+    groups = np.split(rows, np.flatnonzero(np.diff(time[rows]) > _JUMP) + 1)
+    largest = max(len(group) for group in groups)
+    most = max(_FEW * largest, 1.0 if largest >= _SEVERAL else 0.0)
+    for group in groups:
+        if len(group) <= most:
+            astray[group] = True
+    return astray
 
 
 def _once(

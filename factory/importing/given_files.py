@@ -26,6 +26,7 @@ from twin.bounded import check_regular
 from twin.errors import InputError
 from twin.records.storage.checksums import LIST
 from twin.records.storage.sharded import METADATA
+from twin.records.storage.store_path import check_addresses
 
 
 def expand(
@@ -40,6 +41,7 @@ def expand(
       InputError: no such file, a folder without any, no file that can be read.
       WrongFormat: a file of another kind that is named itself, by the names in it; or nothing else.
     """
+    check_addresses(paths)
     files: list[Path] = []
     named: set[Path] = set()
     for path in paths:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from factory.importing.columns import measurable, parse_stamps, unix_seconds
 from factory.importing.tally import Tally
 from factory.importing.units import declared
-from twin.bounded import check_declared
+from twin.bounded import check_unpacked
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -30,6 +30,9 @@ def open_netcdf(path: Path) -> Iterator[Any]:
     """
     import netCDF4
 
+    # limits that do not fit the variable's own kind of number are not used: no word of a library
+    # that names neither the file nor the variable
+    warnings.filterwarnings("ignore", r"WARNING: \w+ not used since it", UserWarning)
     try:
         file = netCDF4.Dataset(path)
     except (OSError, RuntimeError) as error:
@@ -44,7 +47,7 @@ def open_netcdf(path: Path) -> Iterator[Any]:
         # limits of another type than their variable are left out, as netCDF's rules want it
         warnings.filterwarnings("ignore", "WARNING: ", UserWarning)
         warnings.filterwarnings("error", "invalid scale_factor", UserWarning)
-        check_declared(_declared(file), path.stat().st_size, path.name)
+        check_unpacked(_declared(file), path.stat().st_size, path.name)
         try:
             yield file
         except (RuntimeError, OSError, TypeError, UserWarning) as error:
@@ -63,9 +66,9 @@ def _without_scale(group: Any) -> str:
 
 
 def _declared(group: Any) -> float:
-    """Bytes of the values that a file or group says it has; 8 for a value of no fixed size."""
+    """Bytes of the values that a file or group says it has: a number is read as eight."""
     own = sum(
-        float(variable.size) * getattr(variable.dtype, "itemsize", 8)
+        float(variable.size) * (1 if getattr(variable.dtype, "kind", "") == "S" else 8)
         for variable in group.variables.values()
     )
     return own + sum(_declared(inner) for inner in group.groups.values())

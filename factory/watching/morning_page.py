@@ -18,7 +18,8 @@ from factory.watching.morning_figures import (
     water_figure,
 )
 from factory.watching.proposed_files import NAMES, ProposedFiles
-from twin.cli.text_table import counted
+from twin.cli.console import one_line
+from twin.cli.text_table import counted, printable
 from twin.errors import StoreError
 from twin.forecast import NINETY, boxes_text, notice_boxes
 from twin.health import CHANNELS, DeploymentHealth
@@ -227,7 +228,7 @@ def summary(told: Morning, new: Sequence[str]) -> str:
     if told.missing:
         more = len(told.missing) - 1
         lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
-    return "\n".join([line for line in lines if line][:10]) + "\n"
+    return "\n".join([printable(one_line(line)) for line in lines if line][:10]) + "\n"
 
 
 def _power(told: Morning) -> str:

@@ -17,7 +17,7 @@ from learn.report.result_tables import summary_rows, verdicts
 from learn.run import MORE_STORES, ORIGIN, TRUTH, Run
 from learn.seams import NETWORKS
 from twin.cli.console import one_line
-from twin.cli.text_table import format_number
+from twin.cli.text_table import format_number, printable
 from twin.records.attributes import SOURCE_FORMAT, is_logged
 
 
@@ -204,7 +204,7 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
 
 def shown(text: object) -> str:
     """A text of a store or a run as Markdown that shows it: no markup, no HTML, one line."""
-    escaped = html.escape(one_line(str(text)), quote=False)
+    escaped = html.escape(printable(one_line(str(text))), quote=False)
     return re.sub(r"([\\`*_\[\]|])", r"\\\1", escaped)
 
 

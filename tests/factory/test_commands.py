@@ -316,3 +316,26 @@ def test_hours_that_the_disk_cannot_hold_are_refused(
     check_room(2000.0, tmp_path / "not" / "yet" / "there.zarr")
     with pytest.raises(InputError, match=r"--hours 3000 needs about 1\.2 GB, .* has 1 GB free"):
         check_room(3000.0, tmp_path / "not" / "yet" / "there.zarr")
+
+
+def test_a_store_that_is_named_by_a_dot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is written goes beside the folder; where there is none, that is said."""
+    pytest.importorskip("pyarrow")
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    store = tmp_path / "missions.zarr"
+    answer(capsys, "generate", *QUICK, "--out", store)
+    for command in (["plot", "."], ["export", ".", "--to", "parquet"]):
+        monkeypatch.chdir(empty)
+        code, _, err = run(capsys, *command)
+        assert code == 2
+        assert err.startswith("factory: error: . is an empty folder, not a store of missions")
+        assert len(err.splitlines()) == 1
+        monkeypatch.chdir(store)
+        code, _, err = run(capsys, *command)
+        assert code == 0, err
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "empty", "missions.zarr", "missions.zarr.log", "missions.png", "missions.parquet"
+    }  # fmt: skip

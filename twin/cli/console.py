@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any
 
-from twin.cli.text_table import NEGLIGIBLE, format_pairs, format_paragraph, format_table
+from twin.cli.text_table import NEGLIGIBLE, format_pairs, format_paragraph, format_table, printable
 
 if TYPE_CHECKING:
     from twin.cli.progress import Progress
@@ -102,7 +102,7 @@ class Console:
 
     def _write(self, text: str) -> None:
         try:
-            self._out.write(text)
+            self._out.write(printable(text))
         except OSError as error:
             self._give_up(error)
 
@@ -121,7 +121,7 @@ class Console:
     def _error(self, text: str) -> None:
         self._flush()  # a terminal shows both streams: keep the order in which things were said
         try:
-            sys.stderr.write(text + "\n")
+            sys.stderr.write(printable(text) + "\n")
             sys.stderr.flush()
         except OSError:  # nowhere is left to say it; the exit code still does
             discard(sys.stderr)

@@ -18,7 +18,7 @@ import textwrap
 import types
 import typing
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import tyro
@@ -27,7 +27,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from twin.cli.mistakes import explain, option_owner, option_text, split_duration
 from twin.errors import InputError, TwinError
-from twin.records.storage.store_path import StorePath, Url, store_path
+from twin.records.storage.store_path import MARK, StorePath, Url, check_addresses, store_path
 
 if TYPE_CHECKING:
     from twin.cli.endings import Runnable
@@ -56,6 +56,7 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
         cause = _own_error(sys.exc_info()[1])
         if cause is not None:
             raise cause
+        check_addresses([PurePath(word) for word in words if MARK in word])
         raise InputError(f"{explain(event, command, words)} (see {prog} --help)")
 
     if told := split_duration(command, words):
@@ -70,7 +71,12 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
     try:
         with parse_errors.on_parse_error(reject), kept:
             about = description(command)
-            return tyro.cli(command, prog=prog, description=about, args=list(words), config=MARKERS)
+            given = tyro.cli(
+                command, prog=prog, description=about, args=list(words), config=MARKERS
+            )
+        for value in vars(given).values():
+            check_addresses(value)
+        return given
     except SystemExit as leaving:
         if leaving.code not in (0, None):
             raise InputError(f"these options cannot be used (see {prog} --help)") from None

@@ -253,7 +253,8 @@ def _os_error_code(error: OSError) -> int:
         PermissionError,
         OddFile,
     )
-    wrong = isinstance(error, named_wrongly) or error.errno in (errno.ENAMETOOLONG, errno.ELOOP)
+    others = (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
+    wrong = isinstance(error, named_wrongly) or error.errno in others
     return EXIT_BAD_INPUT if wrong else EXIT_FAILED
 
 

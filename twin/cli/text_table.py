@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+import unicodedata
 from collections.abc import Mapping, Sequence
 
 WIDEST = 100
@@ -25,6 +26,30 @@ NEGLIGIBLE = 1e-15
 
 SMALLEST_PLAIN = 1e-4
 """Magnitude below which a number is written with an exponent."""
+
+
+def printable(text: str) -> str:
+    """A text with every character that moves a terminal's cursor, or turns its text about, as an
+    escape: what stands in a log's header or in a file's name is shown, and does nothing.
+
+    Line breaks and tabs stay. The others of Unicode's categories Cc, Cf, Cs, Zl and Zp do not.
+
+    >>> printable("a\x1b[2Jb\u202e")
+    'a\\x1b[2Jb\\u202e'
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        one if one in "\n\t" or unicodedata.category(one) not in _UNPRINTED else _escape(one)
+        for one in text
+    )
+
+
+_UNPRINTED = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+
+
+def _escape(one: str) -> str:
+    return one.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 def counted(count: int, noun: str) -> str:

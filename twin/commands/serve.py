@@ -11,6 +11,7 @@ import tyro
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.durations import Seconds
+from twin.cli.endings import Ended
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class Serve(JsonOption):
         start = (scenario.place.latitude_deg, scenario.place.longitude_deg)
         telemetry = MavlinkTelemetry(self.mavlink, start) if self.mavlink is not None else None
         serve = self._ros2 if self.protocol == "ros2" else self._ardupilot
-        served = serve(console, flown, start, telemetry)
+        served, ended = serve(console, flown, start, telemetry)
         if telemetry is not None:
             telemetry.close()
         if self.out is not None and flown.time > 0.0:
@@ -118,6 +119,8 @@ class Serve(JsonOption):
         figures = {"flown_s": flown.time, **asdict(served)}
         console.pairs({**figures, **({"store": str(self.out)} if self.out else {})})
         console.answer(vehicle=scenario.vehicle.name, out=self.out, **figures)
+        if ended is not None:  # the program's exit code tells of a signal
+            raise Ended(f"{flown.time:g} s were flown{f', in {self.out}' if self.out else ''}")
         return 0
 
     def _check_options(self) -> None:
@@ -180,9 +183,13 @@ class Serve(JsonOption):
         return token
 
 
-def _until_interrupted(server: Any, console: Console) -> Any:
+def _until_interrupted(server: Any, console: Console) -> tuple[Any, Ended | None]:
+    """What was served, and the signal that ended it where that was not Ctrl-C."""
+    ended = None
     try:
         server.run()
+    except Ended as error:
+        ended = error
     except KeyboardInterrupt:
         console.note("interrupted")
-    return server.served
+    return server.served, ended

@@ -337,7 +337,8 @@ def _least_squares(
     scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
     bounds = [(f.least, f.most) for name in names for f in FACTORS if f.name == name]
     least, most = np.array(bounds).T * scale
-    found = lsq_linear(table / scale, taken, bounds=(least, most))
+    with np.errstate(invalid="ignore"):  # scipy multiplies its endless step along a zero gradient
+        found = lsq_linear(table / scale, taken, bounds=(least, most))
     error = taken - table / scale @ found.x
     inner = found.active_mask == 0
     deviations = np.full(len(names), np.inf)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane, wrap_longitude
 from twin.numbers import Array
 from twin.records.schema import MISSION
@@ -240,8 +241,25 @@ def method_array(methods: Sequence[str]) -> Any:
     return MISSION, flags, dict(METHOD_ATTRIBUTES)
 
 
+_OF_PLACE = (START_LATITUDE, START_LONGITUDE, START_TIME, NOMINAL)
+"""Arrays that `read_place` reads"""
+
+
 def read_place(one: xr.Dataset) -> dict[str, float | str]:
-    """What a store says about one mission, as provenance; its times decoded or not."""
+    """What a store says about one mission, as provenance; its times decoded or not.
+
+    Raises:
+      StoreError: an array that says it cannot be decoded.
+    """
+    try:
+        one = one[[name for name in _OF_PLACE if name in one]].load()
+    except Exception as error:  # whatever a decoder raises means damaged files
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise StoreError(
+            f"the store is damaged: where and when a mission began cannot be read ({why}); "
+            "`factory verify` names all damage: bring the files back from a copy, or make the "
+            "store again"
+        ) from error
     place: dict[str, float | str] = {}
     for name in (START_LATITUDE, START_LONGITUDE):
         if name in one and np.isfinite(value := float(one[name].values)):

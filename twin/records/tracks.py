@@ -32,6 +32,7 @@ from twin.records.attributes import TITLE, is_missions
 from twin.records.presence import FLIGHT_TITLE
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.checksums import check_readable
+from twin.records.storage.store_path import check_addresses
 from twin.records.store import write_netcdf, write_zarr
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
     Raises:
       InputError: no such file or mission, unknown format, missing or malformed columns.
     """
-    path = Path(path)
+    check_addresses(path := Path(path))
     if not path.exists():
         raise InputError(f"no track file at {path}")
     readers: dict[str, Callable[[Path, int], list[NamedTrack]]] = {

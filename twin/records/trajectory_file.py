@@ -25,6 +25,7 @@ from twin.records.coordinates import (
 from twin.records.mission_dataset import STATES, dataset_of, signal_names, stored_columns
 from twin.records.schema import MISSION, TIME, variable
 from twin.records.storage.store_arrays import check_mission
+from twin.records.storage.store_path import check_addresses, store_path
 from twin.records.storage.whole import whole_file
 from twin.records.store import declare_signals, read_trajectory, write_netcdf, write_store
 from twin.records.trajectory import Trajectory
@@ -66,7 +67,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool
     Raises:
       InputError: another ending. WriteError: something is in the way, or the disk refuses.
     """
-    path = Path(path)
+    check_addresses(path := Path(path))
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise InputError(f"cannot save {path.name!r}: the name must end in {' or '.join(ENDINGS)}")
@@ -84,12 +85,13 @@ def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
     Raises:
       StoreError: as `read_trajectory`; or the netCDF file cannot be read or is not ours.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".nc":
-        return read_trajectory(path, mission)
+    place = store_path(path)
+    if place.suffix.lower() != ".nc":
+        return read_trajectory(place, mission)
     import xarray as xr
 
-    if not path.is_file():
+    path = Path(path)
+    if not isinstance(place, Path) or not path.is_file():
         raise StoreError(f"no file at {path}; `trajectory.save({str(path)!r})` writes one")
     try:
         with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from twin.cli.text_table import printable
 from twin.forecast.surfacing import HALF, NINETY, Surfacing
 from twin.forecast.surfacing_forecast import Forecast
 from twin.navigation.dead_reckoning import Ellipse
@@ -183,4 +184,4 @@ def _is_forecast(folder: Path) -> bool:
 
 
 def _text(text: str) -> str:
-    return html.escape(text, quote=True)
+    return html.escape(printable(text), quote=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from factory.exporting.metadata import Metadata, with_metadata
 from factory.exporting.og1.simulated import SimulatedMission
 from factory.generation.generated_store import GeneratedStore, StoredFlight
+from twin.bounded import file_names
 from twin.records.attributes import made_at
 from twin.records.logged import LogStore
 from twin.records.schema import SIMULATED
@@ -284,8 +284,7 @@ def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) 
         stamp(datetime.datetime.fromtimestamp(float(unix), datetime.UTC))
         for unix in (logs.starts[first], logs.time(last)[-1])
     )
-    # the name of a file: letters that every file system takes
-    serial = re.sub(r"[^A-Za-z0-9-]+", "-", deployment).strip("-") or "glider"
+    serial = file_names(logs.deployments, "glider", "-")[deployment]
     kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
     files = logs.files
     own = {

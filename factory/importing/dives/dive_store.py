@@ -30,7 +30,7 @@ from factory.importing.dives.dive_checks import (
 )
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, row_positions
-from factory.importing.dives.regular_times import frame_origin, grid, on_grid
+from factory.importing.dives.regular_times import frame_origin, grid, not_empty, on_grid
 from factory.importing.dives.segments import LogSegment, cut
 from factory.importing.gps_fixes import good_fixes, tell_fixes, tell_read
 from factory.importing.plausibility import DiveRules, check_signs
@@ -237,6 +237,7 @@ def rows_of(
     """
     with naming(log):
         log, segments = segmented(log, rules, tally)
+        segments = not_empty(log, segments, period, tally)
         rows = [
             row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
             for number, segment in enumerate(segments)

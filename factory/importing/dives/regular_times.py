@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,10 @@ DEPTHS = ("measured_depth", "measured_pressure")
 """Without a hole in a store: bridged and marked."""
 MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
 """Sensors that never report on change: without a sample nothing is known."""
+MOST_HOLES = 100_000
+"""Samples that any row's grid may have: six days of 5 s. Longer ones must hold samples"""
+_MOST_HOLE = 10.0
+"""Samples of such a row's grid for each that the log has in it, at most"""
 _GAP_FACTOR = 3.0
 """A gap is longer than so many usual sample spacings."""
 _TRUTH = ("true_surge", "true_sway", "true_heave")
@@ -50,6 +55,33 @@ def grid(segment: LogSegment, period: float) -> Array:
     """[s] unix times of a row's samples: from its start, the last nearest to its end."""
     count = max(2, round(segment.duration / period) + 1)
     return np.asarray(segment.start + period * np.arange(count), np.float64)
+
+
+def not_empty(
+    log: DeploymentLog, segments: Sequence[LogSegment], period: float, tally: Tally
+) -> list[LogSegment]:
+    """The rows without those that are hardly anything but a hole, such as years by a wrong fix.
+
+    A row's grid takes memory for its length, whatever it holds, and all rows of a store are as long
+    as its longest.
+    """
+    kept = []
+    for segment in segments:
+        count = segment.duration / period
+        samples = max(
+            (len(channel.within(segment.start, segment.end)) for channel in log.channels.values()),
+            default=0,
+        ) if count > MOST_HOLES else 0  # fmt: skip
+        if count <= max(MOST_HOLES, _MOST_HOLE * samples):
+            kept.append(segment)
+            continue
+        day = np.datetime64(int(segment.start), "s").astype("datetime64[D]")
+        tally.add(
+            "left out", "rows", 1,
+            f"{log.deployment}: {segment.duration / 86400.0:.4g} days from {day} with {samples} "
+            "samples: a hole, or a clock or a fix that is wrong",
+        )  # fmt: skip
+    return kept
 
 
 def on_grid(

@@ -16,9 +16,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from factory.importing.columns import unpacked
 from factory.importing.deployment_log import TRUNCATED
 from factory.importing.tally import Tally
+from twin.bounded import unpacked_file
 from twin.errors import InputError
 
 ORDERS = {b"\x54\xfe": "<", b"\xfe\x54": ">"}
@@ -98,7 +98,7 @@ def _content(path: Path, tally: Tally) -> bytes:
             file.seek(0)
             return file.read()
     whole = bytearray()
-    with unpacked(path) as file:
+    with unpacked_file(path) as file:
         try:
             while some := file.read1(2**20):
                 whole += some

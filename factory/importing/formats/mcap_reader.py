@@ -23,6 +23,7 @@ from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
 from factory.importing.formats.csv.mapping_file import signal_names
+from factory.importing.formats.ros2_recording import Ros2Recording
 from factory.importing.messages import (
     EARLIEST,
     MessageTable,
@@ -121,33 +122,42 @@ def _metadata(path: Path) -> dict[str, str]:
 def _tables(
     path: Path, mapping: Mapping, tally: Tally
 ) -> tuple[list[str], dict[str, MessageTable], Mapping]:  # fmt: skip
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        kinds = {one.topic: str(one.msgtype) for one in reader.connections}
-        frames = _frames(reader)
-        sources = _standard(kinds, frames, tally)
-        wanted = _fields_of_all(mapping, sources)
-        used = [one for one in reader.connections if _merged(one.topic) in wanted]
-        note_unread(KIND, kinds, [one.topic for one in used], tally)
-        times: dict[str, list[float]] = {}
-        rows: dict[str, list[tuple[Any, ...]]] = {}
-        raw = {topic: sorted({r for f in fs for r in _raw(f)}) for topic, fs in wanted.items()}
-        taken: dict[str, Callable[[Any], tuple[Any, ...]]] = {}
-        for connection, moment, data in reader.messages(connections=used):
-            topic = _merged(connection.topic)
-            message: Any = reader.deserialize(data, connection.msgtype)
-            if connection.topic not in taken:
-                taken[connection.topic] = _getter(
-                    [f for f in raw[topic] if _has(message, f) or f == "mode"], connection.topic
-                )
-                raw[topic] = [f for f in raw[topic] if _has(message, f) or f == "mode"]
-            times.setdefault(topic, []).append(_moment(message, moment))
-            rows.setdefault(topic, []).append(taken[connection.topic](message))
+    recording = Ros2Recording(path)
+    every = {one.topic: one for one in recording.channels}
+    readable = {topic: one for topic, one in every.items() if not one.unread}
+    for topic in sorted(set(every) - set(readable)):
+        tally.add("left out", topic, 1, f"{path.name}: {every[topic].unread}")
+    kinds = {topic: one.kind for topic, one in readable.items()}
+    frames = _frames(recording, [topic for topic, kind in kinds.items() if kind in _NED])
+    sources = _standard(kinds, frames, tally)
+    wanted = _fields_of_all(mapping, sources)
+    used = [topic for topic in readable if _merged(topic) in wanted]
+    note_unread(KIND, kinds, used, tally)
+    times: dict[str, list[float]] = {}
+    rows: dict[str, list[tuple[Any, ...]]] = {}
+    raw = {topic: sorted({r for f in fs for r in _raw(f)}) for topic, fs in wanted.items()}
+    taken: dict[str, Callable[[Any], tuple[Any, ...]]] = {}
+    broken: dict[str, list[str]] = {}
+    for channel, moment, data in recording.messages(used):
+        topic = _merged(channel.topic)
+        try:
+            message: Any = channel.decode(data)
+        except Exception as error:  # whatever a decoder raises of damaged bytes
+            broken.setdefault(channel.topic, []).append(" ".join(str(error).split())[:120])
+            continue
+        if channel.topic not in taken:
+            taken[channel.topic] = _getter(
+                [f for f in raw[topic] if _has(message, f) or f == "mode"], channel.topic
+            )
+            raw[topic] = [f for f in raw[topic] if _has(message, f) or f == "mode"]
+        times.setdefault(topic, []).append(_moment(message, moment))
+        rows.setdefault(topic, []).append(taken[channel.topic](message))
+    for topic, whys in broken.items():
+        tally.add("removed", topic, len(whys), f"{path.name}: messages that no {kinds[topic]} are: "
+                  f"{whys[0]}")  # fmt: skip
     tables = {}
-    for topic, every in rows.items():
-        values = np.array(every, float).reshape(len(every), -1)
+    for topic, some in rows.items():
+        values = np.array(some, float).reshape(len(some), -1)
         found = dict(zip(raw[topic], values.T, strict=True))
         columns = {f: _column(f, found) for f in wanted[topic] if set(_raw(f)) <= set(found) | _NO}
         if GAUGE in columns:
@@ -156,20 +166,18 @@ def _tables(
         tables[topic] = MessageTable(np.array(times[topic]), columns)
     mapping = with_standard(mapping, valued(sources, tables, tally), tally)
     _ask_ned(mapping, tables, frames, tally)
-    return sorted(kinds), tables, mapping
+    return sorted(every), tables, mapping
 
 
-def _frames(reader: Any) -> dict[str, tuple[str, str]]:
+def _frames(recording: Ros2Recording, topics: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Frames of the world and of the body that poses and attitudes are in, by topic, as the first
     messages say; nothing of topics that cannot be decoded."""
     found: dict[str, tuple[str, str]] = {}
-    for one in reader.connections:
-        if one.msgtype not in _NED or one.topic in found:
-            continue
+    for topic in topics:
         with contextlib.suppress(Exception):  # the loop over all messages names such a topic
-            _, _, data = next(reader.messages(connections=[one]))
-            message: Any = reader.deserialize(data, one.msgtype)
-            found[one.topic] = (
+            channel, _, data = next(recording.messages([topic]))
+            message: Any = channel.decode(data)
+            found[topic] = (
                 str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))
             )  # fmt: skip
     return found

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
 from logs import SHARED, Flight, write_basestation, write_csv, write_seaglider
+from scipy.io import netcdf_file
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
 from factory.importing.dives.regular_times import to_body
+from factory.importing.netcdf import as_array, open_netcdf
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)
@@ -292,3 +295,17 @@ def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path
     assert np.isfinite(vacuum).any()
     np.testing.assert_array_equal(found["letters"]["measured_vacuum"].values, vacuum)
     assert "measured_vacuum" not in found["words"]
+
+
+def test_limits_that_fit_no_value_are_passed_over_without_a_word(tmp_path: Path) -> None:
+    """Beyond the variable's own kind: the library's own words name neither file nor variable."""
+    path = tmp_path / "a.nc"
+    with netcdf_file(path, "w") as file:
+        file.createDimension("n", 3)
+        one = file.createVariable("one", "h", ("n",))
+        one[:] = [1, 2, 3]
+        one.valid_min, one.missing_value = np.float64(1e6), np.float64(1e7)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with open_netcdf(path) as file:
+            assert as_array(file["one"][:]).tolist() == [1.0, 2.0, 3.0]

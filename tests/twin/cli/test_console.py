@@ -27,7 +27,14 @@ from twin.cli.mistakes import number_kind, option_names
 from twin.cli.options import parse_options
 from twin.cli.program import Program, ProgramCommand
 from twin.cli.progress import Progress, format_duration
-from twin.cli.text_table import WIDEST, counted, format_number, format_pairs, format_table
+from twin.cli.text_table import (
+    WIDEST,
+    counted,
+    format_number,
+    format_pairs,
+    format_table,
+    printable,
+)
 from twin.errors import InputError, NoSteadyState
 
 HEAVY = ("numpy", "scipy", "mujoco", "torch", "matplotlib", "xarray", "zarr", "numba", "dm_control")
@@ -585,3 +592,32 @@ def test_a_single_thing_has_no_plural():
         "1 mission",
         "2 missions",
     ]
+
+
+HOSTILE = "a\x1b]0;title\x07b\x9b31mc\u202ed\u200fe\u2028f\x00g\x7fh\udcffi\r"
+SHOWN = "a\\x1b]0;title\\x07b\\x9b31mc\\u202ed\\u200fe\\u2028f\\x00g\\x7fh\\udcffi\\r"
+
+
+def test_nothing_that_is_printed_moves_the_cursor(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console("twin")
+    console.say(HOSTILE)
+    console.table([{HOSTILE: HOSTILE}], title=HOSTILE)
+    console.pairs({HOSTILE: HOSTILE}, title=HOSTILE)
+    console.item(HOSTILE)
+    console.note(HOSTILE)
+    console.warn(HOSTILE)
+    console.error(HOSTILE)
+    said = capsys.readouterr()
+    assert said.out.startswith(SHOWN + "\n")
+    assert said.err.startswith(SHOWN + "\n")
+    for text in (said.out, said.err):
+        assert all(one.isprintable() or one == "\n" for one in text)
+        assert "\\x1b]0;title\\x07b" in text
+        assert "\\u202e" in text
+
+
+def test_what_people_write_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    text = "Ærø 8 °C, 2×3\t— „süd“ 海 🌊\n"
+    Console("twin").say(text)
+    assert capsys.readouterr().out == f"{text}\n"
+    assert printable(text) == text

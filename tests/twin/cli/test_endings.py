@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from patience import HANG_S
 
+from twin.__main__ import PROGRAM as TWIN
 from twin.cli.endings import Endings, interruption
 from twin.cli.program import Program, ProgramCommand
 from twin.errors import WriteError
@@ -161,3 +167,50 @@ def test_errors_in_a_circle_hide_no_interruption():
     first, second = SystemError("one"), SystemError("two")
     first.__context__, second.__context__ = second, first
     assert interruption(first) is None
+
+
+SERVE = ["-m", "twin", "serve", "--port", "0", "--duration", "60"]
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 0)])
+def test_a_server_that_is_ended_keeps_what_was_flown(tmp_path, number, code):
+    out = tmp_path / "flown.zarr"
+    process = subprocess.Popen(
+        [sys.executable, *SERVE, "--out", out],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=_as_in_a_terminal,
+    )
+    line = process.stderr.readline()
+    host, _, port = re.search(r"waits on (\S+);", line)[1].rpartition(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.settimeout(HANG_S)
+        for frame in range(5):
+            client.sendto(struct.pack("<HHI16H", 18458, 50, frame, *[1500] * 16), (host, int(port)))
+            client.recv(4096)
+    process.send_signal(number)
+    said, told = process.communicate(timeout=HANG_S)
+    assert process.returncode == code
+    assert str(out) in said
+    assert ("ended by SIGTERM" in told) == (number == signal.SIGTERM)
+    assert (out / "zarr.json").is_file()
+
+
+@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no place that refuses")
+def test_a_place_that_takes_nothing_is_refused_before_anything_is_flown(capsys):
+    for words in (
+        ["serve", "--out", "/sys/kernel/x.zarr"],
+        ["simulate", "--duration", "600000", "--out", "/sys/kernel/x.zarr"],
+    ):
+        assert TWIN.main(words) == 2
+        assert "cannot write /sys/kernel/x.zarr: /sys/kernel" in capsys.readouterr().err
+
+
+def test_a_read_only_disk_is_bad_input_in_every_command(capsys, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), "/there/x")
+
+    monkeypatch.setattr("twin.commands.version.Version.run", refuse)
+    assert TWIN.main(["version"]) == 2
+    assert capsys.readouterr().err == "twin: error: /there/x: Read-only file system\n"

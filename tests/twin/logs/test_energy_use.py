@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -265,3 +266,22 @@ def test_an_identified_vehicle_takes_what_its_log_has_counted(
     assert losses.payload_power == pytest.approx(PAYLOAD, rel=0.08)
     assert losses.pump_efficiency == pytest.approx(EFFICIENCY, rel=0.06)
     assert losses.hull_vacuum == pytest.approx(VACUUM_INHG * 3386.389, rel=1e-4)
+
+
+def test_a_solver_that_multiplies_by_infinity_is_not_heard(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As SciPy's does where a gradient is zero along an endless step; the answer stands."""
+    import scipy.optimize
+
+    right = energy_used(store, "slocum-200")
+    solve = scipy.optimize.lsq_linear
+
+    def with_endless_step(*given: object, **more: object) -> object:
+        assert np.isnan(np.zeros(1) * np.array([np.inf]))
+        return solve(*given, **more)
+
+    monkeypatch.setattr(scipy.optimize, "lsq_linear", with_endless_step)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert energy_used(store, "slocum-200").terms == right.terms

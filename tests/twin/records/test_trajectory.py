@@ -7,6 +7,7 @@ import pytest
 from pictures import short_scenario
 
 import twin
+from twin.__main__ import PROGRAM as TWIN
 from twin.errors import InputError, StoreError
 from twin.records.schema import variable
 from twin.records.trajectory import actuator_names
@@ -121,3 +122,17 @@ def test_figures_have_a_panel_for_each_part(flown, parts):
     if "test_rudder" in parts:
         assert "test_rudder angle" in [axes.get_title(loc="left") for axes in figure.axes]
     assert changed.plot("overview")
+
+
+@pytest.mark.parametrize("name", ["start_nominal", "start_time", "start_latitude"])
+@pytest.mark.parametrize("kind", ["zero", "cut"])
+def test_damage_where_a_mission_began_is_named(flown, tmp_path, name, kind):
+    path = flown.save(tmp_path / "flown.zarr")
+    chunk = path / name / "c" / "0"
+    if not chunk.exists():
+        chunk = path / name / "c" / "0" / "0"
+    data = chunk.read_bytes()
+    chunk.write_bytes(data[:3] if kind == "cut" else data + b"\0")
+    with pytest.raises(StoreError, match=r"^(the )?store .*cannot be read"):
+        twin.open_trajectory(path)
+    assert TWIN.main(["plot", str(path), "--out", str(tmp_path / "a.png")]) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path, PurePath, PurePosixPath
 from typing import NoReturn, TypeAlias
 
@@ -29,26 +30,48 @@ class Url(PurePosixPath):
 StorePath: TypeAlias = Path | Url
 
 
+_ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?:/+(.*))?", re.DOTALL)
+"""An address, with both slashes or with the one that a path makes of them"""
+
+
 def store_path(place: str | PurePath) -> StorePath:
     """The path or address that a text means. A `Path` made of an address is taken for it.
 
     Raises:
       InputError: an address of a kind that nobody can read, or one that names no store.
     """
-    if isinstance(place, Path | Url) and place.parts[:1] not in [(f"{s}:",) for s in SCHEMES]:
-        return place
-    text = str(place) if MARK in str(place) else str(place).replace(":/", MARK, 1)
-    scheme, mark, rest = text.partition(MARK)
-    if not mark:
-        return Path(place)
+    found = _ADDRESS.fullmatch(str(place))
+    if isinstance(place, Url) or found is None:
+        return place if isinstance(place, Path | Url) else Path(place)
+    scheme, rest = found[1], found[2] or ""
     if scheme not in SCHEMES:
         raise InputError(
-            f"{place}: {unknown_name('kind of address', scheme, SCHEMES)}; without {MARK} it is "
-            "a path of this machine"
+            f"{scheme}{MARK}{rest}: {unknown_name('kind of address', scheme, SCHEMES)}; without "
+            f"{MARK} it is a path of this machine"
         )
-    if len(Url(text).parts) < 3 or ".." in rest.split("/"):
+    address = Url(f"{scheme}{MARK}{rest}")
+    if len(address.parts) < 3 or ".." in rest.split("/"):
         raise InputError(
-            f"{place} names no store: give the bucket and a name in it, such as "
+            f"{scheme}{MARK}{rest} names no store: give the bucket and a name in it, such as "
             f"{scheme}{MARK}BUCKET/missions.zarr"
         )
-    return Url(text)
+    return address
+
+
+def named(path: Path) -> Path:
+    """A path with the name of its folder; `.` and `..` have none, beside which nothing can lie."""
+    return path if path.name not in ("", "..") else path.resolve()
+
+
+def check_addresses(place: object) -> None:
+    """Refuse an address of a kind that nobody can read, before it becomes a folder of this machine.
+
+    Args:
+      place: any value; a path, or a sequence of paths, is looked at.
+
+    Raises:
+      InputError: it is one, as `store_path` says.
+    """
+    for one in place if isinstance(place, tuple | list) else (place,):
+        if isinstance(one, PurePath):
+            store_path(one)

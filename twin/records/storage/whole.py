@@ -134,16 +134,24 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
 
 
 def check_place(target: Path) -> None:
-    """Refuse a place whose parent is not a folder.
+    """Refuse a place in which nothing can be written, before long work: one is made and removed.
 
     Raises:
-      WriteError: a file stands where a folder of the path must be.
+      WriteError: a file stands where a folder of the path must be, or the disk refuses.
     """
     for place in target.parents:
         if place.is_dir():
-            return
+            break
         if place.exists():
             raise WriteError(f"cannot write {target}: {place} is a file, not a folder")
+    tried = temporary_name(place / target.name)
+    try:
+        tried.mkdir()
+        tried.rmdir()
+    except OSError as error:
+        raise WriteError(
+            f"cannot write {target}: {place}: {error.strerror or error}; choose another place"
+        ) from error
 
 
 def recover(path: str | Path) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from twin.cli.text_table import MISSING, format_number
+from twin.cli.text_table import MISSING, format_number, printable
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
 from twin.records.coordinates import (
     NOMINAL,
@@ -196,7 +196,7 @@ class Page:
 
     def attach(self, name: str, text: str) -> None:
         """A file beside the page, of a name that the page was made with."""
-        self._attached[name] = text
+        self._attached[name] = printable(text)
 
     def write(self) -> Path:
         """Write `index.html`, the figures and what is attached.
@@ -251,7 +251,7 @@ def _cell(value: object) -> str:
 
 
 def _text(text: str) -> str:
-    return html.escape(text, quote=True)
+    return html.escape(printable(text), quote=True)
 
 
 def _words(text: str) -> str:

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from twin.cli.text_table import printable
 from twin.errors import InputError
 from twin.records.storage.whole import check_file_target, whole_file
 from twin.show.render.film import Subject
@@ -74,7 +75,7 @@ def assemble(mission: Mapping[str, Any], *, connect: str = "'none'") -> str:
     data = json.dumps(mission, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     words = {
         "connect": connect,
-        "title": html.escape(str(mission["title"])),
+        "title": html.escape(printable(str(mission["title"]))),
         "style": _file("page.css"),
         "script": "\n".join(_file(name) for name in SCRIPTS),
         "mission": data,

@@ -180,7 +180,11 @@ def _handler(
             """What is asked for, behind the key; None when that has been answered already."""
             # A name that another site's address was bent to is not ours.
             host = (self.headers.get("Host") or "").rpartition(":")[0]
-            shown, _, what = urlsplit(self.path).path.removeprefix("/").partition("/")
+            try:
+                path = urlsplit(self.path).path
+            except ValueError:  # such as http://[::1
+                path = ""
+            shown, _, what = path.removeprefix("/").partition("/")
             if host not in NAMES:
                 self.send_error(403)
             elif shown == "favicon.ico":  # browsers ask for it beside every page

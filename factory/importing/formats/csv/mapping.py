@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import fnmatch
-import itertools
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from pathlib import Path
@@ -209,8 +208,12 @@ def row_times(
 
 
 def _divided(run: Array, length: float) -> list[tuple[float, float]]:
-    """A run without holes as one row, or as rows of about `length` [s]."""
+    """A run without holes as one row, or as rows of about `length` [s]; none without a sample."""
     first, last = float(run[0]), float(run[-1])
     count = max(1, round((last - first) / length)) if length else 1
-    edges = np.linspace(first, last, count + 1)
-    return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]
+    step = (last - first) / count
+    places = np.minimum((run - first) / step, count - 1) if step else np.zeros(1)
+    return [
+        (first + k * step, last if k + 1 == count else first + (k + 1) * step)
+        for k in np.unique(places.astype(np.int64)).tolist()
+    ]

@@ -177,11 +177,14 @@ def _check_scale(
 
 
 def _track(log: DeploymentLog) -> tuple[Array, Array, Array]:
-    """Times [s] in steps of the window, and north and east [m] there; empty without a track."""
+    """Times [s] at which windows with samples of the track begin and end, and north and east [m]
+    there; empty without a track."""
     latitude, longitude = log.channel("latitude"), log.channel("longitude")
     if len(latitude) < 2 or len(longitude) < 2:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    times = np.arange(latitude.time[0], latitude.time[-1], _WINDOW)
+    windows = np.unique((latitude.time - latitude.time[0]) // _WINDOW)
+    times = latitude.time[0] + _WINDOW * np.union1d(windows, windows + 1.0)
+    times = times[times < latitude.time[-1]]
     north, east = offset(
         latitude.at(times), longitude.at(times),
         float(latitude.values[0]), float(longitude.values[0]),

@@ -212,7 +212,7 @@ def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) 
     """
     with tempfile.TemporaryDirectory() as folder:
         plain, cut = unpacked(path, Path(folder)) if is_compressed(path) else (path, False)
-        header = read_header(plain)
+        header = read_header(plain, path.name)
         shelf.prepare(path, plain, header)
         try:
             with warnings.catch_warnings():

@@ -8,6 +8,7 @@ Endings of a Slocum's own files.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -16,56 +17,89 @@ from pathlib import Path
 from typing import Any
 
 from factory.importing.deployment_log import OF_THE_MACHINE
-from twin.errors import InputError, shown
+from twin.bounded import check_unpacked
+from twin.errors import InputError
 
 _HEADER_BYTES = 4000
 """The ASCII header of 14 lines fits."""
 _LABEL = "dbd_label"
-_NEEDED = ("full_filename", "sensor_list_crc", "total_num_sensors", "sensors_per_cycle")
+_LIST, _STATES, _TAGS = "sensor_list_crc", "state_bytes_per_cycle", "num_ascii_tags"
+_NEEDED = ("full_filename", _LIST, "total_num_sensors", "sensors_per_cycle")
+_CRC = re.compile(r"[0-9A-Fa-f]{8}")
+"""The number of a list of sensors, which names its cache file"""
+_COUNT = r"[0-9]{1,6}"
+_SENSORS_A_BYTE = 4
+"""Sensors whose state one byte of a cycle tells"""
+_SHOWN = 40
+"""Characters of a wrong value that an error repeats"""
 
 
-def read_header(path: Path) -> dict[str, str]:
+def read_header(path: Path, name: str = "") -> dict[str, str]:
     """The ASCII header of a plain file.
+
+    Args:
+      name: what errors call it, such as that of the compressed file; its own where empty.
 
     Raises:
       InputError: not a Slocum file, or cut within its header.
     """
+    name = name or path.name
     with path.open("rb") as file:
         start = file.read(_HEADER_BYTES)
     header: dict[str, str] = {}
-    for line in start.split(b"\n"):
-        key, colon, value = line.decode("latin-1").partition(":")
-        if not colon or not key.strip().isidentifier():
-            if not header:
-                break
-            continue
-        header[key.strip()] = value.strip()
-        if len(header) == count_in(header, "num_ascii_tags", path, default=10**6):
+    *lines, _ = start.split(b"\n")
+    for count, line in enumerate(lines, 1):
+        key, colon, value = (part.strip() for part in line.decode("latin-1").partition(":"))
+        if colon and header.setdefault(key, value) != value:
+            raise _damaged(name, f"{key} is {header[key][:_SHOWN]!r} and {value[:_SHOWN]!r}")
+        if _LABEL not in header:
             break
+        if count == _number(header, _TAGS, name, len(lines) + 1):
+            break
+    else:
+        count = 0
     if _LABEL not in header:
-        raise InputError(f"{path.name} is not a Slocum binary file: its header lacks {_LABEL}")
+        raise InputError(f"{name} is not a Slocum binary file: its header lacks {_LABEL}")
     lacking = [key for key in _NEEDED if key not in header]
-    if lacking:
-        raise InputError(f"{path.name} is truncated within its header: no {lacking[0]}")
+    if lacking or not count:
+        raise InputError(
+            f"{name} is truncated within its header: "
+            + (f"no {lacking[0]}" if lacking else "it has fewer lines than it says")
+        )
+    _check_header(header, name)
     return header
 
 
-def count_in(header: Mapping[str, str], key: str, path: Path, *, default: int | None = None) -> int:
-    """A number in a file's header.
+def _check_header(header: Mapping[str, str], name: str) -> None:
+    """Refuse a header that says what no vehicle writes.
+
+    The number of the cache file is the name of a file in the decoder's folder, and the counts are
+    the decoder's memory, so that neither may be anything else.
 
     Raises:
-      InputError: it is none, as of a file whose bytes were changed on the way.
+      InputError: the header is damaged.
     """
-    text = header.get(key, "")
-    if text == "" and default is not None:
-        return default
-    if not (text.isascii() and text.isdigit() and len(text) < _DIGITS):
-        raise InputError(f"{path.name} is damaged in its header: {key}: {shown(text)} is no number")
-    return int(text)
+    if not _CRC.fullmatch(header[_LIST]):
+        raise _damaged(name, f"{_LIST} is {header[_LIST][:_SHOWN]!r}, not eight hexadecimal digits")
+    total = _number(header, "total_num_sensors", name)
+    used = _number(header, "sensors_per_cycle", name)
+    if used > total:
+        raise _damaged(name, f"sensors_per_cycle is {used}, and total_num_sensors {total}")
+    states = -(-used // _SENSORS_A_BYTE)
+    if _number(header, _STATES, name, states) != states:
+        raise _damaged(name, f"{_STATES} is {header[_STATES]!r}, not {states} for {used} sensors")
 
 
-_DIGITS = 7
-"""A glider has some thousands of sensors."""
+def _number(header: Mapping[str, str], key: str, name: str, default: int = 0) -> int:
+    """A count of the header; raises InputError where it is none."""
+    word = header.get(key, str(default))
+    if not re.fullmatch(_COUNT, word):
+        raise _damaged(name, f"{key} is {word[:_SHOWN]!r}, not a count")
+    return int(word)
+
+
+def _damaged(name: str, why: str) -> InputError:
+    return InputError(f"{name} is damaged in its header: {why}")
 
 
 def vehicle_of(header: Mapping[str, str], path: Path) -> str:
@@ -85,7 +119,7 @@ def sensor_list(path: Path, header: Mapping[str, str]) -> bytes:
     Raises:
       InputError: the file is cut within them.
     """
-    total = count_in(header, "total_num_sensors", path)
+    total = _number(header, "total_num_sensors", path.name)
     lines = []
     with path.open("rb") as file:
         for line in file:
@@ -120,25 +154,25 @@ def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
       InputError: not even the first block can be unpacked.
     """
     lz4: Any = import_module("lz4.block")
-    packed = path.read_bytes()
-    plain, at, cut = bytearray(), 0, False
-    while at < len(packed):
-        size = int.from_bytes(packed[at : at + 2], "big")
-        block = packed[at + 2 : at + 2 + size]
-        try:
-            plain += lz4.decompress(block, _BLOCK)
-        except lz4.LZ4BlockError as error:
-            if not plain:
-                raise InputError(
-                    f"{path.name} is not a compressed Slocum file, or is cut in its first block: "
-                    f"{' '.join(str(error).split())}"
-                ) from error
-            cut = True
-            break
-        at += 2 + size
     ending = f".{path.suffix[1].lower()}bd" if path.suffix[-1] in "dD" else ".cac"
     target = folder / f"{path.stem}{ending}"
-    target.write_bytes(plain)
+    packed = path.read_bytes()
+    at, cut = 0, False
+    with target.open("wb") as plain:
+        while at < len(packed) and not cut:
+            size = int.from_bytes(packed[at : at + 2], "big")
+            block = packed[at + 2 : at + 2 + size]
+            try:
+                plain.write(lz4.decompress(block, _BLOCK))
+            except lz4.LZ4BlockError as error:
+                if not at:
+                    raise InputError(
+                        f"{path.name} is not a compressed Slocum file, or is cut in its first "
+                        f"block: {' '.join(str(error).split())}"
+                    ) from error
+                cut = True
+            check_unpacked(plain.tell(), len(packed), path.name)
+            at += 2 + size
     return target, cut
 
 
@@ -187,7 +221,7 @@ class CacheShelf:
         """
         name = header["sensor_list_crc"].lower()
         counts = ("total_num_sensors", "sensors_per_cycle")
-        total = tuple(count_in(header, name, path) for name in counts)
+        total = tuple(_number(header, key, path.name) for key in counts)
         if (name, total) in self._checked and not lists_itself(header):
             return
         target = self.folder / f"{name}.cac"
@@ -204,7 +238,7 @@ class CacheShelf:
                     if source.suffix.lower() in CACHES:
                         shutil.copyfile(whole, target)
                     else:
-                        target.write_bytes(sensor_list(whole, read_header(whole)))
+                        target.write_bytes(sensor_list(whole, read_header(whole, source.name)))
         lines = target.read_text("latin-1").split("\n")
         listed = [line.split() for line in lines if line.startswith("s:")]
         used = sum(1 for words in listed if len(words) > 1 and words[1] == "T")
@@ -276,7 +310,7 @@ def _self_listing(folder: Path) -> dict[str, Path]:
         try:
             with tempfile.TemporaryDirectory() as temporary:
                 plain = _plain(path, Path(temporary))
-                header = read_header(plain)
+                header = read_header(plain, path.name)
                 if lists_itself(header) and header["sensor_list_crc"].lower() not in found:
                     sensor_list(plain, header)
                     found[header["sensor_list_crc"].lower()] = path

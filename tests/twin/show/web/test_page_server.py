@@ -68,3 +68,21 @@ def test_sigterm_ends_a_served_page_with_its_own_code(tmp_path):
         run.terminate()
         assert run.wait(60) == 143
         assert "Traceback" not in run.stderr.read()
+
+
+@pytest.mark.parametrize(
+    "place", ["http://[::1", "//[x", "http://[::1]evil/", "/%00", "/\x7f\x1b[2J", "*"]
+)
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_an_address_that_is_none_is_answered_without_a_word(place, method, capsys):
+    with PageServer(0) as server:
+        server.show("<p>here")
+        with socket.create_connection(("127.0.0.1", server.port), timeout=30.0) as asked:
+            host = f"Host: 127.0.0.1:{server.port}\r\n"
+            asked.sendall(f"{method} {place} HTTP/1.0\r\n{host}\r\n".encode())
+            answer = b"".join(iter(lambda: asked.recv(4096), b""))
+        assert answer.startswith((b"HTTP/1.0 404", b"HTTP/1.0 400"))
+        assert server._key.encode() not in answer
+        with urllib.request.urlopen(server.address) as answer:
+            assert answer.read() == b"<p>here"
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,166 @@
+"""Paths: no text of a foreign file becomes one, so that nothing is written but what was asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from logs import Flight, pack, write_dbd, write_slocum
+
+from factory.exporting import EXPORTERS
+from factory.exporting.mcap_file import files
+from factory.importing import import_logs
+from factory.importing.formats.slocum.caches import keep_lists, opened
+from twin.bounded import MOST_STEM, file_names
+from twin.errors import InputError
+from twin.records.logged import LogStore
+from twin.records.store import write_store
+
+FLIGHT = Flight(depth=50.0)
+HOSTILE = (
+    "../../beside", "../list", "/tmp/glider-twin-absolute", "..", ".", "", "a/b/c/d",
+    "0badcafe/../../beside", "0badcafe\0", "0badcaf", "0badcafe0", "..\\..\\beside",
+    "~/beside", "0badcafg",
+)  # fmt: skip
+
+
+def header_with(content: bytes, crc: bytes) -> bytes:
+    """A log that lists its sensors itself, with another number of the list."""
+    return content.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc, 1)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A folder below others, so that a path that leads out of it stays in the test's own."""
+    pytest.importorskip("dbdreader")
+    found = tmp_path / "one" / "two" / "logs"
+    found.mkdir(parents=True)
+    return found
+
+
+@pytest.fixture
+def own(place: Path) -> bytes:
+    """Content of a log that lists its sensors itself."""
+    path, cache = write_dbd(place, FLIGHT, factored=False)
+    content = path.read_bytes()
+    path.unlink()
+    cache.unlink()
+    return content
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("crc", HOSTILE)
+def test_the_number_of_a_list_of_sensors_is_no_path(
+    place: Path, own: bytes, tmp_path: Path, crc: str, packed: bool
+) -> None:
+    content = header_with(own, crc.encode())
+    log = place / ("a.dcd" if packed else "a.dbd")
+    log.write_bytes(pack(content) if packed else content)
+    (tmp_path / "one" / "beside.cac").write_bytes(b"mine")
+    before = tree(tmp_path)
+    lists = tmp_path / "one" / "lists"
+    lists.mkdir()
+    with pytest.raises(InputError, match=rf"^{log.name} is .*sensor_list_crc"):
+        import_logs("slocum", [log])
+    keep_lists([log], lists)
+    with pytest.raises(InputError, match=r"sensor_list_crc"):
+        opened(log)
+    assert tree(tmp_path) == before
+    assert not Path("/tmp/glider-twin-absolute.cac").exists()
+
+
+def test_a_second_number_behind_the_first_is_no_way_around(
+    place: Path, own: bytes, tmp_path: Path
+) -> None:
+    """The decoder takes the last line of a name, wherever among the lines of the header it is."""
+    good = b"sensor_list_crc: 0badcafe\n"
+    bad = b"sensor_list_crc: ../../beside\n"
+    longer = own.replace(b"num_ascii_tags: 14", b"num_ascii_tags: 15", 1)
+    far = b"mission_name: " + b"x" * 5000 + b"\n"
+    contents = {
+        "before.dbd": longer.replace(good, bad + good, 1),
+        "behind.dbd": longer.replace(good, good + bad, 1),
+        "beyond.dbd": own.replace(b"sensor_list_factored: 0\n", b"", 1).replace(
+            good, good + b"sensor_list_factored: 0\n", 1
+        ).replace(b"14", b"16", 1).replace(b"sensor_list_factored: 0\n",
+                                           b"sensor_list_factored: 0\n" + far + bad, 1),
+    }  # fmt: skip
+    for name, content in contents.items():
+        (place / name).write_bytes(content)
+    before = tree(tmp_path)
+    for name in contents:
+        with pytest.raises(InputError, match=name):
+            import_logs("slocum", [place / name])
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("total_num_sensors", b"19!3"), ("sensors_per_cycle", b"-1"),
+        ("state_bytes_per_cycle", b"99999999"), ("num_ascii_tags", b"1e3"),
+        ("num_ascii_tags", b"99"),
+    ],
+)  # fmt: skip
+def test_a_count_of_a_header_that_is_none_is_told(
+    place: Path, own: bytes, key: str, value: bytes
+) -> None:
+    start = own.index(key.encode()) + len(key) + 2
+    content = own[:start] + value + own[own.index(b"\n", start) :]
+    (place / "a.dbd").write_bytes(content)
+    with pytest.raises(InputError, match=r"^a\.dbd is (damaged|truncated) (in|within) its header"):
+        import_logs("slocum", [place / "a.dbd"])
+
+
+def test_a_day_of_one_digit_is_read(place: Path, own: bytes) -> None:
+    """As a Slocum writes it, with two underscores."""
+    log = place / "a.dbd"
+    log.write_bytes(own.replace(b"Tue_Nov_14_22:13:20_2023", b"Tue_Nov__7_22:13:20_2023"))
+    assert opened(log) == ("unit_1", 1_700_000_000.0 - 7 * 86400.0)
+
+
+def test_names_of_files_are_plain_and_one_text_has_one() -> None:
+    texts = ["../../x", "a/b", "a-b", "A-B", "", "...", "é", "unit_334.x", "x" * 999, "a\0\x1b[2J"]
+    found = file_names(texts, "deployment")
+    assert list(found) == texts
+    assert found["../../x"] == "x"
+    assert found["a/b"] == "a-b"
+    assert found["a-b"] == "a-b-2"
+    assert found["A-B"] == "A-B-3"
+    assert found["unit_334.x"] == "unit_334.x"
+    assert found[""] == "deployment"
+    assert len({name.lower() for name in found.values()}) == len(texts)
+    for name in found.values():
+        assert Path(name).name == name
+        assert name.isascii()
+        assert name.isprintable()
+        assert len(name) <= MOST_STEM + 9
+
+
+@pytest.mark.parametrize("name", ["../../beside", "/tmp/glider-twin-export", "a\0b", "é" * 200])
+def test_exports_stay_in_their_folder(
+    place: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset, _ = import_logs("slocum", write_slocum(place, FLIGHT))
+    store = write_store(dataset, tmp_path / "one" / "real.zarr")
+    with LogStore(store) as run:
+        monkeypatch.setattr(LogStore, "deployments", (name,) * len(run))
+        monkeypatch.setattr(
+            LogStore, "missions_of", lambda self, one: list(range(len(self))) if one == name else []
+        )
+        before = {p for p in tmp_path.rglob("*") if p.is_file()}
+        bags = tmp_path / "one" / "bags"
+        for stem, missions in files(run, range(len(run))):
+            assert Path(stem).name == stem
+            assert missions == list(range(len(run)))
+        for kind in ("og1", "mcap"):
+            if kind == "mcap":
+                pytest.importorskip("mcap")
+            for path in EXPORTERS[kind].export(run, range(len(run)), bags / kind):
+                assert path.parent == bags / kind
+    after = {p for p in tmp_path.rglob("*") if p.is_file()}
+    assert all(bags in path.parents for path in after - before)
