@@ -47,8 +47,8 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
             refused.append((some, error))
     if not logs and len(refused) > 1:
         raise InputError("; ".join(str(error) for _, error in refused))
-    for some, error in refused:
+    for files, why in refused:
         if not logs:
-            raise error
-        tally.add("left out", UNREADABLE, len(some), str(error))
+            raise why
+        tally.add("left out", UNREADABLE, len(files), str(why))
     return logs

@@ -161,8 +161,8 @@ def read_slocum_binary(
             refused.append((vehicle, error))
     if not logs:
         raise refused[0][1]
-    for vehicle, error in refused:
-        tally.add("left out", UNREADABLE, len(files[vehicle]), str(error))
+    for vehicle, why in refused:
+        tally.add("left out", UNREADABLE, len(files[vehicle]), str(why))
     return logs
 
 
