@@ -263,8 +263,8 @@ def each_file(
     return found
 
 
-OF_THE_MACHINE = (MemoryError, ModuleNotFoundError, RecursionError)
-"""Errors that say nothing of a file: memory is short, a package is missing."""
+OF_THE_MACHINE = (MemoryError, ImportError)
+"""Errors that say nothing of a file: memory is short, a package is missing or another version."""
 
 
 def failed_reading(path: Path, error: Exception) -> InputError:

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.columns import MISSING, Table, unpacked
+from factory.importing.columns import MISSING, Table
 from factory.importing.deployment_log import TRUNCATED
 from factory.importing.tally import Tally
+from twin.bounded import unpacked_file
 from twin.errors import InputError
 
 LABEL = b"dbd_label:"
@@ -76,7 +77,7 @@ def read_text_table(path: Path, tally: Tally) -> Table:
 
 
 def _binary(path: Path) -> io.BufferedReader:
-    return unpacked(path) if path.suffix.lower() == ".gz" else path.open("rb")
+    return unpacked_file(path) if path.suffix.lower() == ".gz" else path.open("rb")
 
 
 def _header(text: io.TextIOWrapper, path: Path) -> dict[str, str]:
