@@ -10,6 +10,7 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.cleaning import counts_upward
 from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.plausibility import FASTEST, SLOWEST, speed_along_pitch
 from factory.importing.tally import Tally
@@ -163,9 +164,9 @@ def without_air(
     if not good.any() or not np.isfinite(air):
         return values - air
     low, high = (float(one) for one in np.percentile(values[good], [1.0, 99.0]))
-    if low >= _HIGHEST_LAKE * air:
-        return values - air
     count, size = int(good.sum()), factor_of(unit, "dbar")
+    if low >= _HIGHEST_LAKE * air or counts_upward((values - air) * size):
+        return values - air  # whoever cleans it turns what counts upward
     swum = {one: _is_swum(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
     sizes = {one: factor_of(one, "dbar") for one in UNITS if swum[one]}
     absolute = [one for one, s in sizes.items() if abs(low * s - AIR) < _AT_SURFACE * AIR]

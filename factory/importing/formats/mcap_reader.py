@@ -23,7 +23,7 @@ from factory.importing.deployment_log import DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
 from factory.importing.formats.csv.mapping_file import signal_names
-from factory.importing.formats.ros2_recording import Ros2Recording
+from factory.importing.formats.mcap_recording import Ros2Recording
 from factory.importing.messages import (
     EARLIEST,
     MessageTable,

@@ -178,7 +178,7 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
             one = {*owners} if owners is not None else {name}
             deployment = (one.pop() or name) if len(one) == 1 else ""
             units = {n: unit_in(attributes[n]) for n in columns}
-            parts = {n: ACTUATORS[sensor] for sensor, n in sensors.items()}
+            parts = {n: ACTUATORS[one] for one, n in sensors.items() if one in ACTUATORS}
             columns = converted(
                 columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
                 native={n: part[2] for n, part in parts.items()}, deployment=deployment,

@@ -8,7 +8,7 @@ from pathlib import Path
 from factory.importing.deployment_log import DeploymentLog
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.mcap_reader import read_recordings
-from factory.importing.formats.ros2_recording import SAID
+from factory.importing.formats.mcap_recording import SAID
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

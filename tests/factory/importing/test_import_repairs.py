@@ -272,7 +272,7 @@ def test_the_index_that_pandas_writes_is_no_column(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("time,m_depth\n1,2\n3,4,5\n", "row 2 of the values has more cells than the header"),
-        ("time,m_depth\n1,2\n3,4,5,6\n", "not a table of 2 columns.*line 2"),
+        ("time,m_depth\n1,2\n3,4,5,6\n", "not a table of 2 columns.*line 3"),
         ("time,m_depth\n1,2,3,4\n", "not a table of 2 columns"),
         ('time,m_depth\n1,"2\n3,4\n', "not a table of 2 columns"),
         ("1\n2\n", "does not begin with a line of column names"),

@@ -151,7 +151,7 @@ def what_is_wrong(kind: str, path: Path) -> str:
 )
 def test_advice_never_goes_in_a_circle(kind: str, layout: int, tmp_path: Path) -> None:
     """A file that lost what its kind needs: the kind that an error names takes it, or says why."""
-    path = write(kind, layout, tmp_path / "logs")[0]
+    path = write(kind, layout, tmp_path / "logs", FLIGHT)[0]
     with netCDF4.Dataset(path) as file:
         needed = [n for n in file.variables if n.lower() in ("time", "depth", "pressure", "pres")]
     for lost in needed:

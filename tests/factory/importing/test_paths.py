@@ -10,7 +10,6 @@ from logs import Flight, pack, write_dbd, write_slocum
 from factory.exporting import EXPORTERS
 from factory.exporting.mcap_file import files
 from factory.importing import import_logs
-from factory.importing.formats.slocum.caches import keep_lists, opened
 from twin.bounded import MOST_STEM, file_names
 from twin.errors import InputError
 from twin.records.logged import LogStore
@@ -62,13 +61,8 @@ def test_the_number_of_a_list_of_sensors_is_no_path(
     log.write_bytes(pack(content) if packed else content)
     (tmp_path / "one" / "beside.cac").write_bytes(b"mine")
     before = tree(tmp_path)
-    lists = tmp_path / "one" / "lists"
-    lists.mkdir()
     with pytest.raises(InputError, match=rf"^{log.name} is .*sensor_list_crc"):
         import_logs("slocum", [log])
-    keep_lists([log], lists)
-    with pytest.raises(InputError, match=r"sensor_list_crc"):
-        opened(log)
     assert tree(tmp_path) == before
     assert not Path("/tmp/glider-twin-absolute.cac").exists()
 
@@ -114,13 +108,6 @@ def test_a_count_of_a_header_that_is_none_is_told(
     (place / "a.dbd").write_bytes(content)
     with pytest.raises(InputError, match=r"^a\.dbd is (damaged|truncated) (in|within) its header"):
         import_logs("slocum", [place / "a.dbd"])
-
-
-def test_a_day_of_one_digit_is_read(place: Path, own: bytes) -> None:
-    """As a Slocum writes it, with two underscores."""
-    log = place / "a.dbd"
-    log.write_bytes(own.replace(b"Tue_Nov_14_22:13:20_2023", b"Tue_Nov__7_22:13:20_2023"))
-    assert opened(log) == ("unit_1", 1_700_000_000.0 - 7 * 86400.0)
 
 
 def test_names_of_files_are_plain_and_one_text_has_one() -> None:

@@ -577,9 +577,9 @@ def test_no_kind_of_log_keeps_what_no_vehicle_has(name: str, value: float) -> No
     """A single value goes; where most are impossible the rest is suspect."""
     declare_parts(load_vehicle("tethys"))
     time = np.arange(10.0)
-    good, wrong = np.zeros(10), np.full(10, value)
+    good, wrong, off = np.zeros(10), value * (1.0 + 0.1 * time), np.full(10, value)
     one = np.where(time == 3.0, value, 0.0)
-    for values, left, doubts in ((good, 10, 0), (one, 9, 0), (wrong, 0, 1)):
+    for values, left, doubts in ((good, 10, 0), (one, 9, 0), (wrong, 0, 1), (off, 0, 0)):
         place = "channels" if name.startswith("measured") else "auxiliary"
         log = DeploymentLog(
             deployment="a", platform="b", fixes=NO_FIXES, magnetic_variation=EMPTY,

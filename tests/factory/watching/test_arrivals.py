@@ -247,9 +247,9 @@ def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
 @pytest.mark.parametrize(
     ("was", "becomes", "why"),
     [
-        (b"total_num_sensors: 13", b"total_num_sensors: 1!3", "total_num_sensors: '1!3'"),
-        (b"num_ascii_tags: 14", b"num_ascii_tags: 1.", "num_ascii_tags: '1.'"),
-        (b"sensors_per_cycle: 13", b"sensors_per_cycle: -3", "sensors_per_cycle: '-3'"),
+        (b"total_num_sensors: 13", b"total_num_sensors: 1!3", "total_num_sensors is '1!3'"),
+        (b"num_ascii_tags: 14", b"num_ascii_tags: 1.", "num_ascii_tags is '1.'"),
+        (b"sensors_per_cycle: 13", b"sensors_per_cycle: -3", "sensors_per_cycle is '-3'"),
         (b"sensor_list_crc: 0bad", b"sensor_list_crc: \x00bad", ""),
     ],
 )

@@ -145,8 +145,8 @@ def signals_in(
         depth = declared(
             depth, unit, "m", name_of_depth, tally, deployment=variation.deployment
         )  # fmt: skip
-    if depth is not None:  # the pressure is compared with it; cleaning tells
-        depth = downward(depth, "depth", Tally())
+    if depth is not None:  # the pressure is compared with it
+        depth = downward(depth, name_of_depth, tally)
     below = depth
     if below is None and (name := sources.get("measured_pressure")) is not None:
         below = declared(columns[name], unit_in(attributes[name]), "dbar", name, Tally())
