@@ -87,6 +87,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
     from factory.importing import deployment_log, import_logs
     from factory.soundness import verify_logs
     from twin.errors import TwinError
+    from twin.records.attributes import SUSPECT
     from twin.records.logged import LogStore
     from twin.records.schema.limits import recorded_limits
     from twin.records.store import write_store
@@ -145,6 +146,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
             problems += [
                 (f"{check.name}: {NUMBER.sub('#', problem)}", [n for n in names if n in problem])
                 for problem in check.problems
+                if check.name != SUSPECT or not report.suspect
             ]
     except Exception as error:
         verdict.failures.append(f"{place(error)}: {str(error)[:200]}")

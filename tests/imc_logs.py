@@ -23,7 +23,7 @@ ENTITIES = {
     1: "Navigation", 2: "AHRS", 3: "Depth Sensor", 4: "DVL", 5: "GPS", 6: "Motor", 7: "Servos",
     8: "CTD", 9: "Main Board", 10: "Batteries",
 }  # fmt: skip
-ORIGINS = (41.2, -8.6), (41.2003, -8.599)
+ORIGINS = (49.5, -58.0), (49.5003, -57.999)
 """[degree] latitude, longitude of the origins of the vehicle's own state, one after the other"""
 DECLINATION = -0.05
 """[rad]"""

@@ -47,7 +47,7 @@ def log(folder: Path, **changes: Any) -> Path:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, ImportReport]:
     wave = 1e-6 * np.arange(len(TIME))
-    fix = {"latitude": 41.2 + wave, "longitude": -8.6 + wave}
+    fix = {"latitude": 49.5 + wave, "longitude": -58.0 + wave}
     fix["latitude"][3:] = np.nan  # then it is under water
     return import_logs("lsf", [log(tmp_path_factory.mktemp("whole"), **fix)])
 
@@ -75,8 +75,8 @@ def test_units_and_axes_are_those_of_a_store(whole: tuple[xr.Dataset, ImportRepo
         np.testing.assert_allclose(rudder, np.degrees(0.12 * twice), atol=1e-4)
         np.testing.assert_allclose(elevator, np.degrees(-0.06 * twice), atol=1e-4)
     assert 1020.0 < values(dataset, "measured_density").mean() < 1030.0
-    assert dataset["start_latitude"].values[0] == pytest.approx(41.2, abs=1e-4)
-    assert dataset["start_longitude"].values[0] == pytest.approx(-8.6, abs=1e-4)
+    assert dataset["start_latitude"].values[0] == pytest.approx(49.5, abs=1e-4)
+    assert dataset["start_longitude"].values[0] == pytest.approx(-58.0, abs=1e-4)
     assert dataset.attrs[VEHICLE_MJCF] == load_vehicle("remus").xml
     assert float(dataset["thruster_fraction"][0]) == 1.0
     assert "remus" in {e.subject for e in report.entries if "stands for" in e.detail}
