@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import Array
 from factory.importing.dives.positions import CURRENT_METHOD, Positions
 from factory.importing.dives.segments import PHASES, LogSegment
-from factory.importing.tally import Entry
 from twin.records.attributes import (
     COMMENT,
     CONVENTIONS,
@@ -76,10 +75,6 @@ class DiveRow:
     positions: Positions
     suspect: str = ""
     """Why it holds what no ocean or vehicle allows; empty where it does not"""
-    made_of: str = ""
-    """Digest of the part of a log that says all of it; empty where nobody asked for it"""
-    told: tuple[Entry, ...] = ()
-    """What was done to make it, where it has such a digest"""
 
 
 NUMBERS: dict[str, tuple[str, str]] = {

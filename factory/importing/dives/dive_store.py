@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -225,12 +225,8 @@ def rows_of(
     rules: DiveRules,
     tally: Tally,
     held: frozenset[str] = frozenset(),
-    own: Callable[[LogSegment], bool] = lambda _: True,
 ) -> tuple[list[DiveRow], int]:
     """The dives of one log, in time order, and how many samples of its depth there are.
-
-    Args:
-      own: which of its dives are asked for: of a log with its neighbours in time not all are.
 
     Raises:
       InputError: it has neither pressure nor depth.
@@ -240,8 +236,7 @@ def rows_of(
         segments = not_empty(log, segments, period, tally)
         rows = [
             row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
-            for number, segment in enumerate(segments)
-            if own(segment)
+            for number in range(len(segments))
         ]
     return rows, len(log.channel("measured_depth"))
 
