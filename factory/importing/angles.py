@@ -140,11 +140,16 @@ def _of_radian(values: Array, subject: str, tally: Tally, why: str = "") -> Arra
     return np.degrees(values)
 
 
-def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
-    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+def within_a_turn(values: Array, subject: str, tally: Tally) -> Array:
+    """Headings [degree] without sentinels, which a modulo would make headings; counted."""
     impossible = np.isfinite(values) & ~((values >= -_TURN) & (values <= _TURN))
     tally.add("removed", subject, int(impossible.sum()), f"no heading: beyond {_TURN:g} degree")
-    values = np.where(impossible, np.nan, values)
+    return np.where(impossible, np.nan, values)
+
+
+def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
+    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+    values = within_a_turn(values, subject, tally)
     good = values[np.isfinite(values)]
     if good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0:
         inside = np.abs(good) < 1.01 * TURN
@@ -220,8 +225,10 @@ def attitude_degrees(
             why = f"was in radian where degrees are {said}"
             values = _of_radian(found[kind], one.subject, tally, why)
             found[kind] = np.where(np.abs(values) <= np.degrees(largest), values, np.nan)
-    if "heading" in found and not radian and not is_declared(angles["heading"].unit):
-        found["heading"] = heading_degrees(found["heading"], angles["heading"].subject, tally)
+    if "heading" in found and not radian:
+        one = angles["heading"]
+        turned = within_a_turn if is_declared(one.unit) or one.in_radian else heading_degrees
+        found["heading"] = turned(found["heading"], one.subject, tally)
     return found
 
 

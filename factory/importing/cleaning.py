@@ -233,6 +233,22 @@ def degrees_minutes(values: Array) -> Array:
     return whole + (values - 100.0 * whole) / 60.0
 
 
+_TURN = 360.0
+"""[degree]"""
+
+
+def _degrees_and_minutes(latitude: Array, longitude: Array) -> bool:
+    """Whether most places are no degrees and all of these are ddmm.mmm.
+
+    Each place counts once, so that a sentinel has no more say than a fix.
+    """
+    places = np.unique(np.abs(np.stack([latitude, longitude])), axis=1)
+    north, east = places
+    written = (north <= 9000.0) & (east <= 18000.0) & (np.mod(places, 100.0) < 60.0).all(axis=0)
+    beyond = (north > 90.0) | (east > 2.0 * _TURN)
+    return bool(places.size and np.mean(beyond & written) > 0.5)
+
+
 def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> tuple[Array, Array]:
     """Decimal degrees; NMEA ddmm.mmm where decimal degrees are native is converted, counted."""
     usual = np.abs(latitude) < 1e6  # Slocum marks a position without fix by 69696969
@@ -242,13 +258,14 @@ def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> 
     )
     latitude, longitude = np.where(usual, latitude, np.nan), np.where(usual, longitude, np.nan)
     good = np.isfinite(latitude) & np.isfinite(longitude)
-    if good.any() and (
-        np.percentile(np.abs(latitude[good]), 90) > 90.0
-        or np.percentile(np.abs(longitude[good]), 90) > 360.0
-    ):
+    unset = good & (latitude == 0.0) & (longitude == 0.0)
+    tally.add("removed", subject, int(unset.sum()), "no position yet (0, 0)")
+    latitude, good = np.where(unset, np.nan, latitude), good & ~unset
+    if _degrees_and_minutes(latitude[good], longitude[good]):
         tally.add("repaired", subject, int(good.sum()), "was ddmm.mmm where degrees are native")
         latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
-    impossible = good & ((np.abs(latitude) > 90.0) | (np.abs(longitude) > 360.0))
+    # a longitude that is counted on past Greenwich is one
+    impossible = good & ((np.abs(latitude) > 90.0) | (np.abs(longitude) > 2.0 * _TURN))
     tally.add("removed", subject, int(impossible.sum()), "no position on Earth")
     latitude = np.where(impossible, np.nan, latitude)
     longitude = np.where(impossible, np.nan, longitude)

@@ -45,6 +45,7 @@ def test_a_store_that_is_not_the_same_is_noticed(ground: Ground, tmp_path: Path)
     assert wrong(store, ground.expected) == "the store has other bytes"
 
 
+@pytest.mark.filterwarnings("ignore:.*imported by version 1 of the readers")
 def test_stores_of_other_versions_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
     row = check_versions(tmp_path)
     assert row["lost"] == []

@@ -29,7 +29,7 @@ SMALLEST_PLAIN = 1e-4
 
 
 def printable(text: str) -> str:
-    """A text with every character that moves a terminal's cursor, or turns its text about, as an
+    r"""A text with every character that moves a terminal's cursor, or turns its text about, as an
     escape: what stands in a log's header or in a file's name is shown, and does nothing.
 
     Line breaks and tabs stay. The others of Unicode's categories Cc, Cf, Cs, Zl and Zp do not.

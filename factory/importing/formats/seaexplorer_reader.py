@@ -247,7 +247,9 @@ def _variation(
             leave_out(["Declination"], "the user gives the variation", tally)
         return Channel(time[:1], np.array([variation_deg]))
     values = columns.get("Declination", np.full(len(time), np.nan))
-    there = np.isfinite(values)
+    there = np.abs(values) <= 180.0
+    wrong = int((np.isfinite(values) & ~there).sum())
+    tally.add("removed", "Declination", wrong, "no declination: beyond 180 degree")
     if not (there & (values != 0.0)).any():
         found = reference_declination(places, name, tally)
         if len(found):

@@ -25,7 +25,7 @@ MOST = 2**30
 SMALL = 20 * 2**20
 """[byte]"""
 IMPORT = """
-import resource, sys
+import re, sys
 from factory.importing import import_logs
 from twin.errors import InputError
 kind, path, mapping = sys.argv[1:]
@@ -34,7 +34,7 @@ try:
     print("read")
 except InputError as error:
     print(error)
-print(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]))
 """
 
 

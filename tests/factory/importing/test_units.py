@@ -29,6 +29,8 @@ from logs import (
 from message_logs import Dataflash, write_ardusub
 
 from factory.importing import import_logs
+from factory.importing.angles import LoggedAngle, attitude_degrees
+from factory.importing.cleaning import positions
 from factory.importing.deployment_log import (
     EMPTY,
     NO_FIXES,
@@ -635,3 +637,47 @@ def test_only_both_ways_tell_radian_by_the_sinking(ways: float, sinks: bool | No
     rate = np.where(time < 200.0, 0.2, 0.2 * ways)
     depth = 6.0 + np.concatenate([[0.0], np.cumsum(rate[1:])])
     assert sinks_in_radian(time, depth, -np.sign(rate) * 0.4) is sinks
+
+
+def test_sentinels_of_a_heading_make_no_heading() -> None:
+    heading = np.where(np.arange(90) % 9 == 0, -9999.0, 60.0 + np.sin(np.arange(90.0)))
+    one = LoggedAngle(values=heading, unit="degree", subject="HEADING")
+    tally = Tally()
+    found = attitude_degrees({"heading": one}, np.arange(90.0), None, tally)["heading"]
+    assert np.isnan(found).sum() == tally.entries()[0].count == 10
+    assert np.nanmax(found) < 62.0
+
+
+@pytest.mark.parametrize("sentinel", [-999.0, 9999.0, 99999.0])
+def test_sentinels_of_places_turn_no_degrees_into_minutes(sentinel: float) -> None:
+    latitude, longitude = 43.0 + 1e-4 * np.arange(60), 7.5 + 1e-4 * np.arange(60)
+    off = np.arange(60) % 3 != 0
+    latitude[off], longitude[off] = sentinel, sentinel
+    found = positions(latitude, longitude, "fixes", Tally())
+    assert np.isfinite(found[0]).sum() == 20
+    assert found[0][0] == pytest.approx(43.0)
+    assert found[1][0] == pytest.approx(7.5)
+
+
+def test_longitudes_may_be_counted_on_past_greenwich() -> None:
+    longitude = 359.995 + 1e-3 * np.arange(16)
+    _, found = positions(np.full(16, 43.0), longitude, "fixes", Tally())
+    assert found[[0, -1]] == pytest.approx([-0.005, 0.01], abs=1e-9)
+
+
+def test_a_place_at_the_origin_is_none_yet() -> None:
+    latitude, longitude = np.array([0.0, 43.0]), np.array([0.0, 7.5])
+    tally = Tally()
+    assert np.isnan(positions(latitude, longitude, "fixes", tally)[0]).tolist() == [True, False]
+    assert tally.entries()[0].detail == "no position yet (0, 0)"
+
+
+def test_degrees_and_minutes_are_still_told() -> None:
+    tally = Tally()
+    latitude, longitude = (
+        np.array([4330.0, 4331.0, 69696969.0]),
+        np.array([-730.0, -731.0, 69696969.0]),
+    )
+    found = positions(latitude, longitude, "fixes", tally)
+    assert found[0][:2] == pytest.approx([43.5, 43.0 + 31.0 / 60.0])
+    assert found[1][:2] == pytest.approx([-7.5, -(7.0 + 31.0 / 60.0)])

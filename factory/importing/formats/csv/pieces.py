@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.angles import within_a_turn
 from factory.importing.columns import (
     Table,
     column_names,
@@ -194,6 +195,7 @@ def values_of(
     values[missing | infinite] = np.nan
     values = in_unit(values, signal.unit, signal.wanted(name), f"{file} {column}")
     if name in HEADINGS:
+        values = within_a_turn(values, column, tally)
         values = -values if signal.turns == "counterclockwise" else values
         return np.mod(values * signal.sign + (90.0 if signal.zero == "east" else 0.0), 360.0)
     values = values * signal.turn(name, mapping.frame)
