@@ -28,7 +28,7 @@ _NONE = -np.inf
 
 def by_standard_name(variables: Mapping[str, Any], known: Collection[str]) -> dict[str, str]:
     """Names of a file's variables by ours, of those that it calls otherwise; where several have
-    the standard name, none.
+    the standard name, known ones among them, none.
 
     Args:
       known: names that are read anyway.
@@ -37,10 +37,9 @@ def by_standard_name(variables: Mapping[str, Any], known: Collection[str]) -> di
     for ours, standard in STANDARD.items():
         there = [
             name for name, variable in variables.items()
-            if name not in known
-            and standard in (name, getattr(variable, "standard_name", ""))
+            if standard in (name, getattr(variable, "standard_name", ""))
         ]  # fmt: skip
-        if ours not in variables and len(there) == 1:
+        if ours not in variables and len(there) == 1 and there[0] not in known:
             found[ours] = there[0]
     return found
 

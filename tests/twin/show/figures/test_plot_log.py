@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from twin.records.attributes import CONVENTIONS
+from twin.records.attributes import CONVENTIONS, READER_VERSION
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.records.trajectory import Trajectory
@@ -25,6 +25,7 @@ from twin.show.figures.page_layout import (
 )
 from twin.show.figures.signals import centred_line, circular_mean
 from twin.show.figures.track import space_axes
+from twin.version import IMPORT_VERSION
 
 
 def logged(**signals: np.ndarray) -> Trajectory:
@@ -115,7 +116,7 @@ def test_the_vertical_speed_is_the_depth_rate() -> None:
 
 def test_captions_tell_missions_apart(tmp_path: Path) -> None:
     def written(name: str, data: xr.Dataset, **attributes: str) -> MissionStore:
-        data.attrs = {**CONVENTIONS, **attributes}
+        data.attrs = {**CONVENTIONS, READER_VERSION: IMPORT_VERSION, **attributes}
         return MissionStore(write_store(data, tmp_path / name))
 
     one = ("mission", np.array([7.0]))
@@ -150,7 +151,12 @@ def test_a_caption_of_dives_tells_the_end_of_the_last(tmp_path: Path) -> None:
             ),
             "dive_duration": ("mission", np.array([3600.0, 6.5 * 3600.0])),
         },
-        attrs={**CONVENTIONS, "comment": "Recorded at sea.", "source_format": "slocum"},
+        attrs={
+            **CONVENTIONS,
+            READER_VERSION: IMPORT_VERSION,
+            "comment": "Recorded at sea.",
+            "source_format": "slocum",
+        },
     )
     store = MissionStore(write_store(data, tmp_path / "real.zarr"))
     assert missions_caption(store, [0, 1], None) == (
