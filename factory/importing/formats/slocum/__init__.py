@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.importing.deployment_log import UNREADABLE
 from factory.importing.formats.slocum.caches import BINARY, CACHES
 from twin.errors import InputError
 
@@ -25,6 +24,7 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
     Raises:
       InputError: as the two readers, where neither finds a log.
     """
+    from factory.importing.deployment_log import UNREADABLE
     from factory.importing.formats.slocum.ascii_tables import is_text
     from factory.importing.formats.slocum.binary import read_slocum_binary
     from factory.importing.formats.slocum.sensor_tables import read_slocum_tables

@@ -16,7 +16,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from factory.importing.deployment_log import OF_THE_MACHINE
 from twin.bounded import check_unpacked
 from twin.errors import InputError
 
@@ -305,6 +304,8 @@ def _plain(path: Path, folder: Path) -> Path:
 
 def _self_listing(folder: Path) -> dict[str, Path]:
     """Of the logs in a folder that list their sensors themselves, the first of each number."""
+    from factory.importing.deployment_log import OF_THE_MACHINE  # it needs numpy, help does not
+
     found: dict[str, Path] = {}
     for path in sorted(one for one in folder.iterdir() if one.suffix.lower() in BINARY):
         try:
