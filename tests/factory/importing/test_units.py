@@ -681,3 +681,16 @@ def test_degrees_and_minutes_are_still_told() -> None:
     found = positions(latitude, longitude, "fixes", tally)
     assert found[0][:2] == pytest.approx([43.5, 43.0 + 31.0 / 60.0])
     assert found[1][:2] == pytest.approx([-7.5, -(7.0 + 31.0 / 60.0)])
+
+
+def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path: Path) -> None:
+    import netCDF4
+
+    path = write_og1(tmp_path / "a.nc", FLIGHT)
+    with netCDF4.Dataset(path, "a") as file:
+        warm = file.createVariable("TEMP", "f8", ("N_MEASUREMENTS",))
+        warm.units = "K"
+        warm[:] = 281.15 + 0.01 * np.sin(np.arange(len(warm)))
+    dataset, _ = import_logs("og1", [path], variation_deg=FLIGHT.variation)
+    assert float(dataset["measured_temperature"].mean()) == pytest.approx(8.0, abs=0.1)
+    assert not any(dataset["suspect"].values)

@@ -166,6 +166,8 @@ def signals_in(
             values = attitude.get(ATTITUDE[target])
         elif target == "measured_depth":
             values = depth
+        elif name in UNITS:  # converted already
+            values = columns[name]
         else:
             values = declared(
                 columns[name], unit, unit_of(target), name, tally, deployment=variation.deployment
