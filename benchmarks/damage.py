@@ -59,7 +59,7 @@ class Damaged(Sound):
 
 
 def changed_values(random: Random) -> Callable[[Array], Array]:
-    """What happens to a column of numbers."""
+    """Damage a column of numbers."""
     word, part = float(random.choice(NUMBERS)), random.random(2)
     factor = float(random.choice([-1.0, 0.0, 10.0, 1e3, 1e6, 1e-3, 57.29578, 0.3048]))
     how = random.integers(5)
@@ -85,7 +85,7 @@ def changed_values(random: Random) -> Callable[[Array], Array]:
 
 
 def changed_clock(random: Random) -> Callable[[Array], Array]:
-    """What happens to times, which are in any unit and from any day."""
+    """Damage times, which are in any unit and from any day."""
     step = float(random.choice([1.0, 3600.0, 1e6, 1e9, 1e12, 1e300])) * random.choice([-1, 1])
     part, how = random.random(2), random.integers(9)
 

@@ -201,7 +201,7 @@ class Hand:
         return 0.0, 0
 
     def over(self) -> str:
-        """Which limit the process is beyond."""
+        """Name the limit that the process is beyond; empty within all."""
         seconds, held = self._used()
         if held > KILLED_BYTES:
             return "more than 3 GB, stopped"

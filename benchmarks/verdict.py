@@ -50,7 +50,7 @@ class Mutant:
 
 @dataclasses.dataclass
 class Verdict:
-    """What an import made of a mutant."""
+    """Outcome of the import of a mutant."""
 
     mutant: Mutant
     outcome: str = "read"

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.tally import Doubt, OtherKind, Tally, by_reason
+from factory.importing.tally import Doubt, OtherKind, Tally, by_reason, summarise
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
@@ -290,14 +290,9 @@ def naming(log: DeploymentLog) -> Iterator[None]:
     except Exception as error:
         why = " ".join(str(error).split())[:160]
         raise InputError(
-            f"{log.deployment} ({by_number(log.files)}) holds what cannot be cut into dives: "
+            f"{log.deployment} ({summarise(log.files, 1)}) holds what cannot be cut into dives: "
             f"{type(error).__name__}{f': {why}' if why else ''}"
         ) from error
-
-
-def by_number(files: Sequence[str]) -> str:
-    """The only file's name, or the first one's and how many there are."""
-    return files[0] if len(files) == 1 else f"{len(files)} files, {', '.join(files[:1])} first"
 
 
 def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:
