@@ -17,7 +17,7 @@ from dorado_logs import names_in_log
 from imc_logs import topics_of_lsf
 from logs import Flight, example, write_csv
 from message_logs import topics_of
-from written_logs import LAYOUTS, TABLES, WRITERS, mapping, variation, write
+from written_logs import LAYOUTS, WRITERS, mapping, variation, write
 
 from factory.importing import IMPORTERS, Importer, import_logs, sniff
 from factory.importing.columns import column_names
@@ -29,6 +29,7 @@ from twin.records.store import open_store
 ROOT = Path(__file__).resolve().parents[3]
 HOWTO = ROOT / "docs" / "howto"
 PAGE = (HOWTO / "import_logs.md").read_text()
+TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
 MESSAGES = ("mcap", "rosbag2", "ardusub", "lsf")
