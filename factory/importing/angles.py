@@ -159,6 +159,14 @@ def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
     return values
 
 
+def turns_in_radian(heading: Array) -> bool:
+    """Whether headings turn by half a turn and more, if they are radian, and by nothing else."""
+    good = heading[np.isfinite(heading)]
+    if good.size <= 20 or np.mean((good >= -np.pi) & (good < 1.01 * TURN)) <= _NEARLY_ALL:
+        return False
+    return bool(np.ptp(np.percentile(good, [5.0, 95.0])) > np.pi)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LoggedAngle:
     """One angle of the attitude, as a file has it."""
@@ -229,6 +237,10 @@ def attitude_degrees(
         one = angles["heading"]
         turned = within_a_turn if is_declared(one.unit) or one.in_radian else heading_degrees
         found["heading"] = turned(found["heading"], one.subject, tally)
+        if turned is within_a_turn and not one.in_radian and turns_in_radian(found["heading"]):
+            why = "turns, and never leaves 6.3 degree: radian that are called degrees?"
+            count = int(np.isfinite(found["heading"]).sum())
+            tally.doubt(one.subject, why, count, deployment=deployment)
     return found
 
 

@@ -37,6 +37,8 @@ MOST_COLUMNS = 10_000
 """Columns of a table; a Slocum knows three thousand sensors"""
 _SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
 """Unix seconds from 1979 to 2103: what a log's time can be."""
+AHEAD = 86400.0
+"""[s] A sound log is no more ahead of this computer's clock"""
 _YEAR = 365.25 * 86400.0
 _JUMP = _YEAR
 """[s] No deployment is silent for so long"""
@@ -268,20 +270,21 @@ def _number(word: str) -> float:
         return math.nan
 
 
-def parse_stamps(words: NDArray[Any]) -> Array:
-    """Unix seconds of written times: ISO 8601 or day/month/year; NaN where there is none."""
-    out = np.full(len(words), np.nan)
-    for i, word in enumerate(words):
-        out[i] = _stamp(str(word))
-    return out
+def parse_stamps(words: NDArray[Any], layouts: Sequence[str] = CSV_FORMATS) -> Array:
+    """Unix seconds of written times; NaN where there is none.
+
+    Args:
+      layouts: of `strptime`, in which a time may be written that is no ISO 8601 one.
+    """
+    return np.array([_stamp(str(word), layouts) for word in words], np.float64)
 
 
-def _stamp(word: str) -> float:
+def _stamp(word: str, layouts: Sequence[str]) -> float:
     word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
     try:
         moment = datetime.fromisoformat(word)
     except ValueError:
-        for layout in CSV_FORMATS:
+        for layout in layouts:
             try:
                 moment = datetime.strptime(word, layout)
                 break
@@ -295,13 +298,15 @@ def _stamp(word: str) -> float:
 def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
     """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
 
+    Of what is in no second, no log is from the future.
+
     Raises:
       InputError: the numbers cannot be times of a log.
     """
     good = time[np.isfinite(time)]
     if not good.size:
         return time
-    middle = float(np.median(good))
+    middle, today = float(np.median(good)), datetime.now(UTC).timestamp()
     for factor, offset, unit in (
         (1.0, 0.0, ""),
         (1e-3, 0.0, "milliseconds"),
@@ -309,8 +314,10 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
         (1e-9, 0.0, "nanoseconds"),
         (86400.0, -719529.0, "MATLAB days"),
         (86400.0, 0.0, "days since 1970"),
+        (86400.0, -7305.0, "days since 1950"),
     ):
-        if _SECONDS_FROM <= (middle + offset) * factor <= _SECONDS_TO:
+        latest = today + AHEAD if unit else _SECONDS_TO
+        if _SECONDS_FROM <= (middle + offset) * factor <= latest:
             if unit:
                 tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
             return (time + offset) * factor

@@ -38,6 +38,8 @@ def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
     """The log as its reader made it, without impossible values; what is left of them is suspect."""
     _doubt_pitch(log, tally)
     log = _without_impossible_currents(log, tally)
+    wrapped = {n: _wrapped(c) for n, c in log.auxiliary.items() if n.endswith("longitude")}
+    fixes = log.fixes
     return dataclasses.replace(
         log,
         channels={
@@ -45,12 +47,28 @@ def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
             for name, one in log.channels.items()
             if len(kept := _possible(name, one, log.deployment, tally))
         },
-        auxiliary={n: _possible(n, c, log.deployment, tally) for n, c in log.auxiliary.items()},
+        auxiliary={
+            n: _possible(n, c, log.deployment, tally)
+            for n, c in {**log.auxiliary, **wrapped}.items()
+        },
         magnetic_variation=_possible(
             "magnetic_variation", log.magnetic_variation, log.deployment, tally
         ),
-        fixes=_on_earth(log.fixes, log.deployment, tally),
-    )
+        fixes=_on_earth(
+            LoggedFixes(fixes.time, fixes.latitude, _east_of_greenwich(fixes.longitude)),
+            log.deployment, tally,
+        ),
+    )  # fmt: skip
+
+
+def _east_of_greenwich(longitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitudes up to 360 degree as those of a store, from -180."""
+    turned = (longitude > 180.0) & (longitude <= 360.0)
+    return np.where(turned, longitude - 360.0, longitude) if turned.any() else longitude
+
+
+def _wrapped(channel: Channel) -> Channel:
+    return Channel(channel.time, _east_of_greenwich(channel.values))
 
 
 def _limits(name: str) -> tuple[float, float]:

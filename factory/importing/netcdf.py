@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import os
 import re
+import subprocess
+import sys
+import threading
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -20,6 +25,75 @@ from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
+HDF5 = b"\x89HDF"
+"""Begins each such file, netCDF-4's too"""
+
+
+class _Trial:
+    """A second process that opens every HDF5 file first.
+
+    Of a damaged one the library may never come back, which nothing within a process can end, or
+    take its process with it.
+    """
+
+    LONGEST = 60.0
+    """[s] A sound file takes some milliseconds"""
+    PROGRAM = """
+import os, sys, netCDF4
+for line in sys.stdin:
+    try:
+        netCDF4.Dataset(os.fsdecode(bytes.fromhex(line))).close()
+    except Exception:
+        pass
+    print(flush=True)
+"""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+        self._lock = threading.Lock()
+        self._passed: set[tuple[str, int, int]] = set()
+
+    def passes(self, path: Path) -> bool:
+        """Whether the process comes back from the file, with an error or without."""
+        stat = path.stat()
+        key = str(path.resolve()), stat.st_size, stat.st_mtime_ns
+        with self._lock:
+            if key not in self._passed and self._tried(key[0]):
+                self._passed.add(key)
+            return key in self._passed
+
+    def _tried(self, path: str) -> bool:
+        if self._process is None:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", self.PROGRAM],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            )  # fmt: skip
+        process, answers = self._process, list[str]()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        answer = process.stdout
+        process.stdin.write(os.fsencode(path).hex() + "\n")
+        process.stdin.flush()
+        waiting = threading.Thread(target=lambda: answers.append(answer.readline()))
+        waiting.start()
+        waiting.join(self.LONGEST)
+        if not answers or not answers[0]:
+            process.kill()  # which ends the waiting
+            waiting.join()
+            self.end()
+            return False
+        return True
+
+    def end(self) -> None:
+        """End the process; the next file begins another."""
+        if self._process is not None:
+            self._process.communicate()
+            self._process = None
+
+
+_trial = _Trial()
+atexit.register(_trial.end)
+
 
 @contextlib.contextmanager
 def open_netcdf(path: Path) -> Iterator[Any]:
@@ -30,15 +104,17 @@ def open_netcdf(path: Path) -> Iterator[Any]:
     """
     import netCDF4
 
+    with path.open("rb") as raw:
+        start = raw.read(8)
+    if start.startswith(HDF5) and not _trial.passes(path):
+        raise InputError(f"{path.name} is damaged: its library does not come back from it")
     # limits that do not fit the variable's own kind of number are not used: no word of a library
     # that names neither the file nor the variable
     warnings.filterwarnings("ignore", r"WARNING: \w+ not used since it", UserWarning)
     try:
         file = netCDF4.Dataset(path)
     except (OSError, RuntimeError) as error:
-        with path.open("rb") as raw:
-            start = raw.read(8)
-        known = start.startswith((b"CDF", b"\x89HDF")) or b"MATLAB" in start
+        known = start.startswith((b"CDF", HDF5)) or b"MATLAB" in start
         why = "truncated or damaged" if known else "of another format"
         raise InputError(
             f"{path.name} cannot be opened as netCDF-4 or HDF5: {why} ({type(error).__name__})"

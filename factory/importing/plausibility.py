@@ -72,7 +72,7 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
     """
     there = np.isfinite(depth)
     moving = Channel(time[there], depth[there])
-    known = np.isfinite(pitch) & (pitch != 0.0)
+    known = np.isfinite(pitch) & (np.abs(pitch) > _LEVEL)
     rate = Channel(moving.time, vertical_speed(moving)).at(time[known])
     below = moving.at(time[known]) > _BELOW
     angle, use = pitch[known], below & (np.abs(rate) > _MOVING)
@@ -84,6 +84,10 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
     as_radian = float(np.median(np.abs(rate) / np.sin(np.abs(angle))))
     one_way = max(agree, 1.0 - agree) > _AGREE  # a wrong sign is another fault
     return one_way and as_degrees > FASTEST and SLOWEST < as_radian < FASTEST
+
+
+_LEVEL = 1e-6
+"""Nothing smaller is an angle of a glide, in degrees or in radian"""
 
 
 def check_signs(log: DeploymentLog, tally: Tally) -> None:

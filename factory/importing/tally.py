@@ -168,8 +168,13 @@ def finite(values: np.ndarray) -> int:
 
 def summarise(names: Sequence[str], limit: int = 6) -> str:
     """The names in one line, cut after `limit`."""
-    head = ", ".join(names[:limit])
+    head = ", ".join(map(one_line, names[:limit]))
     return head if len(names) <= limit else f"{head} and {len(names) - limit} more"
+
+
+def one_line(text: str) -> str:
+    """A text with its line breaks and other characters that nobody sees as Python writes them."""
+    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 
 def by_reason(refused: Sequence[tuple[str, str]], total: int) -> list[str]:
@@ -183,7 +188,7 @@ def by_reason(refused: Sequence[tuple[str, str]], total: int) -> list[str]:
         if len(names) > 1:
             said.append(f"{len(names)} of {total} files: {words} ({summarise(names, _FEW)})")
         else:
-            said.append(names[0] + (reason if words != reason else f": {words}"))
+            said.append(one_line(names[0]) + (reason if words != reason else f": {words}"))
     return said
 
 

@@ -41,7 +41,8 @@ _WORDS: dict[str, dict[str, str]] = {
         "nmi": "nautical_mile", "cubic_meter": "m3", "cubic_metre": "m3", "ccm": "cm3",
         "cubic centimeters": "cm3", "cubic centimetres": "cm3",
         "pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "inhg": "inHg", "inches hg": "inHg",
-        "mhos/m": "S/m", "mho/m": "S/m", "mmho/cm": "mS/cm", "mmhos/cm": "mS/cm", "s/m": "S/m",
+        "mhos/m": "S/m", "mho/m": "S/m", "mho m-1": "S/m", "mhos m-1": "S/m",
+        "mmho/cm": "mS/cm", "mmhos/cm": "mS/cm", "s/m": "S/m",
         "ms/cm": "mS/cm", "ms cm-1": "mS/cm", "s m-1": "S/m", "us/cm": "uS/cm", "ms/m": "mS/m",
         "degc": "degC", "deg c": "degC", "deg_c": "degC", "degree c": "degC", "degrees c": "degC",
         "deg. c": "degC", "degrees celsius": "degC", "degree celsius": "degC", "its-90": "degC",
@@ -63,9 +64,14 @@ _WORDS: dict[str, dict[str, str]] = {
         "dimensionless": "1e-3", "unitless": "1e-3", "practical salinity units": "1e-3",
         "practical salinity unit": "1e-3", "practical": "1e-3",
     },
+    "umol L-1": {
+        **dict.fromkeys(("ml/l", "ml l-1", "ml.l-1", "milliliter/liter"), "44.6596 umol/L"),
+        **dict.fromkeys(("mg/l", "mg l-1", "mg.l-1", "milligram/liter"), "31.2512 umol/L"),
+    },
     "1": {"psu": "1", "pss-78": "1", "dimensionless": "1", "unitless": "1"},
 }  # fmt: skip
-"""Vendors' words in small letters, by the store's unit or for all: what they are to UDUNITS"""
+"""Vendors' words in small letters, by the store's unit or for all: what they are to UDUNITS.
+Oxygen: 22.3916 litres are one mole (SCOR working group 142), and 31.9988 g"""
 _USUAL: dict[str, tuple[str, ...]] = {
     "degree": ("deg", "degree", "degrees", "rad", "radian", "radians"),
     "rad s-1": ("rad/s", "rad s-1", "deg/s", "deg s-1", "rpm", "rev/s"),

@@ -101,7 +101,8 @@ def log_of_files(
             if until is not None:
                 dataset = _until(dataset, until)
         except InputError as error:
-            return _without(store, copies, _said_here(str(error), place), damage)
+            said = " ".join(_said_here(str(error), place).split())
+            return _without(store, copies, said, damage)
     dataset.attrs[DIGEST] = copies.digest + stamp
     if damage and is_zarr(store):
         remove(store)

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from factory.importing.columns import AHEAD
 from factory.importing.deployment_log import TRUNCATED, Array, Channel, DeploymentLog
 from factory.importing.dives.computer import computer_of
 from factory.importing.dives.segments import CLIMB, DESCENT, LogSegment
@@ -20,6 +21,7 @@ from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.records.coordinates import utc_minute
 from twin.records.logged import DRIVEN
+from twin.records.schema.limits import recorded_limits
 
 _SILENT = 120.0
 """[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
@@ -182,6 +184,27 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
 
 Reason = tuple[str, str]
 """Channel, and what is wrong with it"""
+
+
+def keep_possible(signals: dict[str, Array]) -> list[Reason]:
+    """Take what no store may hold out of a row's signals, in place, and name it.
+
+    Channels of a log are within limits; here is what is made of them, such as tracks from places
+    and offsets of the times of samples.
+
+    Args:
+      signals: of the row, (time,) each.
+    """
+    found: list[Reason] = []
+    for name, values in signals.items():
+        low, high = recorded_limits(name)
+        bad = (values < low) | (values > high)
+        if bad.any():
+            signals[name] = np.where(bad, np.nan, values)
+            found.append((name, f"outside {low:g} to {high:g}: removed"))
+    return found
+
+
 STRONGEST_CURRENT = 3.0
 """[m/s] Averaged over a dive no ocean current is faster: the core of the Gulf Stream has 2.5."""
 FASTEST_OVER_GROUND = 6.0
@@ -210,6 +233,8 @@ def doubts_of(
       period: [s] of the grid.
     """
     found: list[Reason] = []
+    if not log.simulated and segment.end > datetime.datetime.now(datetime.UTC).timestamp() + AHEAD:
+        found.append(("time", "later than this computer's clock; another unit, or a wrong clock?"))
     for whose in ("vehicle_dac", "dac"):
         speed = math.hypot(*(numbers.get(f"{whose}_{axis}", 0.0) for axis in ("north", "east")))
         if speed > STRONGEST_CURRENT:

@@ -23,6 +23,7 @@ from factory.importing.deployment_log import (
 from factory.importing.dives.dive_checks import (
     complete,
     doubts_of,
+    keep_possible,
     since_clock,
     standing,
     tell_above_sea,
@@ -306,13 +307,14 @@ def row_of(
         driven=driven,
     )  # fmt: skip
     standing(log, segment, tally)
-    found = doubts_of(log, segment, signals, numbers, period)
+    found = keep_possible(signals)
+    found += doubts_of(log, segment, signals, numbers, period)
     for subject, why in found:
         tally.add("suspect", subject, 1, f"{log.deployment}: {why} (dives counted)")
     found += [
         (one.subject, one.why)
         for one in log.doubts
-        if one.start <= segment.end and segment.start <= one.end
+        if one.start < segment.end and segment.start < one.end
     ]
     return DiveRow(
         deployment=log.deployment,

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import counts_upward
-from factory.importing.deployment_log import DeploymentLog, each_file
+from factory.importing.deployment_log import TRUNCATED, DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, kinds_by_bytes
 from factory.importing.formats.csv.mapping import Mapping, Signal
 from factory.importing.formats.csv.mapping_file import signal_names
-from factory.importing.formats.mcap_recording import Ros2Recording
+from factory.importing.formats.mcap_recording import Ros2Recording, is_cut, recorded
 from factory.importing.messages import (
     EARLIEST,
     MessageTable,
@@ -101,6 +101,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 def _metadata(path: Path) -> dict[str, str]:
     """What a file of ours says of itself; empty of another's."""
     from mcap.reader import make_reader
+    from mcap.records import Metadata
 
     if path.is_dir():
         return {}
@@ -108,14 +109,14 @@ def _metadata(path: Path) -> dict[str, str]:
         raise InputError(f"{path.name} is no MCAP file: it does not begin as one")
     try:
         with path.open("rb") as stream:
-            for one in make_reader(stream).iter_metadata():
+            whole = () if is_cut(path) else make_reader(stream).iter_metadata()
+            cut = (one for one in recorded(path) if isinstance(one, Metadata))
+            for one in whole or cut:
                 if one.name == OWN:
                     return dict(one.metadata)
     except Exception as error:
-        raise InputError(
-            f"{path.name} is damaged: {' '.join(str(error).split())}; "
-            "`mcap recover` repairs one that was cut off"
-        ) from error
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path.name} is damaged: {why}; try `mcap recover`") from error
     return {}
 
 
@@ -123,6 +124,10 @@ def _tables(
     path: Path, mapping: Mapping, tally: Tally
 ) -> tuple[list[str], dict[str, MessageTable], Mapping]:  # fmt: skip
     recording = Ros2Recording(path)
+    if recording.cut and not recording.channels:
+        raise InputError(f"{path.name} is cut off before its first whole chunk: it holds nothing")
+    for name in recording.cut:
+        tally.add("note", name, 1, f"{TRUNCATED}it lacks its end; what is before is read")
     every = {one.topic: one for one in recording.channels}
     readable = {topic: one for topic, one in every.items() if not one.unread}
     for topic in sorted(set(every) - set(readable)):
@@ -159,6 +164,7 @@ def _tables(
     for topic, some in rows.items():
         values = np.array(some, float).reshape(len(some), -1)
         found = dict(zip(raw[topic], values.T, strict=True))
+        _unit_quaternions(found, topic, tally)
         columns = {f: _column(f, found) for f in wanted[topic] if set(_raw(f)) <= set(found) | _NO}
         if GAUGE in columns:
             moments, unit = np.array(times[topic]), _unit_of(f"{topic} {GAUGE}", mapping)
@@ -390,6 +396,24 @@ def _raw(field: str) -> tuple[str, ...]:
     if prefix in ("angular_velocity", "linear_acceleration"):
         return (field, f"{prefix}_covariance.0")
     return (field, "status.status") if field in ("latitude", "longitude") else (field,)
+
+
+def _unit_quaternions(found: dict[str, Array], topic: str, tally: Tally) -> None:
+    """Attitudes of length 1 in place; those of another length are none, and are counted."""
+    for prefix in [name.removesuffix(".w") for name in found if name.endswith("orientation.w")]:
+        names = [f"{prefix}.{axis}" for axis in "wxyz"]
+        if not set(names) <= set(found):
+            continue
+        length = np.sqrt(np.sum([found[name] ** 2 for name in names], axis=0))
+        bad = ~(np.abs(length - 1.0) <= _ROUNDED)
+        said = bad & (found.get(f"{prefix}_covariance.0", length) >= 0.0)  # -1: none, by the rules
+        tally.add("removed", topic, int(said.sum()), "no attitude: a quaternion not of length 1")
+        for name in names:
+            found[name] = np.where(bad, np.nan, found[name] / np.where(bad, 1.0, length))
+
+
+_ROUNDED = 0.01
+"""Rounding to three digits takes a quaternion less away from length 1"""
 
 
 def _column(field: str, found: dict[str, Array]) -> Array:

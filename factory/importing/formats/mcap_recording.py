@@ -7,6 +7,7 @@ place of its type; the others are read.
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 import zlib
 from collections.abc import Collection, Iterator, Mapping
@@ -67,6 +68,8 @@ class Ros2Recording:
                 self._of = {path: {one.id: _of_rosbags(one) for one in bag.connections}}
         else:
             self._of = {file: _channels(file) for file in files}
+        self.cut = [] if self._by_rosbags else [file.name for file in files if is_cut(file)]
+        """Names of files that end before their end: what they hold until there is read"""
         every = [channel for channels in self._of.values() for channel in channels.values()]
         self.channels = sorted(every, key=lambda one: (one.topic, not one.unread))
         """In order of topics; of one topic those that can be read come last"""
@@ -153,13 +156,15 @@ def _channels(path: Path) -> dict[int, Channel]:
     from mcap.records import Channel as Record
     from mcap.records import Schema
 
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
+    summary = None
+    if not is_cut(path):
+        with path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
     if summary is not None and summary.channels:
         records, schemas = dict(summary.channels), dict(summary.schemas)
     else:
         records, schemas = {}, {}
-        for one in _records(path):
+        for one in recorded(path):
             if isinstance(one, Record):
                 records[one.id] = one
             elif isinstance(one, Schema):
@@ -179,13 +184,24 @@ def _messages(path: Path, channels: Mapping[int, Channel]) -> Iterator[tuple[int
     """Channel, time of logging [ns] and bytes of each message of some channels."""
     from mcap.records import Message
 
-    for one in _records(path):
+    for one in recorded(path):
         if isinstance(one, Message) and one.channel_id in channels:
             yield one.channel_id, one.log_time, one.data
 
 
-def _records(path: Path) -> Iterator[Any]:
-    """The records of an MCAP file, those within its chunks too.
+MAGIC = b"\x89MCAP0\r\n"
+"""Begins and ends a file"""
+
+
+def is_cut(path: Path) -> bool:
+    """Whether an MCAP file lacks its end, as one does that was being written at a loss of power."""
+    with path.open("rb") as stream:
+        stream.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+        return stream.read() != MAGIC
+
+
+def recorded(path: Path) -> Iterator[Any]:
+    """The records of an MCAP file, those within its chunks too; of one that is cut, the whole ones.
 
     Raises:
       InputError: it unpacks to far too much.
@@ -195,8 +211,18 @@ def _records(path: Path) -> Iterator[Any]:
     from mcap.stream_reader import StreamReader, breakup_chunk
 
     stored, given = path.stat().st_size, 0
+    cut = is_cut(path)
     with path.open("rb") as stream:
-        for one in StreamReader(stream, emit_chunks=True, record_size_limit=stored).records:
+        records = StreamReader(stream, emit_chunks=True, record_size_limit=stored).records
+        while True:
+            try:
+                one = next(records)
+            except StopIteration:
+                return
+            except Exception:  # whatever a parser raises
+                if cut:
+                    return
+                raise
             if not isinstance(one, Chunk):
                 yield one
                 continue

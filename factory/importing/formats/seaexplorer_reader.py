@@ -36,7 +36,9 @@ from factory.importing.columns import (
     with_values,
 )
 from factory.importing.deployment_log import (
+    NEAR,
     NO_FIXES,
+    TRUNCATED,
     Channel,
     DeploymentLog,
     LoggedFixes,
@@ -50,6 +52,7 @@ from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
 from factory.importing.units import in_unit
 from twin.errors import InputError
+from twin.records.coordinates import utc_minute
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
@@ -122,11 +125,14 @@ def read_seaexplorer(
     for what, names in empty.items():
         note_empty(what, names, tally)
     alone = [name for name in payload if name not in navigation]
-    if alone:
-        raise InputError(
-            f"{files[alone[0]][0]}: a payload log without the navigation log (gli) of {alone[0]}; "
+    for name in alone:
+        why = (
+            f"{files[name][0]}: a payload log without the navigation log (gli) of {name}; "
             f"navigation logs are there of {', '.join(navigation) or 'no vehicle'}"
         )
+        if not navigation:
+            raise InputError(why)
+        tally.add("left out", name, len(files[name]), why)
     return [
         _log(name, pieces, payload.get(name, []), files[name], options, tally)
         for name, pieces in navigation.items()
@@ -306,6 +312,10 @@ def _positions(
     }
 
 
+def _at(channel: Channel, number: int) -> str:
+    return utc_minute(float(channel.time[number]))
+
+
 def _payload(
     pieces: Sequence[Columns],
     depth: Channel,
@@ -325,6 +335,16 @@ def _payload(
     columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
     time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
     columns = with_values(columns)
+    for beyond, what in (
+        (
+            (time < depth.time[0] - NEAR, f"before the navigation log begins at {_at(depth, 0)}"),
+            (time > depth.time[-1] + NEAR, f"after the navigation log ends at {_at(depth, -1)}"),
+        )
+        if len(depth)
+        else ()
+    ):
+        count = int(beyond.sum())
+        tally.add("left out", f"{name} payload", count, f"{TRUNCATED}{count} rows from {what} UTC")
     found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
     channels = payload_channels(found, options.payload, tally)
     ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]

@@ -79,7 +79,7 @@ def test_seaexplorer_refusals(tmp_path: Path) -> None:
         {"PLD_REALTIMECLOCK": ["23/08/2021 23:22:52.837"] * 2, "NAV_DEPTH": [1.0, 2.0]},
     )
     with pytest.raises(InputError, match=r"payload log without the navigation log \(gli\)"):
-        import_logs("seaexplorer", [path, payload])
+        import_logs("seaexplorer", [payload])
     cut = tmp_path / "cut.csv.gz"
     cut.write_bytes(gzip.compress(path.read_bytes())[:-2000])
     with pytest.raises(InputError, match="cannot be read to its end"):

@@ -157,7 +157,12 @@ def test_what_lies_beside_recordings_is_passed_over_with_a_word(
 
 def test_a_file_that_was_cut_off(flown: Path, tmp_path: Path) -> None:
     (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
-    path.write_bytes(path.read_bytes()[:-2000])
+    content = path.read_bytes()
+    path.write_bytes(content[:-2000])
+    dataset, report = import_logs("mcap", [path])
+    assert report.rows == dataset.sizes["mission"] == 1
+    assert any("it lacks its end" in one.detail for one in report.entries)
+    path.write_bytes(content[: len(content) // 2] + bytes(5000) + content[-5000:])
     with pytest.raises(InputError, match=r"mission_000000\.mcap.*mcap recover"):
         import_logs("mcap", [path])
 

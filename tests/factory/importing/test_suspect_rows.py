@@ -15,6 +15,7 @@ from factory.__main__ import PROGRAM
 from factory.importing import IMPORTERS, Importer, import_logs
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives import dive_store
+from factory.importing.dives.dive_checks import keep_possible
 from factory.importing.dives.dive_store import rows_of
 from factory.importing.log_limits import within_limits
 from factory.importing.plausibility import DiveRules
@@ -74,6 +75,35 @@ def test_a_current_that_no_ocean_has_marks_its_own_dive(tmp_path: Path) -> None:
     found = currents(tmp_path, north=[0.1, 3.2, 0.1], east=[0.2, 0.0, 2.9])
     assert [bool(why) for why in found] == [False, True, False]
     assert "a current of more than 3 m/s" in found[1]
+
+
+def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path: Path) -> None:
+    ends = plain_ends()
+    log = dataclasses.replace(
+        plain_log(),
+        auxiliary={
+            f"dac_{axis}": Channel(ends, np.array([0.1, value, 0.1]))
+            for axis, value in (("north", -999.0), ("east", 0.1))
+        },
+    )
+    log = within_limits(log, tally := Tally())
+    log = dataclasses.replace(log, doubts=tuple(tally.doubts))
+    rows, _ = rows_of(log, period=4.0, rules=DiveRules(), tally=Tally())
+    assert [bool(row.suspect) for row in rows] == [False, True, False]
+
+
+def plain_ends() -> Any:
+    """Times at which the rows of `plain_log` end."""
+    rows, _ = rows_of(plain_log(), period=4.0, rules=DiveRules(), tally=Tally())
+    return np.array([row.segment.end for row in rows])
+
+
+def test_what_is_made_of_channels_is_within_limits_too() -> None:
+    signals = {"measured_onboard_north": np.array([0.0, 2e7]), "measured_pitch": np.ones(2)}
+    ((name, why),) = keep_possible(signals)
+    assert name == "measured_onboard_north"
+    assert "removed" in why
+    np.testing.assert_array_equal(signals[name], [0.0, np.nan])
 
 
 def test_a_current_that_is_no_number_of_an_ocean_reaches_no_store(tmp_path: Path) -> None:

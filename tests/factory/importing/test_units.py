@@ -469,6 +469,9 @@ def test_a_mapped_pressure_with_the_air_in_it_beside_a_depth(tmp_path: Path) -> 
         ("cc", "cm3", 1.0),
         ("fathom", "m", 1.8288),
         ("mg m-3", "ug L-1", 1.0),
+        ("mho m-1", "S m-1", 1.0),
+        ("ml/l", "umol L-1", 1e3 / 22.3916),
+        ("mg L-1", "umol L-1", 1e3 / 31.9988),
     ],
 )
 def test_words_of_vendors_and_of_cf(unit: str, wanted: str, value: float) -> None:

@@ -113,11 +113,16 @@ class Clock:
 
     column: str
     unit: str = "s"
-    """s, ms, us, ns, min, h, days; iso for written times."""
+    """s, ms, us, ns, min, h, days; of written times iso, or a layout of `strptime`."""
     start: float | None = None
     """[s] unix time of the clock's zero; None: the column says the whole time."""
     start_from_name: str | None = None
     """Regular expression whose group is the date, ISO 8601, in a file's name."""
+
+    @property
+    def written(self) -> bool:
+        """Whether the column holds times in words."""
+        return self.unit == ISO or "%" in self.unit
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,6 @@ from factory.importing.formats.csv.mapping import (
     CLOCK_UNITS,
     FRAMES,
     HEADINGS,
-    ISO,
     LOCKS,
     LOG_ONLY,
     MADE,
@@ -292,8 +291,11 @@ def _clock(label: str, entry: object) -> Clock:
     known_keys(label, values, [field.name for field in dataclasses.fields(Clock)])
     if "column" not in values:
         raise InputError(f"{label}: column is missing: which column of the table is the time?")
-    unit = str(values.get("unit", "s")).lower()
-    if unit not in CLOCK_UNITS:
+    unit = str(values.get("unit", "s"))
+    unit = unit if "%" in unit else unit.lower()
+    if "%" in unit:
+        _check_layout(label, unit)
+    elif unit not in CLOCK_UNITS:
         raise InputError(f"{label}: {unknown_name('unit of time', unit, CLOCK_UNITS)}")
     if "start" in values and "start_from_name" in values:
         raise InputError(f"{label}: start and start_from_name both set the start; give one")
@@ -306,14 +308,30 @@ def _clock(label: str, entry: object) -> Clock:
                 f"{label}: start_from_name must have one group in brackets, the date, such as "
                 r"'^(\d{8})_'"
             )
-    if unit == ISO and (start is not None or pattern is not None):
-        raise InputError(f"{label}: iso times are whole ones; leave start and start_from_name out")
-    return Clock(
+    clock = Clock(
         column=text(label, "column", values["column"]),
         unit=unit,
         start=start,
         start_from_name=pattern,
     )
+    if clock.written and (start is not None or pattern is not None):
+        raise InputError(
+            f"{label}: written times are whole ones; leave start and start_from_name out"
+        )
+    return clock
+
+
+def _check_layout(label: str, layout: str) -> None:
+    """Refuse a layout of `strptime` that reads no date."""
+    moment = datetime.datetime(2019, 11, 23, 14, 58, 37)
+    try:
+        read = datetime.datetime.strptime(moment.strftime(layout), layout)
+    except ValueError as error:
+        raise InputError(f"{label}: unit = {layout!r} is no layout of strptime: {error}") from error
+    if read.date() != moment.date():
+        raise InputError(
+            f"{label}: unit = {layout!r} has no year, month and day, such as %Y-%m-%d %H:%M:%S has"
+        )
 
 
 def _correction(label: str, entry: object, signals: Dict[str, Signal]) -> Correction:

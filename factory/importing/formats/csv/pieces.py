@@ -8,12 +8,14 @@ import re
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import within_a_turn
 from factory.importing.columns import (
+    MISSING,
     Table,
     column_names,
     parse_stamps,
@@ -125,14 +127,14 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
     present = [*table.columns, *table.texts]
     if clock.column not in present:
         raise InputError(f"{path.name}: time: {unknown_name('column', clock.column, present)}")
-    if clock.unit == ISO or clock.column in table.texts:
-        if clock.column not in table.texts or clock.unit != ISO:
+    if clock.written or clock.column in table.texts:
+        if clock.column not in table.texts or not clock.written:
             raise InputError(
                 f"{path.name}: time column {clock.column!r} holds "
                 f"{'text' if clock.column in table.texts else 'numbers'}: write unit = "
                 f'"{ISO if clock.column in table.texts else "s"}" in [time]'
             )
-        time = parse_stamps(table.texts[clock.column])
+        time = _written(table.texts[clock.column], clock, path, tally)
     else:
         time = table.columns[clock.column] * SECONDS[clock.unit]
         start = clock.start
@@ -145,6 +147,26 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
     if not np.isfinite(time).any():
         raise InputError(f"{path.name}: no row has a time in column {clock.column!r}")
     tally.add("read", clock.column, int(np.isfinite(time).sum()), "as time")
+    return time
+
+
+def _written(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Array:
+    """[s] unix time of written times; those that are not as the mapping says are counted.
+
+    Raises:
+      InputError: most are not.
+    """
+    time = parse_stamps(words, () if clock.unit == ISO else (clock.unit,))
+    other = [str(word) for word in words[np.isnan(time)] if str(word).lower() not in MISSING]
+    what = "ISO 8601 time" if clock.unit == ISO else f"time as {clock.unit!r}"
+    if len(other) > 0.5 * len(words):
+        one = other[len(other) // 2]
+        raise InputError(
+            f"{path.name}: time column {clock.column!r} holds {one!r:.40}, no {what}: "
+            'write its layout as strptime has it, such as unit = "%m/%d/%Y %H:%M:%S" in [time]'
+        )
+    if other:
+        tally.add("left out", clock.column, len(other), f"rows: {other[0]!r:.40} is no {what}")
     return time
 
 

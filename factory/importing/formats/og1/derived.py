@@ -23,6 +23,7 @@ from factory.importing.formats.og1.vocabulary import (
     CORRECTED,
     CURRENTS,
     DEPLOYED,
+    DIMENSION,
     DIVES,
     OWN_TRACK,
     RECKONED,
@@ -30,8 +31,10 @@ from factory.importing.formats.og1.vocabulary import (
     TEMPERATURES,
     TRUE_TRACK,
     WAYPOINT,
+    flags_of,
+    without_bad,
 )
-from factory.importing.netcdf import as_array, unit_in
+from factory.importing.netcdf import as_array, attributes_of, seconds_of, unit_in
 from factory.importing.seawater import ctd_channels, siemens
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import in_unit, is_of
@@ -188,6 +191,24 @@ def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedF
     # a fix that is repeated at the following measurements is one fix
     unique, first = np.unique(time[good], return_index=True)
     return LoggedFixes(unique, latitude[good][first], longitude[good][first])
+
+
+def fixes_apart(variables: Mapping[str, Any], name: str, tally: Tally) -> LoggedFixes:
+    """The GPS fixes of a file that has them along a dimension of their own; none of another.
+
+    Raises:
+      InputError: their times are no dates of a log.
+    """
+    there = [one for one in ("TIME_GPS", "LATITUDE_GPS", "LONGITUDE_GPS") if one in variables]
+    dimensions = {variables[one].dimensions for one in there}
+    if len(there) < 3 or len(dimensions) != 1 or dimensions & {(), (DIMENSION,)}:
+        return NO_FIXES
+    columns = {one: as_array(variables[one][:]) for one in there}
+    flags = flags_of(variables, columns)
+    columns = {one: without_bad(one, values, flags, tally) for one, values in columns.items()}
+    described = attributes_of(variables["TIME_GPS"])
+    time = seconds_of(columns["TIME_GPS"], described, name, tally)
+    return fixes_in(time, {**columns, "TIME_GPS": time}, tally)
 
 
 def deployed(variables: Mapping[str, Any]) -> LoggedFixes:

@@ -43,6 +43,7 @@ from factory.importing.formats.og1.derived import (
     ctd,
     deployed,
     dives_in,
+    fixes_apart,
     fixes_in,
     oxygen_per_volume,
     tracks_in,
@@ -61,6 +62,7 @@ from factory.importing.formats.og1.vocabulary import (
     OWN_TRACK,
     READ,
     RECKONED,
+    REPORTED,
     SALINITIES,
     TEMPERATURES,
     TRUE_TRACK,
@@ -230,10 +232,32 @@ def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
       InputError: a file is damaged.
     """
     logs = [log for _, log in each_file(paths, lambda path: _file(path, options, tally), tally)]
-    names = [log.deployment for log in logs]
+    kept: list[DeploymentLog] = []
+    for log in sorted(logs, key=_size, reverse=True):
+        same = [one for one in kept if one.deployment == log.deployment and _overlap(one, log)]
+        if same:
+            tally.add(
+                "left out", log.files[0], 1, f"files: {same[0].files[0]} holds more of "
+                f"{log.deployment} at the same time: another version, or a copy",
+            )  # fmt: skip
+        else:
+            kept.append(log)
+    names = [log.deployment for log in kept]
     for name in sorted({n for n in names if names.count(n) > 1}):
         tally.add("note", name, names.count(name), "files of one deployment: rows of each kept")
-    return logs
+    return [log for log in logs if any(log is one for one in kept)]
+
+
+def _size(log: DeploymentLog) -> int:
+    return sum(map(len, log.channels.values()))
+
+
+def _overlap(one: DeploymentLog, other: DeploymentLog) -> bool:
+    """Whether two logs with channels are of the same time."""
+    if not one.channels or not other.channels:
+        return False
+    (first, last), (begin, end) = one.span, other.span
+    return first < end and begin < last
 
 
 def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
@@ -261,6 +285,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         )
         simulated = "simul" in str(getattr(file, "title", "")).lower()
         begun = deployed(variables) if CORRECTED in raw else NO_FIXES
+        apart = fixes_apart(variables, path.name, tally)
     for key, values in raw.items():
         values = without_bad(key, values, flags, tally)
         raw[key] = _within_limits(key, values, attributes[key], tally)
@@ -276,6 +301,11 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     ours = CORRECTED in raw
     if ours:
         columns |= stored_columns(columns, flags)
+    else:
+        for alias, standard in REPORTED.items():
+            if alias in columns and standard not in columns:
+                columns[standard] = columns.pop(alias)
+                attributes[standard] = attributes[alias]
     time, columns = tidy(time, columns, path.name, tally)
     units = {n: unit_in(described) for n, described in attributes.items()}
     columns = converted(
@@ -285,7 +315,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     extra = payload_names(options.payload)
     own = own_signals(attributes)
     read = (*READ, *own, *extra, *SENSORS, *(f"{n}{ENDING}" for n in ("TIME", *flags)))
-    read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED)
+    read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED, *REPORTED)
     note_unread("OG1 file", names, read, tally)
     leave_out_made_again(names, read, tally)
     leave_out(["TIME"] if clock != "TIME" else [], f"{clock} is the samples' time", tally)
@@ -293,7 +323,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     note_empty("OG1 file", empty, tally)
     if simulated:
         tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
-    fixes = with_start(fixes_in(time, columns, tally), begun)
+    fixes = with_start(fixes_in(time, columns, tally) or apart, begun)
     track = tracks_in(time, columns, tally)
     stored = _series(time, columns, VARIATION)
     variation = Variation(options.variation_deg, places_for(fixes, track), name, stored)
@@ -316,6 +346,9 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     known = {n for names in ALIASES.values() for n in names} | {*TEMPERATURES, *SALINITIES}
     known |= {*CONDUCTIVITIES, *OURS}
     unused = [n for n in raw if n in known - used - from_ctd and n not in empty]
+    made_of = [n for n in unused if n in CONDUCTIVITIES]
+    leave_out(made_of, "salinity is there, and is not made of it", tally)
+    unused = [n for n in unused if n not in made_of]
     leave_out(unused, "another variable of the file gives it", tally)
     track |= dives_in(time, columns, fixes, tally)
     track |= {f"{kind}_original": _series(time, columns, n) for kind, n in ORIGINAL_TIMES.items()}

@@ -59,6 +59,8 @@ RECKONED = "DEAD_RECKONING"
 """1 where a position of another's file is reckoned, 0 at a GPS fix."""
 CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
 """[m/s] Reported depth-averaged current, at the measurements of its dive."""
+REPORTED = {"DAC_NORTH": "DAVG_CURR_NORTH", "DAC_EAST": "DAVG_CURR_EAST"}
+"""The same in files of others; an export has there what the fixes say."""
 ORIGINAL_TIMES = {stored.removesuffix("_time"): name for stored, name in RAW_TIMES.items()}
 """Times of the samples that the grid was made of, by what they are of."""
 OWN_TRACK, WAYPOINT, TRUE_TRACK = (

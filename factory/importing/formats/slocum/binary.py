@@ -9,10 +9,12 @@ End of a Slocum's binary file: whether its last cycle is whole.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import tempfile
+import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -204,6 +206,16 @@ def _log(
     )
 
 
+@contextlib.contextmanager
+def _closing() -> Iterator[None]:
+    """Close what a decoder leaves open when it raises."""
+    try:
+        yield
+    except Exception as error:
+        traceback.clear_frames(error.__traceback__)
+        raise
+
+
 def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) -> Decoded:
     """One file.
 
@@ -217,7 +229,8 @@ def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) 
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                file = reader.DBD(str(plain), cacheDir=str(shelf.folder))
+                with _closing():
+                    file = reader.DBD(str(plain), cacheDir=str(shelf.folder))
                 try:
                     names = [name for name in wanted if file.has_parameter(name)]
                     values = file.get(*names) if names else []
