@@ -89,6 +89,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
     from twin.errors import TwinError
     from twin.records.attributes import SUSPECT
     from twin.records.logged import LogStore
+    from twin.records.schema import VARIABLES
     from twin.records.schema.limits import recorded_limits
     from twin.records.store import write_store
 
@@ -133,7 +134,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
         return
     suspect = " ".join(e.subject for e in report.entries if e.action == "suspect")
     problems: list[tuple[str, list[str]]] = []
-    names = [str(name) for name in dataset.data_vars]
+    names = [str(name) for name in dataset.data_vars if name in VARIABLES]
     for name, variable in dataset.data_vars.items():
         with contextlib.suppress(LookupError):
             low, high = recorded_limits(str(name))

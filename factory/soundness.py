@@ -48,7 +48,7 @@ from twin.records.attributes import (
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.schema.limits import recorded_limits, simulated_limits
+from twin.records.schema.limits import depth_faults, recorded_limits, simulated_limits
 
 Array = NDArray[np.float64]
 Watch = Callable[[int], None]
@@ -67,12 +67,6 @@ COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
 CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
 OFFSET_TOLERANCE = 0.02, 2.0
 """Of displacements against the fixes, relative and [m]: rounding, and fixes near each other"""
-PRESSURE_RATIO = 0.98, 1.08
-"""[dbar/m] pressure over depth anywhere in the ocean, TEOS-10 to 11 km"""
-RATIO_DEPTH = 20.0
-"""[m] shallower the ratio is one of small numbers"""
-FASTEST_DEPTH = 5.0
-"""[m/s] no glider sinks or climbs so fast"""
 
 
 def verify_missions(
@@ -303,20 +297,6 @@ def _check_dive(
         return
     depth = rows["measured_depth"][:samples].astype(float)
     pressure = rows["measured_pressure"][:samples].astype(float)
-    rate = np.abs(np.diff(depth)) / logs.period
-    fastest = float(np.nanmax(rate, initial=0.0))
-    sample = int(np.argmax(rate == fastest)) if rate.size else 0
-    checks["depth"].expect(
-        not fastest > FASTEST_DEPTH,
-        f"{what}: the depth changes by {fastest:.3g} m/s at sample {sample}, at most "
-        f"{FASTEST_DEPTH:g}",
-    )
-    deep = depth > RATIO_DEPTH
-    ratio = pressure[deep] / depth[deep]
-    ratio = ratio[np.isfinite(ratio)]
-    low, high = PRESSURE_RATIO
-    least, most = ratio.min(initial=high), ratio.max(initial=low)
-    checks["depth"].expect(
-        bool(((ratio > low) & (ratio < high)).all()),
-        f"{what}: pressure over depth runs from {least:.3g} to {most:.3g} dbar/m",
-    )
+    faults = depth_faults(depth, pressure, logs.period)
+    said = "; ".join(f"{fault}: {found}" for fault, found in faults)
+    checks["depth"].expect(not faults, f"{what}: {said}")

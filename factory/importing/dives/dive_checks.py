@@ -21,7 +21,7 @@ from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from twin.records.coordinates import utc_minute
 from twin.records.logged import DRIVEN
-from twin.records.schema.limits import recorded_limits
+from twin.records.schema.limits import depth_faults, recorded_limits
 
 _SILENT = 120.0
 """[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
@@ -235,6 +235,9 @@ def doubts_of(
     found: list[Reason] = []
     if not log.simulated and segment.end > datetime.datetime.now(datetime.UTC).timestamp() + AHEAD:
         found.append(("time", "later than this computer's clock; another unit, or a wrong clock?"))
+    depth, pressure = signals.get("measured_depth"), signals.get("measured_pressure")
+    if depth is not None:
+        found += [("measured_depth", why) for why, _ in depth_faults(depth, pressure, period)]
     for whose in ("vehicle_dac", "dac"):
         speed = math.hypot(*(numbers.get(f"{whose}_{axis}", 0.0) for axis in ("north", "east")))
         if speed > STRONGEST_CURRENT:

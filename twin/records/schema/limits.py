@@ -9,7 +9,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from twin.records.schema import variable
+
+Array = NDArray[np.float64]
 
 
 class LimitedQuantity(NamedTuple):
@@ -92,6 +97,39 @@ def quantity(name: str) -> LimitedQuantity:
         if row.units == units and name.endswith(row.ending):
             return row
     raise LookupError(f"variable {name!r}: add limits for the unit {units!r} to {__name__}.TABLE")
+
+
+PRESSURE_RATIO = 0.98, 1.08
+"""[dbar/m] pressure over depth anywhere in the ocean, TEOS-10 to 11 km"""
+RATIO_DEPTH = 20.0
+"""[m] shallower the ratio is one of small numbers"""
+FASTEST_DEPTH = 5.0
+"""[m/s] no glider sinks or climbs so fast"""
+
+
+def depth_faults(depth: Array, pressure: Array | None, period: float) -> list[tuple[str, str]]:
+    """Find what no vehicle's depth does and no ocean's pressure is: a fault, and what was found.
+
+    Args:
+      depth: [m], on a grid of `period` [s], NaN where there is none, (samples,).
+      pressure: [dbar], (samples,).
+    """
+    found = []
+    rate = np.abs(np.diff(depth)) / period
+    fastest = float(np.nanmax(rate, initial=0.0))
+    if fastest > FASTEST_DEPTH:
+        where = f"{fastest:.3g} m/s at sample {int(np.argmax(rate == fastest))}"
+        found.append((f"the depth changes by more than {FASTEST_DEPTH:g} m/s", where))
+    if pressure is None:
+        return found
+    deep = depth > RATIO_DEPTH
+    ratio = pressure[deep] / depth[deep]
+    ratio = ratio[np.isfinite(ratio)]
+    low, high = PRESSURE_RATIO
+    if not ((ratio > low) & (ratio < high)).all():
+        why = f"pressure over depth is outside of {low:g} to {high:g} dbar/m"
+        found.append((why, f"{ratio.min():.3g} to {ratio.max():.3g} dbar/m"))
+    return found
 
 
 def recorded_limits(name: str) -> tuple[float, float]:
