@@ -46,7 +46,10 @@ def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> Deploymen
     if log.pieces is not None or log.gridded:
         return log
     every = {**log.channels, **log.auxiliary}
-    times = np.unique(np.concatenate([log.fixes.time, *(one.time for one in every.values())]))
+    times, last = np.unique(log.fixes.time), log.fixes.time
+    for one in every.values():  # many have one clock
+        if not np.array_equal(one.time, last):
+            times, last = np.union1d(times, one.time), one.time
     begins = np.concatenate([[-np.inf], times[1:][np.diff(times) > _UNSET]])
     depth, pressure = log.channel("measured_depth"), log.channel("measured_pressure")
     deep = depth if len(depth) else pressure
