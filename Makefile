@@ -45,7 +45,7 @@ lint: setup               ## style and types
 
 check: lint test          ## all that must hold before a commit; the tests build and try the wheel
 
-mutants: setup            ## change the code on purpose; the tests must notice 90 % (hours)
+mutants: setup            ## change the code by chance; the tests must notice 80 % (hours)
 	@$(BIN)/python scripts/mutate.py $(ARGS)
 
 bench: setup              ## measured costs, printed beside their yardsticks
