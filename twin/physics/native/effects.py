@@ -56,7 +56,7 @@ law_wrench = dispatch(
     _laws("native_wrench"),
     _UNKNOWN,
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
 
@@ -66,7 +66,7 @@ law_rate_damping = dispatch(
     _laws("native_rate_damping"),
     (math.nan, math.nan, math.nan),
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
 
@@ -76,7 +76,7 @@ law_rotary_damping = dispatch(
     _laws("native_rotary_damping"),
     _UNKNOWN,
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN of a law that gives
 none."""
