@@ -13,7 +13,7 @@ from numba import types
 
 from twin.compiled import cfunc, generation
 from twin.errors import TwinError
-from twin.physics.native import effects, plant
+from twin.physics.native import effects, flow, plant
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import MISMATCH
 
@@ -35,29 +35,23 @@ def _compile(_: int) -> dict[str, Any]:
     """The three C functions of one `generation`; older ones stay, others may be running them."""
     at.publish()
     at.publish_text("glider_twin_mismatch", MISMATCH)
+    at.publish_text("glider_twin_flow", flow.TABLE)
     llvm.load_library_permanently(str(at.library_path()))
 
-    @cfunc(_VOID)
-    def glider_twin_water(model, data):
-        plant.water(model, data)
-
-    @cfunc(_VOID)
-    def glider_twin_control(model, data):
-        plant.control(model, data)
-
-    @cfunc(types.float64(types.int64, types.int64, types.int32))
-    def glider_twin_actuate(model, data, index):
-        return plant.actuate(model, data, index)
-
+    # compiled as callbacks at once: functions that they only called would be compiled twice
     return {
-        "passive": glider_twin_water,
-        "control": glider_twin_control,
-        "act_dyn": glider_twin_actuate,
+        "passive": cfunc(_VOID)(plant.water.py_func),
+        "control": cfunc(_VOID)(plant.control.py_func),
+        "act_dyn": cfunc(types.float64(types.int64, types.int64, types.int32))(
+            plant.actuate.py_func
+        ),
     }
 
 
-def install() -> None:
+def install(*, current: bool = False) -> None:
     """Install the callbacks in this process; calling it again changes nothing.
+
+    With a `current` what samples it is compiled now, else in the first step that meets one.
 
     After a kind of current, part or hull law was registered they are compiled again with it.
 
@@ -72,6 +66,9 @@ def install() -> None:
     with _lock:
         effects.refresh()
         compiled = _compile(generation())
+        flow.renew()
+        if current:
+            flow.prepare()
         for name, function in compiled.items():
             present = getattr(mujoco, f"get_mjcb_{name}")()
             ours = _installed.get(name)

@@ -43,6 +43,7 @@ from twin.physics.native.effects import (
     run_control,
     run_log,
 )
+from twin.physics.native.flow import flow_at
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
     add_point_mass,
@@ -55,7 +56,6 @@ from twin.physics.native.hydrodynamics import (
     point_mass_wrench,
     times,
 )
-from twin.water.current.sampler import sample_gradient
 from twin.water.density import density_at
 
 CONTROL_NONE = b.CONTROL_NONE
@@ -216,7 +216,7 @@ def water(model, data):
     gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if head.current["size"] > 0.0:
         program = table_of(start, head, head.current)
-        flow = sample_gradient(program, time, position[0], -position[1], depth)
+        flow = flow_at(program, time, position[0], -position[1], depth)
         cn, ce, cd = flow[0], flow[1], flow[2]
         a = flow[6:]
         # its rate along the hull's path, and the acceleration of the water itself
