@@ -32,11 +32,10 @@ class CompileVehicles(JsonOption):
         import time
         from concurrent.futures import ProcessPoolExecutor
 
-        from twin import load_vehicle
-        from twin.compiled.folder import cache_root
-        from twin.vehicle.presets import shipped_files
+        from twin import load_vehicle, vehicle_names
 
-        names = self.vehicle or tuple(sorted(shipped_files(), key=lambda name: name != "glider"))
+        shipped = dict.fromkeys(name.partition(":")[0] for name in vehicle_names())
+        names = self.vehicle or tuple(sorted(shipped, key=lambda name: name != "glider"))
         for name in names:
             load_vehicle(name)  # what is no vehicle is told before anything is compiled
         begun = time.monotonic()
@@ -49,23 +48,32 @@ class CompileVehicles(JsonOption):
             for one in waiting:
                 one.result()
         elapsed = time.monotonic() - begun
-        root = cache_root()
-        console.say(f"compiled for {len(names)} vehicles in {elapsed:.0f} s: {root}")
-        console.answer(vehicles=names, seconds=elapsed, folder=root)
+        console.say(f"compiled for {', '.join(names)}: {elapsed:.0f} s")
+        console.answer(vehicles=names, seconds=elapsed)
         return 0
 
 
-def fly_a_second(vehicle: str, engine: str) -> None:
+def fly_a_second(name: str, engine: str) -> None:
     """Compile and keep what a flight with sensors needs, and `twin trim`."""
     import contextlib
     import logging
 
     import twin
-    from twin.commands.trim import TrimVehicle
     from twin.errors import TwinError
+    from twin.mission import steady_glide
 
     logging.disable(logging.WARNING)  # that it compiles is what was asked for
-    twin.simulate(vehicle=vehicle, engine=engine, duration=1.0, sensors="field")
+    twin.simulate(
+        vehicle=name,
+        engine=engine,
+        duration=1.0,
+        sensors="field",
+        current="uniform:0.1,0.0",
+        floor="depth:1000",
+    )
     if engine == "mujoco":
-        with contextlib.suppress(TwinError):  # what does not glide has no usual dive
-            TrimVehicle(vehicle=vehicle).run(Console("twin", json=True))
+        vehicle = twin.load_vehicle(name)
+        pitch, net_mass = vehicle.usual_glide
+        with contextlib.suppress(TwinError):  # what has an engine has no usual dive
+            steady_glide(vehicle, -pitch, net_mass)
+            twin.trim(vehicle, 0.0, 0.0, net_mass)

@@ -246,7 +246,7 @@ def kept_note(module: str, stamp: str | None) -> str | None:
 
 
 FIRST = (
-    "compiling for this vehicle and processor, once: half a minute (`twin compile` does it for"
+    "compiling for this vehicle and processor, once: some 20 s (`twin compile` does it for"
     " every shipped vehicle)"
 )
 """Told when nothing is kept yet"""

@@ -8,7 +8,7 @@ import numpy as np
 from twin.compiled import changed
 from twin.physics.lookup_tables import Tables
 from twin.physics.mujoco_model import compile_model
-from twin.physics.native import flow
+from twin.physics.native.late import TABLE
 from twin.water.current.current_text import parse_current
 
 
@@ -22,18 +22,18 @@ def drifted(model):
 def test_a_current_is_sampled_by_code_that_is_compiled_when_one_is_met():
     program = parse_current("uniform:0.2,-0.1").compile(60.0)
     model = compile_model("glider", tables=Tables(current=program))
-    assert flow.TABLE[0] != 0
+    assert TABLE[0] != 0
     beforehand = drifted(model)
-    flow.TABLE[0] = 0  # as in a process that loads the model, or gives a current to one without
+    TABLE[0] = 0  # as in a process that loads the model, or gives a current to one without
     late = drifted(model)
-    assert flow.TABLE[0] != 0
+    assert TABLE[0] != 0
     assert late.tobytes() == beforehand.tobytes()
     still = drifted(compile_model("glider"))
     assert np.abs(late - still)[:2].max() > 1e-3
     changed()  # as a kind of current does that is registered
     try:
         compile_model("glider")
-        assert flow.TABLE[0] == 0
+        assert TABLE[0] == 0
         assert drifted(model).tobytes() == beforehand.tobytes()
     finally:
         changed()

@@ -1,37 +1,25 @@
 """Flow: the current and its gradient at a point, by code that is compiled when one is first met.
 
 Samplers hold the kernel of every kind of current, an eighth of what a first flight would compile,
-and most flights have still water. The callbacks therefore call the sampler by its address, which
-is 0 until a current flows, and after a kind of current was registered.
+and most flights have still water.
 """
 
 from __future__ import annotations
-
-import ctypes
-from typing import Any
 
 from llvmlite import ir
 from numba import carray, types
 from numba.extending import intrinsic
 
-from twin.compiled import cfunc, generation, jit
-from twin.physics.native.access import load_i8
+from twin.compiled import jit
+from twin.physics.native.late import Late, late_address
 from twin.water.current.sampler import sample_gradient
 
+SLOT = 0
 FLOW = 15
 """Numbers of `sample_gradient`"""
 
-flow_table = types.ExternalFunction("glider_twin_flow", types.int64())
-"""Address of TABLE"""
-TABLE = (ctypes.c_int64 * 2)()
-"""Addresses of the sampler, 0: not compiled, and of what compiles it"""
-
 _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
 _POINTER = types.CPointer(types.float64)
-_SIGNATURE = types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER)
-_kept: list[Any] = []
-"""Samplers of every generation: other threads may be running an older one"""
-_made = -1
 
 
 def sampled(program, size, time, north, east, down, out):  # type: ignore[no-untyped-def]
@@ -41,39 +29,7 @@ def sampled(program, size, time, north, east, down, out):  # type: ignore[no-unt
         flow[i] = found[i]
 
 
-def prepare() -> None:
-    """Compile the sampler, unless it is the one of today's kinds."""
-    global _made
-    if TABLE[0] == 0 or _made != generation():
-        now = generation()
-        _kept.append(cfunc(_SIGNATURE)(sampled))
-        TABLE[0], _made = _kept[-1].address, now
-
-
-def renew() -> None:
-    """Have it compiled again, when it is needed, if a kind was registered since."""
-    if _made != generation():
-        TABLE[0] = 0
-
-
-@ctypes.CFUNCTYPE(None)
-def _prepare() -> None:
-    prepare()
-
-
-TABLE[1] = ctypes.cast(_prepare, ctypes.c_void_p).value or 0
-
-
-@intrinsic
-def _call(typingctx, address):  # type: ignore[no-untyped-def]
-    """Call the function without arguments at an address."""
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        kind = ir.FunctionType(ir.VoidType(), [])
-        builder.call(builder.inttoptr(args[0], kind.as_pointer()), [])
-        return context.get_dummy_value()
-
-    return types.void(types.int64), codegen
+SAMPLER = Late(SLOT, types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER), sampled)
 
 
 @intrinsic
@@ -99,9 +55,5 @@ def _sampled_at(typingctx, address, program, size, t, north, east, down):  # typ
 @jit
 def flow_at(program, t, north, east, down):  # type: ignore[no-untyped-def]
     """`sample_gradient` of a current's program in a model's block."""
-    table = flow_table()
-    address = load_i8(table)
-    if address == 0:
-        _call(load_i8(table + 8))
-        address = load_i8(table)
+    address = late_address(SLOT)
     return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)

@@ -13,9 +13,11 @@ from numba import types
 
 from twin.compiled import cfunc, generation
 from twin.errors import TwinError
-from twin.physics.native import effects, flow, plant
+from twin.physics.native import effects, late, plant
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import MISMATCH
+from twin.physics.native.flow import SAMPLER
+from twin.physics.native.plane import LAYER
 
 _VOID = types.void(types.int64, types.int64)
 _PROTOTYPES = {
@@ -35,7 +37,7 @@ def _compile(_: int) -> dict[str, Any]:
     """The three C functions of one `generation`; older ones stay, others may be running them."""
     at.publish()
     at.publish_text("glider_twin_mismatch", MISMATCH)
-    at.publish_text("glider_twin_flow", flow.TABLE)
+    at.publish_text("glider_twin_late", late.TABLE)
     llvm.load_library_permanently(str(at.library_path()))
 
     # compiled as callbacks at once: functions that they only called would be compiled twice
@@ -48,10 +50,10 @@ def _compile(_: int) -> dict[str, Any]:
     }
 
 
-def install(*, current: bool = False) -> None:
+def install(*, current: bool = False, floor: bool = False) -> None:
     """Install the callbacks in this process; calling it again changes nothing.
 
-    With a `current` what samples it is compiled now, else in the first step that meets one.
+    What a `current` or a `floor` needs is compiled now, else in the first step that meets one.
 
     After a kind of current, part or hull law was registered they are compiled again with it.
 
@@ -66,9 +68,10 @@ def install(*, current: bool = False) -> None:
     with _lock:
         effects.refresh()
         compiled = _compile(generation())
-        flow.renew()
-        if current:
-            flow.prepare()
+        for one, wanted in ((SAMPLER, current), (LAYER, floor)):
+            one.renew()
+            if wanted:
+                one.prepare()
         for name, function in compiled.items():
             present = getattr(mujoco, f"get_mjcb_{name}")()
             ours = _installed.get(name)

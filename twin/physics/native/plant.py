@@ -32,7 +32,6 @@ from twin.physics.native.access import (
     table_of,
 )
 from twin.physics.native.effects import (
-    follow_floor,
     law_rate_damping,
     law_rotary_damping,
     law_wrench,
@@ -56,6 +55,7 @@ from twin.physics.native.hydrodynamics import (
     point_mass_wrench,
     times,
 )
+from twin.physics.native.plane import follow_floor
 from twin.water.density import density_at
 
 CONTROL_NONE = b.CONTROL_NONE
@@ -360,7 +360,7 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
-    follow_floor(head, start, table, data, position, state)
+    follow_floor(head, model, data, state)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.density = density
     state.immersion = fraction
