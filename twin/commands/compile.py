@@ -36,7 +36,7 @@ class CompileVehicles(JsonOption):
 
         shipped = dict.fromkeys(name.partition(":")[0] for name in vehicle_names())
         names = self.vehicle or tuple(sorted(shipped, key=lambda name: name != "glider"))
-        for name in names:
+        for name in self.vehicle:
             load_vehicle(name)  # what is no vehicle is told before anything is compiled
         begun = time.monotonic()
         context = multiprocessing.get_context("spawn")  # fresh: what was imported here stays here
