@@ -22,7 +22,7 @@ _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
 _POINTER = types.CPointer(types.float64)
 
 
-def sampled(program, size, time, north, east, down, out):  # type: ignore[no-untyped-def]
+def sampled(program, size, time, north, east, down, out):
     """`sample_gradient` as a C function."""
     found, flow = sample_gradient(carray(program, size), time, north, east, down), carray(out, FLOW)
     for i in range(FLOW):
@@ -33,12 +33,12 @@ SAMPLER = Late(SLOT, types.void(_POINTER, types.int64, *(types.float64,) * 4, _P
 
 
 @intrinsic
-def _sampled_at(typingctx, address, program, size, t, north, east, down):  # type: ignore[no-untyped-def]
+def _sampled_at(typingctx, address, program, size, t, north, east, down):
     """What the sampler at `address` finds: `sample_gradient` of the program at an address."""
     result = types.UniTuple(types.float64, FLOW)
     point = (types.float64,) * 4
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         pointer = _DOUBLE.as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer, _WORD, *(_DOUBLE,) * 4, pointer])
         with builder.goto_entry_block():
@@ -53,7 +53,7 @@ def _sampled_at(typingctx, address, program, size, t, north, east, down):  # typ
 
 
 @jit
-def flow_at(program, t, north, east, down):  # type: ignore[no-untyped-def]
+def flow_at(program, t, north, east, down):
     """`sample_gradient` of a current's program in a model's block."""
     address = late_address(SLOT)
     return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import ctypes
 import functools
 import threading
-from typing import Any
+from typing import Any, cast
 
 import llvmlite.binding as llvm
 import mujoco
 from numba import types
 
-from twin.compiled import cfunc, generation
+from twin.compiled import Compiled, cfunc, generation
 from twin.errors import TwinError
 from twin.physics.native import effects, late, plant
 from twin.physics.native import struct_offsets as at
@@ -41,12 +41,13 @@ def _compile(_: int) -> dict[str, Any]:
     llvm.load_library_permanently(str(at.library_path()))
 
     # compiled as callbacks at once: functions that they only called would be compiled twice
+    water, control, actuate = (
+        cast(Compiled, function).py_func for function in (plant.water, plant.control, plant.actuate)
+    )
     return {
-        "passive": cfunc(_VOID)(plant.water.py_func),
-        "control": cfunc(_VOID)(plant.control.py_func),
-        "act_dyn": cfunc(types.float64(types.int64, types.int64, types.int32))(
-            plant.actuate.py_func
-        ),
+        "passive": cfunc(_VOID)(water),
+        "control": cfunc(_VOID)(control),
+        "act_dyn": cfunc(types.float64(types.int64, types.int64, types.int32))(actuate),
     }
 
 

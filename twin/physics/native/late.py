@@ -50,10 +50,10 @@ class Late:
 
 
 @intrinsic
-def _call(typingctx, address):  # type: ignore[no-untyped-def]
+def _call(typingctx, address):
     """Call the function without arguments at an address."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         kind = ir.FunctionType(ir.VoidType(), [])
         builder.call(builder.inttoptr(args[0], kind.as_pointer()), [])
         return context.get_dummy_value()
@@ -62,7 +62,7 @@ def _call(typingctx, address):  # type: ignore[no-untyped-def]
 
 
 @jit
-def late_address(slot):  # type: ignore[no-untyped-def]
+def late_address(slot):
     """Address of the function of a slot, which is compiled now if it is not yet."""
     place = late_table() + 16 * slot
     address = load_i8(place)

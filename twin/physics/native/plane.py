@@ -29,7 +29,7 @@ from twin.water.floor.lookup import floor_depth
 SLOT = 1
 
 
-def laid(model, data):  # type: ignore[no-untyped-def]
+def laid(model, data):
     """`lay_plane` as a C function, for a model of ours."""
     table = layout_table()
     address = header_address(table, model)
@@ -43,10 +43,10 @@ LAYER = Late(SLOT, types.void(types.int64, types.int64), laid)
 
 
 @intrinsic
-def _laid_by(typingctx, address, model, data):  # type: ignore[no-untyped-def]
+def _laid_by(typingctx, address, model, data):
     """Call the function at an address with a model and its data."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         word = ir.IntType(64)
         kind = ir.FunctionType(ir.VoidType(), [word, word])
         builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
@@ -56,7 +56,7 @@ def _laid_by(typingctx, address, model, data):  # type: ignore[no-untyped-def]
 
 
 @inline
-def follow_floor(head, model, data, state):  # type: ignore[no-untyped-def]
+def follow_floor(head, model, data, state):
     """Altitude of the CB, and the plane under the hull; inf where there is no floor."""
     state.altitude = math.inf
     if head.floor["size"] > 0.0:
@@ -64,7 +64,7 @@ def follow_floor(head, model, data, state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lay_plane(head, floor, table, data, position, state):  # type: ignore[no-untyped-def]
+def lay_plane(head, floor, table, data, position, state):
     """Write the plane's place and attitude, and the altitude."""
     north, east, arm = position[0], -position[1], 0.5 * head.length
     state.altitude = floor_depth(floor, north, east) + position[2]
