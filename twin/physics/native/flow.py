@@ -6,6 +6,8 @@ and most flights have still water.
 
 from __future__ import annotations
 
+import math
+
 from llvmlite import ir
 from numba import carray, types
 from numba.extending import intrinsic
@@ -29,7 +31,10 @@ def sampled(program, size, time, north, east, down, out):
         flow[i] = found[i]
 
 
-SAMPLER = Late(SLOT, types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER), sampled)
+_SIGNATURE = types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER)
+SAMPLER = Late(SLOT, "the sampler of currents", _SIGNATURE, sampled)
+_UNKNOWN = (math.nan,) * FLOW
+"""Without a sampler: the run fails, which still water would hide"""
 
 
 @intrinsic
@@ -54,6 +59,8 @@ def _sampled_at(typingctx, address, program, size, t, north, east, down):
 
 @jit
 def flow_at(program, t, north, east, down):
-    """`sample_gradient` of a current's program in a model's block."""
+    """`sample_gradient` of a current's program in a model's block; NaN if it cannot be compiled."""
     address = late_address(SLOT)
+    if address == 0:
+        return _UNKNOWN
     return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)

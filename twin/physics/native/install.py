@@ -54,7 +54,8 @@ def _compile(_: int) -> dict[str, Any]:
 def install(*, current: bool = False, floor: bool = False) -> None:
     """Install the callbacks in this process; calling it again changes nothing.
 
-    What a `current` or a `floor` needs is compiled now, else in the first step that meets one.
+    What a `current` or a `floor` needs is compiled now, else in the first step that meets one (see
+    `twin.physics.native.late`).
 
     After a kind of current, part or hull law was registered they are compiled again with it.
 

@@ -39,7 +39,7 @@ def laid(model, data):
     lay_plane(head, floor, table, data, position, state_of(table, data))
 
 
-LAYER = Late(SLOT, types.void(types.int64, types.int64), laid)
+LAYER = Late(SLOT, "the sea floor", types.void(types.int64, types.int64), laid)
 
 
 @intrinsic
@@ -57,10 +57,18 @@ def _laid_by(typingctx, address, model, data):
 
 @inline
 def follow_floor(head, model, data, state):
-    """Altitude of the CB, and the plane under the hull; inf where there is no floor."""
+    """Altitude of the CB, and the plane under the hull; inf where there is no floor.
+
+    Returns whether that could be done: NaN and False where its code cannot be compiled.
+    """
     state.altitude = math.inf
     if head.floor["size"] > 0.0:
-        _laid_by(late_address(SLOT), model, data)
+        address = late_address(SLOT)
+        if address == 0:
+            state.altitude = math.nan
+            return False
+        _laid_by(address, model, data)
+    return True
 
 
 @jit

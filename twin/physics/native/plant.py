@@ -360,7 +360,9 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
-    follow_floor(head, model, data, state)
+    # MuJoCo takes a force that is not finite for none, and would go on
+    if not follow_floor(head, model, data, state) or not math.isfinite(fx + fy + fz + mx + my + mz):
+        fail(state, time)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.density = density
     state.immersion = fraction
