@@ -30,7 +30,7 @@ from numba.core import event
 from numba.core.caching import _CacheLocator
 from numba.core.compiler_lock import global_compiler_lock
 
-from twin.compiled import signatures as signatures  # numba then remembers them
+from twin.compiled import signatures
 
 KEPT_DAYS = 30.0
 """[day] Versions that no process has used for longer are removed."""
@@ -252,12 +252,16 @@ FIRST = (
 """Told when nothing is kept yet"""
 _log = logging.getLogger(__name__)
 
+OURS = "_made_by_twin_compiled"
+"""Attribute of numba's objects that are made of our functions"""
 SELDOM = 50_000
 """Objects from one look for garbage to the next while numba compiles"""
 
 
 class _SeldomCollected(event.Listener):
     """Python looks seldom for garbage while numba compiles: that saves 7 % of the time.
+
+    While a function of ours compiles, and those within it, `signatures` are remembered.
 
     Whoever waits for the very first compiling is told why. numba compiles, and so calls this, under
     one lock.
@@ -271,10 +275,13 @@ class _SeldomCollected(event.Listener):
 
     def on_start(self, event: event.Event | None = None) -> None:
         """numba begins a function; those that it calls come within."""
-        if self.first:
+        ours = event is None or getattr(event.data["dispatcher"], OURS, False)
+        if ours and self.first:
             self.first = False
             _log.warning(FIRST)
         if self._depth == 0:
+            if ours:
+                signatures.begin()
             self._before = gc.get_threshold()
             if 0 < self._before[0] < SELDOM:
                 gc.set_threshold(SELDOM, *self._before[1:])
@@ -284,6 +291,7 @@ class _SeldomCollected(event.Listener):
         """numba has made it, or failed."""
         self._depth -= 1
         if self._depth == 0:
+            signatures.end()
             gc.set_threshold(*self._before)
 
 
@@ -298,15 +306,18 @@ def decorated(
 
     Two that are made of one function with other options have two variants.
     """
-    if stamp is None or cache_root() is None:
-        return decorate(False)
     # where code is kept is numba's setting for all threads
-    with global_compiler_lock, _located(module, stamp, variant):
+    with global_compiler_lock, contextlib.ExitStack() as stack:
+        kept = stamp is not None and cache_root() is not None
+        if stamp is not None and kept:
+            stack.enter_context(_located(module, stamp, variant))
         _seldom.on_start()  # a callback is compiled at once, and numba tells nobody
         try:
-            return decorate(True)
+            made = decorate(kept)
         finally:
             _seldom.on_end()
+    setattr(made, OURS, True)
+    return made
 
 
 @contextlib.contextmanager
