@@ -45,8 +45,12 @@ class CompileVehicles(JsonOption):
             waiting = [
                 pool.submit(fly_a_second, name, engine) for name in names for engine in ENGINES
             ]
-            for one in waiting:
-                one.result()
+            try:
+                for one in waiting:
+                    one.result()
+            except BaseException:  # Ctrl-C too: what has not begun is not waited for
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
         elapsed = time.monotonic() - begun
         console.say(f"compiled for {', '.join(names)}: {elapsed:.0f} s")
         console.answer(vehicles=names, seconds=elapsed)
