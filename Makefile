@@ -16,6 +16,8 @@ help:                     ## this list
 setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
 	@scripts/browser.sh
+	@test -e .venv/.compiled || $(BIN)/twin compile
+	@touch .venv/.compiled
 
 .venv/.installed: pyproject.toml plugins/hubs/pyproject.toml plugins/pipelines/pyproject.toml constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"

@@ -47,6 +47,10 @@ PROGRAM = Program(
                 "factory.commands.watch:WatchDeployment",
                 "a deployment at sea: new files in, health, forecast and a page out, every day",
             ),
+            "compile": (
+                "CompileVehicles",
+                "the code of the shipped vehicles, once for all flights",
+            ),
             "bench": ("Bench", "cost of the physics, side by side in one run"),
             "render": (
                 "Render",

@@ -108,8 +108,10 @@ class _HelpText(io.StringIO):
 def _wrapped(text: str) -> str:
     """The text with its paragraphs wrapped to the terminal; tyro wraps those in boxes only.
 
-    Examples are indented and stay on one line.
+    Examples are indented and stay on one line. tyro writes the brackets of a list of arguments that
+    may be absent twice; here they stand once.
     """
+    text = re.sub(r"\[(\[\w+ \[\w+ \.\.\.\]\])\]", r"\1", text)
     width = min(shutil.get_terminal_size().columns, WIDEST)
     lines = [
         textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)

@@ -4,6 +4,11 @@
 function of a table of kinds. None of them loads numba before something is compiled.
 """
 
+import os
+
+# numba words and colours an error for most things that it tries; the colours are 4 % of compiling
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+
 from twin.compiled.content import changed as changed
 from twin.compiled.content import generation as generation
 from twin.compiled.dispatch import dispatch as dispatch

@@ -12,6 +12,7 @@ import atexit
 import contextlib
 import functools
 import gc
+import logging
 import os
 import shutil
 import stat
@@ -28,6 +29,8 @@ import numba
 from numba.core import event
 from numba.core.caching import _CacheLocator
 from numba.core.compiler_lock import global_compiler_lock
+
+from twin.compiled import signatures
 
 KEPT_DAYS = 30.0
 """[day] Versions that no process has used for longer are removed."""
@@ -52,6 +55,7 @@ def cache_root() -> Path | None:
         folder = candidate.resolve()  # once: a link that is turned elsewhere later changes nothing
         reason = _prepare(folder)
         if reason is None:
+            _seldom.first = next(folder.iterdir(), None) is None
             return folder
         reasons.append(reason)
     warnings.warn(
@@ -174,14 +178,14 @@ def _prepare(folder: Path) -> str | None:
 
 T = TypeVar("T")
 
-_now: ContextVar[tuple[str, str]] = ContextVar("module and stamp of what is being decorated")
+_now: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
 
 
 class ContentLocator(_CacheLocator):
     """One folder for each version of each module, so that versions never share an index."""
 
     def __init__(self, function: FunctionType, file: str) -> None:
-        module, self._stamp = _now.get()
+        module, self._stamp, self._variant = _now.get()
         root = cache_root()
         assert root is not None
         self._folder = version_folder(root, f"{module}-{self._stamp}")
@@ -202,8 +206,8 @@ class ContentLocator(_CacheLocator):
         return self._stamp
 
     def get_disambiguator(self) -> str:
-        """The line of the function: two of one name in a module are told apart."""
-        return str(self._line)
+        """The line of the function, and the variant: two of one name in a module are told apart."""
+        return f"{self._line}{self._variant}"
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> Self:
@@ -241,6 +245,15 @@ def kept_note(module: str, stamp: str | None) -> str | None:
         return None
 
 
+FIRST = (
+    "compiling for this vehicle and processor, once: some 20 s (`twin compile` does it for"
+    " every shipped vehicle)"
+)
+"""Told when nothing is kept yet"""
+_log = logging.getLogger(__name__)
+
+OURS = "_made_by_twin_compiled"
+"""Attribute of numba's objects that are made of our functions"""
 SELDOM = 50_000
 """Objects from one look for garbage to the next while numba compiles"""
 
@@ -248,15 +261,27 @@ SELDOM = 50_000
 class _SeldomCollected(event.Listener):
     """Python looks seldom for garbage while numba compiles: that saves 7 % of the time.
 
-    numba compiles, and so calls this, under one lock.
+    While a function of ours compiles, and those within it, `signatures` are remembered.
+
+    Whoever waits for the very first compiling is told why. numba compiles, and so calls this, under
+    one lock.
     """
+
+    first = False
+    """Nothing was kept when this process began, and nothing is told yet"""
 
     def __init__(self) -> None:
         self._depth, self._before = 0, gc.get_threshold()
 
     def on_start(self, event: event.Event | None = None) -> None:
         """numba begins a function; those that it calls come within."""
+        ours = event is None or getattr(event.data["dispatcher"], OURS, False)
+        if ours and self.first:
+            self.first = False
+            _log.warning(FIRST)
         if self._depth == 0:
+            if ours:
+                signatures.begin()
             self._before = gc.get_threshold()
             if 0 < self._before[0] < SELDOM:
                 gc.set_threshold(SELDOM, *self._before[1:])
@@ -266,6 +291,7 @@ class _SeldomCollected(event.Listener):
         """numba has made it, or failed."""
         self._depth -= 1
         if self._depth == 0:
+            signatures.end()
             gc.set_threshold(*self._before)
 
 
@@ -273,23 +299,31 @@ _seldom = _SeldomCollected()
 event.register("numba:compile", _seldom)
 
 
-def decorated(decorate: Callable[[bool], T], module: str, stamp: str | None) -> T:
-    """What `decorate(cache)` returns when numba asks `ContentLocator`; not kept without a stamp."""
-    if stamp is None or cache_root() is None:
-        return decorate(False)
+def decorated(
+    decorate: Callable[[bool], T], module: str, stamp: str | None, variant: str = ""
+) -> T:
+    """What `decorate(cache)` returns when numba asks `ContentLocator`; not kept without a stamp.
+
+    Two that are made of one function with other options have two variants.
+    """
     # where code is kept is numba's setting for all threads
-    with global_compiler_lock, _located(module, stamp):
+    with global_compiler_lock, contextlib.ExitStack() as stack:
+        kept = stamp is not None and cache_root() is not None
+        if stamp is not None and kept:
+            stack.enter_context(_located(module, stamp, variant))
         _seldom.on_start()  # a callback is compiled at once, and numba tells nobody
         try:
-            return decorate(True)
+            made = decorate(kept)
         finally:
             _seldom.on_end()
+    setattr(made, OURS, True)
+    return made
 
 
 @contextlib.contextmanager
-def _located(module: str, stamp: str) -> Iterator[None]:
+def _located(module: str, stamp: str, variant: str) -> Iterator[None]:
     before = numba.config.CACHE_LOCATOR_CLASSES
-    token = _now.set((module, stamp))
+    token = _now.set((module, stamp, variant))
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ContentLocator.__name__}"
     try:
         yield

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any, TypeVar, cast, overload
+from typing import Any, TypeVar, overload
 
 from twin.compiled import content
 
@@ -15,8 +15,10 @@ R = TypeVar("R")
 class Compiled:
     """A function that numba compiles when it is first called or first used by compiled code.
 
-    To other compiled functions it is the numba function itself. After `changed()` it is made again
-    if anything in its content (`content.stamp`) is different.
+    To other compiled functions it is a numba function that Python cannot call, since most are never
+    called by Python and the way in takes a tenth of compiling; Python calls a second one, made when
+    it first does. After `changed()` they are made again if anything in their content
+    (`content.stamp`) is different.
     """
 
     def __init__(
@@ -35,30 +37,33 @@ class Compiled:
         self._options = options
         self._generation = -1
         self._stamp: str | None = None
-        self._dispatcher: Any = None
+        self._called: Any = None
+        self._inner: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it, compiling first what is new."""
-        if self._generation != content._generation:
-            self._refresh()
-        return self._dispatcher(*arguments)
+        if self._generation != content._generation or self._called is None:
+            return self.dispatcher(*arguments)
+        return self._called(*arguments)
 
     @property
     def dispatcher(self) -> Any:
-        """numba's object for this function, up to date."""
-        if self._generation != content._generation:
-            self._refresh()
-        return self._dispatcher
+        """numba's object for this function, up to date, for calls by Python."""
+        if self._generation != content._generation or self._called is None:
+            self._refresh(inner=False)
+        return self._called
 
     @property
     def _numba_type_(self) -> Any:
         """What numba asks of an object that it meets in compiled code."""
-        return self.dispatcher._numba_type_
+        if self._generation != content._generation or self._inner is None:
+            self._refresh(inner=True)
+        return self._inner._numba_type_
 
     @property
     def targetoptions(self) -> dict[str, Any]:
         """numba's options; its inliner reads them."""
-        return cast(dict[str, Any], self.dispatcher.targetoptions)
+        return dict(self._options)
 
     @property
     def py_func(self) -> FunctionType:
@@ -75,28 +80,38 @@ class Compiled:
         """Hash of what it is compiled from, None when that cannot be told."""
         return content.stamp(self.__module__, self)
 
-    def _refresh(self) -> None:
-        import numba
+    def _refresh(self, *, inner: bool) -> None:
         from numba.core.compiler_lock import global_compiler_lock
-
-        from twin.compiled.folder import decorated
 
         # numba's own lock: with a second one, two threads that compile may wait for each other
         with global_compiler_lock:
-            generation = content.generation()
-            stamp = self._content()
-            if self._dispatcher is None or stamp is None or stamp != self._stamp:
-                function = self._make()
-                self._dispatcher = decorated(
-                    lambda cache: numba.njit(
-                        cache=cache,
-                        no_cfunc_wrapper=True,  # ours are called, never passed as pointers
-                        **self._options,
-                    )(function),
-                    self.__module__,
-                    stamp,
-                )
-            self._stamp, self._generation = stamp, generation
+            if (generation := content.generation()) != self._generation:
+                stamp = self._content()
+                if stamp is None or stamp != self._stamp:
+                    self._called = self._inner = None
+                self._stamp, self._generation = stamp, generation
+            if inner and self._inner is None:
+                self._inner = self._decorated(no_cpython_wrapper=True)
+            if not inner and self._called is None:
+                self._called = self._decorated()
+
+    def _decorated(self, **options: bool) -> Any:
+        import numba
+
+        from twin.compiled.folder import decorated
+
+        function = self._make()
+        return decorated(
+            lambda cache: numba.njit(
+                cache=cache,
+                no_cfunc_wrapper=True,  # ours are called, never passed as pointers
+                **options,
+                **self._options,
+            )(function),
+            self.__module__,
+            self._stamp,
+            "inner" if options else "",
+        )
 
 
 @overload
@@ -135,8 +150,11 @@ def borrowing(function: Any = None, /, **options: Any) -> Any:
 
 
 def inline(function: Callable[..., R], /) -> Callable[..., R]:
-    """`jit` for a function that is always inlined into its callers."""
-    return jit(inline="always")(function)
+    """`jit` for a function that LLVM always inlines into its callers.
+
+    numba's own inlining, `inline="always"`, types and lowers the function again at each call.
+    """
+    return jit(forceinline=True)(function)
 
 
 def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:

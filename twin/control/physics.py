@@ -111,7 +111,7 @@ class WaterPhysics:
     def _attach(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Measure these from now on."""
         head = header(model)  # raises for models without a block
-        install()
+        install(current=head["current"]["size"] > 0.0, floor=head["floor"]["size"] > 0.0)
         self._mj_model, self._mj_data = model, data
         self._nominal: Nominal | None = None
         self._head, self._parts = head, part_table(model)
@@ -254,6 +254,7 @@ class WaterPhysics:
             )
         current, density, floor = (tables[name] for name in ("current", "density", "floor"))
         write_tables(model, Tables(current=current, density=density, floor=floor))
+        install(current=current.size > 0, floor=floor.size > 0)
 
     # --- measurements -------------------------------------------------------------------------
 

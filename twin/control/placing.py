@@ -12,6 +12,7 @@ from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
 from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import header, room, table, write_tables
 from twin.physics.mujoco_model import refit
+from twin.physics.native.install import install
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
@@ -61,6 +62,7 @@ def write_conditions(
             f"{room(model)}: draw a coarser current, or shorten the episodes"
         )
     write_tables(model, tables)
+    install(current=tables.current.size > 0)
 
 
 def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Tables:

@@ -145,7 +145,7 @@ def compile_model(
         solved = stiff is not None and stiff.solved(model.opt.timestep)
         header(model)["implicit"] = float(solved)
     write_tables(model, tables)
-    install()
+    install(current=tables.current.size > 0, floor=tables.floor.size > 0)
     return model
 
 

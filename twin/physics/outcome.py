@@ -78,7 +78,8 @@ def trajectory(
     finite = np.ones(len(rows), bool)
     for name in rows.dtype.names or ():
         if name not in MAY_BE_NAN:
-            finite &= np.isfinite(rows[name].reshape(len(rows), -1)).all(axis=1)
+            values = np.isfinite(rows[name])
+            finite &= values.all(axis=tuple(range(1, values.ndim)))
     failed = bool(ours["failed"]) or not finite.all()
     if failed:
         rows = rows[: int(np.argmin(finite))] if not finite.all() else rows

@@ -5,7 +5,6 @@ compiled in when the callbacks are next installed.
 
 Control: guidance or a schedule, once per control period, inside MuJoCo's step.
 Sample log: the samples of a run, written inside MuJoCo's step into the ring in `userdata`.
-Floor: the sea floor under the vehicle, as MuJoCo's collisions and guidance have it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import array, field, load_f8, load_i4, load_i8, table_of
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
-from twin.water.floor.lookup import floor_depth
 
 _UNKNOWN = (math.nan,) * 6
 """Of a kind that this process does not know: the run fails, which zero would hide."""
@@ -56,7 +54,7 @@ law_wrench = dispatch(
     _laws("native_wrench"),
     _UNKNOWN,
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
 
@@ -66,7 +64,7 @@ law_rate_damping = dispatch(
     _laws("native_rate_damping"),
     (math.nan, math.nan, math.nan),
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
 
@@ -76,7 +74,7 @@ law_rotary_damping = dispatch(
     _laws("native_rotary_damping"),
     _UNKNOWN,
     module=__name__,
-    inline="always",
+    forceinline=True,
 )
 """(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN of a law that gives
 none."""
@@ -165,40 +163,6 @@ def run_control(head, start, table, data, time, state):
         state.altitude,
         position[0],
         -position[1],
-    )
-
-
-@inline
-def follow_floor(head, start, table, data, position, state):
-    """Altitude of the CB, and the plane under the hull; inf where there is no floor."""
-    state.altitude = math.inf
-    if head.floor["size"] > 0.0:
-        lay_plane(head, table_of(start, head, head.floor), table, data, position, state)
-
-
-@jit
-def lay_plane(head, floor, table, data, position, state):
-    """Write the plane's place and attitude, and the altitude."""
-    north, east, arm = position[0], -position[1], 0.5 * head.length
-    state.altitude = floor_depth(floor, north, east) + position[2]
-    ahead, behind = floor_depth(floor, north + arm, east), floor_depth(floor, north - arm, east)
-    right, left = floor_depth(floor, north, east + arm), floor_depth(floor, north, east - arm)
-    # the floor's rise per metre along x (north) and y (west)
-    along, across = (behind - ahead) / (2.0 * arm), (right - left) / (2.0 * arm)
-    body = int(head.floor_body)
-    place = array(field(table, data, at.D_MOCAP_POS) + 24 * body, 3)
-    turn = array(field(table, data, at.D_MOCAP_QUAT) + 32 * body, 4)
-    place[0], place[1] = position[0], position[1]
-    place[2] = -0.25 * (ahead + behind + right + left)
-    # the quaternion that turns z into the normal (-along, -across, 1)
-    scale = 1.0 / math.sqrt(1.0 + along * along + across * across)
-    w = 1.0 + scale
-    norm = 1.0 / math.sqrt(w * w + (along * along + across * across) * scale * scale)
-    turn[0], turn[1], turn[2], turn[3] = (
-        w * norm,
-        across * scale * norm,
-        -along * scale * norm,
-        0.0,
     )
 
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import ctypes
 import functools
 import threading
-from typing import Any
+from typing import Any, cast
 
 import llvmlite.binding as llvm
 import mujoco
 from numba import types
 
-from twin.compiled import cfunc, generation
+from twin.compiled import Compiled, cfunc, generation
 from twin.errors import TwinError
-from twin.physics.native import effects, plant
+from twin.physics.native import effects, late, plant
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import MISMATCH
+from twin.physics.native.flow import SAMPLER
+from twin.physics.native.plane import LAYER
 
 _VOID = types.void(types.int64, types.int64)
 _PROTOTYPES = {
@@ -35,29 +37,25 @@ def _compile(_: int) -> dict[str, Any]:
     """The three C functions of one `generation`; older ones stay, others may be running them."""
     at.publish()
     at.publish_text("glider_twin_mismatch", MISMATCH)
+    at.publish_text("glider_twin_late", late.TABLE)
     llvm.load_library_permanently(str(at.library_path()))
 
-    @cfunc(_VOID)
-    def glider_twin_water(model, data):
-        plant.water(model, data)
-
-    @cfunc(_VOID)
-    def glider_twin_control(model, data):
-        plant.control(model, data)
-
-    @cfunc(types.float64(types.int64, types.int64, types.int32))
-    def glider_twin_actuate(model, data, index):
-        return plant.actuate(model, data, index)
-
+    # compiled as callbacks at once: functions that they only called would be compiled twice
+    water, control, actuate = (
+        cast(Compiled, function).py_func for function in (plant.water, plant.control, plant.actuate)
+    )
     return {
-        "passive": glider_twin_water,
-        "control": glider_twin_control,
-        "act_dyn": glider_twin_actuate,
+        "passive": cfunc(_VOID)(water),
+        "control": cfunc(_VOID)(control),
+        "act_dyn": cfunc(types.float64(types.int64, types.int64, types.int32))(actuate),
     }
 
 
-def install() -> None:
+def install(*, current: bool = False, floor: bool = False) -> None:
     """Install the callbacks in this process; calling it again changes nothing.
+
+    What a `current` or a `floor` needs is compiled now, else in the first step that meets one (see
+    `twin.physics.native.late`).
 
     After a kind of current, part or hull law was registered they are compiled again with it.
 
@@ -72,6 +70,10 @@ def install() -> None:
     with _lock:
         effects.refresh()
         compiled = _compile(generation())
+        for one, wanted in ((SAMPLER, current), (LAYER, floor)):
+            one.renew()
+            if wanted:
+                one.prepare()
         for name, function in compiled.items():
             present = getattr(mujoco, f"get_mjcb_{name}")()
             ours = _installed.get(name)

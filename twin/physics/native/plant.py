@@ -32,7 +32,6 @@ from twin.physics.native.access import (
     table_of,
 )
 from twin.physics.native.effects import (
-    follow_floor,
     law_rate_damping,
     law_rotary_damping,
     law_wrench,
@@ -43,6 +42,7 @@ from twin.physics.native.effects import (
     run_control,
     run_log,
 )
+from twin.physics.native.flow import flow_at
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
     add_point_mass,
@@ -55,7 +55,7 @@ from twin.physics.native.hydrodynamics import (
     point_mass_wrench,
     times,
 )
-from twin.water.current.sampler import sample_gradient
+from twin.physics.native.plane import follow_floor
 from twin.water.density import density_at
 
 CONTROL_NONE = b.CONTROL_NONE
@@ -216,7 +216,7 @@ def water(model, data):
     gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if head.current["size"] > 0.0:
         program = table_of(start, head, head.current)
-        flow = sample_gradient(program, time, position[0], -position[1], depth)
+        flow = flow_at(program, time, position[0], -position[1], depth)
         cn, ce, cd = flow[0], flow[1], flow[2]
         a = flow[6:]
         # its rate along the hull's path, and the acceleration of the water itself
@@ -360,7 +360,9 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
-    follow_floor(head, start, table, data, position, state)
+    # MuJoCo takes a force that is not finite for none, and would go on
+    if not follow_floor(head, model, data, state) or not math.isfinite(fx + fy + fz + mx + my + mz):
+        fail(state, time)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.density = density
     state.immersion = fraction

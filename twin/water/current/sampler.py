@@ -154,7 +154,7 @@ return ({", ".join(_VELOCITY)}, {", ".join(_SUMS["time"])}, {
 
 
 _rate_of_kind = generate(
-    "_rate_of_kind", ("code", *_POINT, *_DIRECTION), _write_rate, module=__name__, inline="always"
+    "_rate_of_kind", ("code", *_POINT, *_DIRECTION), _write_rate, module=__name__, forceinline=True
 )
 sample_gradient = generate(
     "sample_gradient", ("program", "t", "north", "east", "down"), _write_gradient, module=__name__,
