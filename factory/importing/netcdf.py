@@ -63,9 +63,11 @@ for line in sys.stdin:
             return key in self._passed
 
     def _tried(self, path: str) -> bool:
+        if self._process is not None and self._process.poll() is not None:
+            self.end()  # somebody has ended it
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", self.PROGRAM],
+                [sys.executable, "-P", "-c", self.PROGRAM],  # nothing of the folder is imported
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
             )  # fmt: skip
         process, answers = self._process, list[str]()

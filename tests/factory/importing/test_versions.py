@@ -232,7 +232,28 @@ def test_a_file_from_which_its_library_does_not_come_back(
             import_logs("og1", [path])
     with open_netcdf(path) as file:
         assert "TIME" in file.variables
+    assert trial._process is not None
+    trial._process.kill()
+    trial._process.wait()
+    other = write_og1(tmp_path / "other.nc", FLIGHT)
+    with open_netcdf(other) as file:
+        assert "TIME" in file.variables
     trial.end()
+
+
+def test_no_module_of_the_folder_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Logs lie in folders of others: a file called numpy.py there is never run."""
+    path = write_og1(tmp_path / "log.nc", FLIGHT)
+    for name in ("numpy", "netCDF4", "os"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w').close(); raise SystemExit(1)")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(netcdf, "_trial", trial := netcdf._Trial())
+    with open_netcdf(path) as file:
+        assert "TIME" in file.variables
+    trial.end()
+    assert not (tmp_path / "ran").exists()
 
 
 # ---- attitudes that are none
