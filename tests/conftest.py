@@ -75,6 +75,7 @@ def _seconds(path: Path) -> float:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="without the files of tests/slow.json")
+    parser.addoption("--backwards", action="store_true", help="the last test first")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -85,10 +86,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The longest files begin, so that no process has one left when the others have ended.
 
-    In a single process the tests run in the order that was asked for.
+    In a single process the tests run in the order that was asked for. No test may need one before
+    it: `--backwards` shows it.
     """
     if hasattr(config, "workerinput"):
         items.sort(key=lambda item: -_seconds(item.path))
+    if config.getoption("--backwards"):
+        items.reverse()
 
 
 def pytest_collection_finish() -> None:
