@@ -6,12 +6,12 @@ BIN := .venv/bin
 BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing window_reading layer_speed render_speed
 
 .NOTPARALLEL:
-.PHONY: help setup demo test quick processors lint check mutants bench gallery docs lock clean
+.PHONY: help setup demo test test-docs test-release quick processors lint check mutants bench gallery docs lock clean
 
 .DEFAULT_GOAL := setup
 
 help:                     ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual environment with the pinned versions, GL libraries
 	@scripts/gl.sh
@@ -31,8 +31,14 @@ setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual envi
 demo: setup               ## the main job, into demo/ (overwritten)
 	@scripts/demo.sh
 
-test: setup               ## the test suite; ARGS="-k name" chooses tests
-	@$(BIN)/python -m pytest $(ARGS)
+test: setup               ## the tests of the code; ARGS="-k name" chooses tests
+	@$(BIN)/python -m pytest --part=code $(ARGS)
+
+test-docs: setup          ## the tests of pages, tutorials and examples
+	@$(BIN)/python -m pytest --part=docs tests $(ARGS)
+
+test-release: setup       ## the tests of wheels, campaigns, browsers and clusters
+	@$(BIN)/python -m pytest --part=release tests $(ARGS)
 
 quick: setup              ## the fast files of the tests, a minute; ARGS as of `make test`
 	@$(BIN)/python -m pytest --quick $(ARGS)
@@ -45,7 +51,7 @@ lint: setup               ## style and types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
-check: lint test          ## all that must hold before a commit; the tests build and try the wheel
+check: lint test test-docs test-release ## all that must hold before a commit
 
 mutants: setup            ## change the code by chance; the tests must notice 80 % (hours)
 	@$(BIN)/python scripts/mutate.py $(ARGS)

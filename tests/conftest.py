@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
+import importlib
 import json
 import os
 from pathlib import Path
@@ -43,6 +45,12 @@ os.environ.setdefault("MUJOCO_GL", "egl" if _egl_is_there() else "disable")
 # Some tests import dm_control, which opens OpenGL, before anything of ours does.
 preload_triton()
 
+# It makes a folder in the home when it is first imported, and fails where two processes do so at
+# the same moment.
+for _ in range(2):
+    with contextlib.suppress(ImportError, FileExistsError):
+        importlib.import_module("dbdreader")
+
 # Plots go to files.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -68,19 +76,42 @@ SLOW: dict[str, float] = json.loads(Path(__file__).with_name("slow.json").read_t
 """[s] of each file that takes long, as `scripts/durations.py` found it"""
 
 
-def _seconds(path: Path) -> float:
+PARTS: dict[str, list[str]] = json.loads(Path(__file__).with_name("parts.json").read_text())
+"""Files and folders that `make test-docs` and `make test-release` run; `make test` has the rest"""
+CODE = "code"
+"""The part that is the rest"""
+
+
+def _place(path: Path) -> str:
     root = Path(__file__).resolve().parents[1]
-    return SLOW.get(path.relative_to(root).as_posix(), 0.0) if path.is_relative_to(root) else 0.0
+    return path.relative_to(root).as_posix() if path.is_relative_to(root) else ""
+
+
+def _seconds(path: Path) -> float:
+    return SLOW.get(_place(path), 0.0)
+
+
+def _part(path: Path) -> str | None:
+    """The part of a file or of a whole folder; None for a folder of several."""
+    place = f"{_place(path)}/"
+    for part, places in PARTS.items():
+        if any(place.startswith(f"{one}/") for one in places):
+            return part
+    return CODE if path.is_file() else None
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="without the files of tests/slow.json")
+    parser.addoption("--part", choices=(CODE, *PARTS), help="of tests/parts.json [default: all]")
     parser.addoption("--backwards", action="store_true", help="the last test first")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """`make quick` does not even import the slow files; None leaves the others to pytest."""
-    return True if config.getoption("--quick") and _seconds(collection_path) else None
+    """What a run leaves out is not even imported; None leaves the others to pytest."""
+    if config.getoption("--quick") and _seconds(collection_path):
+        return True
+    part, own = config.getoption("--part"), _part(collection_path)
+    return True if part is not None and own not in (None, part) else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -40,13 +40,32 @@ def test_the_longest_begin_and_a_quick_run_leaves_them_out() -> None:
     assert long in SLOW
     items = [SimpleNamespace(path=ROOT / name) for name in (short, long)]
     order = runpy.run_path(str(ROOT / "tests" / "conftest.py"))["pytest_collection_modifyitems"]
-    order(SimpleNamespace(), items)  # a single process takes them as they were asked for
+    plain = SimpleNamespace(getoption=lambda _: False)
+    order(plain, items)  # a single process takes them as they were asked for
     assert [item.path for item in items] == [ROOT / short, ROOT / long]
-    order(SimpleNamespace(workerinput={}), items)
+    order(SimpleNamespace(workerinput={}, getoption=lambda _: False), items)
     assert [item.path for item in items] == [ROOT / long, ROOT / short]
+    order(SimpleNamespace(getoption=lambda name: name == "--backwards"), items)
+    assert [item.path for item in items] == [ROOT / short, ROOT / long]
     fast = collected("--quick", "tests/benchmarks")
     assert len(fast) > 2
     assert not set(fast) & set(SLOW)
+
+
+def test_every_file_is_in_one_part_of_the_tests() -> None:
+    """`make check` runs all of them, `make test` those of the code."""
+    parts = json.loads((ROOT / "tests" / "parts.json").read_text(encoding="utf-8"))
+    places = [place for several in parts.values() for place in several]
+    assert [one for one in places if not (ROOT / one).exists()] == []
+    assert len(places) == len(set(places))
+    found = {part: set(collected(f"--part={part}", "tests")) for part in parts}
+    found["code"] = set(collected("--part=code"))
+    every = set().union(*found.values())
+    assert every == set(collected())
+    assert sum(map(len, found.values())) == len(every)
+    assert "tests/docs/test_blocks.py" in found["docs"]
+    assert "tests/test_packaging.py" in found["release"]
+    assert "tests/twin/physics/test_memory.py" in found["code"]
 
 
 def test_a_report_gives_seconds_of_files(tmp_path: Path) -> None:

@@ -387,11 +387,13 @@ def test_the_conda_recipe_asks_for_what_the_wheel_asks_for() -> None:
 
 def test_every_way_to_check_runs_the_same_commands() -> None:
     script = (ROOT / ".ci" / "run").read_text()
-    wanted = re.findall(r"^make \w+$", script, re.MULTILINE)
-    assert wanted == ["make lint", "make test"]
+    wanted = re.findall(r"^make [\w-]+$", script, re.MULTILINE)
+    assert wanted == ["make lint", "make test-docs", "make test-release", "make test"]
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
     jobs = workflow["jobs"].values()
     assert [step["run"] for job in jobs for step in job["steps"] if "run" in step] == wanted
+    (check,) = re.findall(r"^check: ([\w -]+?) +##", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert {f"make {word}" for word in check.split()} == set(wanted)
     versions = workflow["jobs"]["test"]["strategy"]["matrix"]["python"]
     classified = [
         line.rpartition(" ")[2]

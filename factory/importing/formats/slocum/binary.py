@@ -115,7 +115,7 @@ def read_slocum_binary(
       InputError: no file can be decoded: not a Slocum file, cut within its header, or its cache
         file is missing or another one's. No file has depth or pressure.
     """
-    reader = import_module("dbdreader")
+    reader = _decoder()
     wanted = (*WANTED, *payload_names(options.payload))
     pieces: dict[str, dict[str, list[Channel]]] = {}
     units: dict[str, str] = {}
@@ -204,6 +204,15 @@ def _log(
         files=files,
         tally=tally,
     )
+
+
+def _decoder() -> Any:
+    """The package dbdreader, which makes a folder in the user's home when it is first imported, and
+    fails where another process does so at the same moment."""
+    try:
+        return import_module("dbdreader")
+    except FileExistsError:
+        return import_module("dbdreader")
 
 
 @contextlib.contextmanager
