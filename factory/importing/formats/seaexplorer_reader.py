@@ -312,10 +312,6 @@ def _positions(
     }
 
 
-def _at(channel: Channel, number: int) -> str:
-    return utc_minute(float(channel.time[number]))
-
-
 def _payload(
     pieces: Sequence[Columns],
     depth: Channel,
@@ -335,16 +331,13 @@ def _payload(
     columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
     time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
     columns = with_values(columns)
-    for beyond, what in (
-        (
-            (time < depth.time[0] - NEAR, f"before the navigation log begins at {_at(depth, 0)}"),
-            (time > depth.time[-1] + NEAR, f"after the navigation log ends at {_at(depth, -1)}"),
-        )
-        if len(depth)
-        else ()
-    ):
-        count = int(beyond.sum())
-        tally.add("left out", f"{name} payload", count, f"{TRUNCATED}{count} rows from {what} UTC")
+    if len(depth):
+        early, late = time < depth.time[0] - NEAR, time > depth.time[-1] + NEAR
+        began, ended = utc_minute(float(depth.time[0])), utc_minute(float(depth.time[-1]))
+        why = f"rows from before the navigation log begins at {began} UTC"
+        tally.add("left out", f"{name} payload", int(early.sum()), why)
+        why = f"{TRUNCATED}rows from after the navigation log ends at {ended} UTC"
+        tally.add("left out", f"{name} payload", int(late.sum()), why)
     found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
     channels = payload_channels(found, options.payload, tally)
     ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]
