@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from factory.importing.deployment_log import TRUNCATED, DeploymentLog, each_file
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.csv.mapping import Signal
-from factory.importing.gps_fixes import has_fix
+from factory.importing.gps_fixes import RECEIVER, has_fix
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -148,7 +148,8 @@ def _log(
     wanted = wanted_fields(mapping)
     for topic, table in tables.items():
         said = f"{topic}_" if product and topic != TRACK else ""
-        read = ["time", *(f"{said}{field}" for field in wanted.get(topic, ()))]
+        receiver = [n for n in table.columns if topic == "gps" and n.lower() in RECEIVER]
+        read = ["time", *(f"{said}{field}" for field in (*wanted.get(topic, ()), *receiver))]
         every = ["time", *(f"{said}{field}" for field in table.columns)]
         note_unread("Dorado product" if product else f"Dorado {topic}", every, read, tally)
     name = place.name.rpartition(".")[0] if product else place.name
