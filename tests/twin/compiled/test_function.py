@@ -30,6 +30,7 @@ def test_what_only_compiled_code_calls_has_no_way_in_for_python():
     assert thrice(1.5) == 4.5
     for function in (half, twice):
         assert function._called is None
+        assert function._numba_type_ is not None  # a second process finds `thrice` compiled
         assert function._inner.targetoptions["no_cpython_wrapper"]
     assert thrice._inner is None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import threading
 import time
 
@@ -67,6 +68,15 @@ def test_an_error_reaches_python_and_the_next_step_tries_again(model, failing, e
     assert flown(model) == expected
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C as in a terminal: what a shell starts in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_an_interruption_comes_when_the_step_has_ended_as_it_should(model, failing):
     expected = flown(model)
     left = failing(KeyboardInterrupt(), 2)

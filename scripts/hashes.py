@@ -1,0 +1,251 @@
+"""Hashes: the values that the project makes, before a change of its structure and after it.
+
+    python scripts/hashes.py --write before.json
+    python scripts/hashes.py --compare before.json    # 1 where a value differs; names each
+    python scripts/hashes.py --only flights currents
+
+Flights of every vehicle by both engines, currents at a thousand points, a run that is generated and
+one that is killed and resumed, imports of the logs that the tests write, exports, an identified
+vehicle, and a short training of every network. An error is a value too: its text.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+Values = Iterator[tuple[str, Any]]
+"""Names, and what is hashed under each"""
+SECONDS = 300.0
+MISSIONS: dict[str, dict[str, Any]] = {
+    "still": {},
+    "sea": {
+        "sensors": "field", "seed": 3, "floor": "rough:150,height=3,length=400",
+        "current": "ekman:tau=0.1,direction=90+tide:m2=0.1,s2=0.03,direction=30",
+        "faults": ("compass_iron:degrees=40,toward=90",),
+    },
+    "navigated": {"sensors": "field", "seed": 4, "current": "uniform:0.1,0.05", "navigate": "ekf"},
+}  # fmt: skip
+CURRENTS = (
+    "none", "uniform:speed=0.3,direction=90", "ekman:tau=0.1,direction=90",
+    "geostrophic:surface=0.2,direction=45,scale=800,barotropic=0.05",
+    "tide:m2=0.1,s2=0.03,direction=30", "inertial:speed=0.08,layer=40",
+    "log-layer:friction=0.01,direction=0,bottom=100",
+    "gauss-markov:speed=0.1,std=0.05,direction=90,direction_std=20,time=10800,seed=1",
+    "series:interval=3600,north=0.1/0.2/0.1,east=0/0/0.05",
+)  # fmt: skip
+
+
+def digest(value: Any) -> str:
+    """Hash of arrays by name, of a data set, a file's bytes, or of what JSON can write."""
+    total = hashlib.sha256()
+    if isinstance(value, Path):
+        total.update(value.read_bytes())
+    elif hasattr(value, "data_vars"):
+        for name in sorted(map(str, [*value.data_vars, *value.coords])):
+            total.update(name.encode())
+            array = np.asarray(value[name].values)
+            total.update(
+                repr(array.tolist()).encode() if array.dtype == object else array.tobytes()
+            )
+    elif isinstance(value, Mapping):
+        for name in sorted(value):
+            array = np.ascontiguousarray(value[name])
+            total.update(f"{name}{array.dtype}{array.shape}".encode())
+            total.update(
+                repr(array.tolist()).encode() if array.dtype == object else array.tobytes()
+            )
+    else:
+        total.update(json.dumps(value, sort_keys=True, default=repr).encode())
+    return total.hexdigest()[:16]
+
+
+def attempted(make: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    """What a call gives, or the words of the error that refuses it."""
+    from twin.errors import TwinError
+
+    try:
+        return make(*given, **named)
+    except TwinError as error:
+        return str(error)
+
+
+def flights() -> Values:
+    """Every shipped vehicle, by both engines."""
+    import twin
+
+    for vehicle in twin.vehicle_names():
+        for name, settings in MISSIONS.items():
+            for engine in ("mujoco", "lanes"):
+                flown = attempted(
+                    twin.simulate, vehicle=vehicle, engine=engine, duration=SECONDS, **settings
+                )
+                yield f"{vehicle} {name} {engine}", flown
+
+
+def currents() -> Values:
+    """Each kind at a thousand points of time and space."""
+    from twin.water.current import parse_current
+
+    chance = np.random.default_rng(5)
+    low, high = np.array([[0.0, -5e3, -5e3, 0.0], [7.2e3, 5e3, 5e3, 300.0]])
+    points = chance.uniform(low, high, (1000, 4))
+    for text in CURRENTS:
+        yield text, {"velocity": parse_current(text).velocity(*points.T)}
+
+
+def runs() -> Values:
+    """A generated store, and the same after a resume of a half."""
+    import factory
+
+    with tempfile.TemporaryDirectory() as folder:
+        for engine in ("mujoco", "lanes"):
+            out = Path(folder) / f"{engine}.zarr"
+            factory.generate(out, preset="field", hours=2.0, seed=7, engine=engine, workers=2)
+            yield f"field {engine}", _opened(out)
+
+
+def _opened(path: Path) -> Any:
+    import xarray as xr
+
+    return xr.open_zarr(path)
+
+
+def imports() -> Values:
+    """Every layout that the tests write."""
+    from written_logs import (  # type: ignore[import-not-found]
+        LAYOUTS,
+        Sound,
+        mapping,
+        variation,
+        write,
+    )
+
+    from factory.importing import import_logs
+
+    for kind, layout in LAYOUTS:
+        with tempfile.TemporaryDirectory() as folder:
+            logs = Path(folder) / "logs"
+            write(kind, layout, logs, Sound())
+            dataset, report = import_logs(
+                kind, [logs], variation_deg=variation(kind, layout, Sound()),
+                mapping=mapping(kind, logs),
+            )  # fmt: skip
+            yield f"{kind}:{layout}", dataset
+            yield f"{kind}:{layout} report", [repr(entry) for entry in report.entries]
+
+
+def exports() -> Values:
+    """A flown store in every format that needs no other package."""
+    import factory
+    from factory.exporting import EXPORTERS
+
+    os.environ["SOURCE_DATE_EPOCH"] = "1700000000"
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run.zarr"
+        factory.generate(out, preset="field", hours=0.5, seed=2, workers=1)
+        for name in ("og1", "parquet", "mcap", "erddap"):
+            paths = EXPORTERS[name].export(factory.open(out), [0], Path(folder) / name)
+            for path in sorted(paths):
+                whole = path.suffix in (".parquet", ".csv", ".mcap")
+                yield f"{name} {path.name}", path if whole else _netcdf(path)
+
+
+def _netcdf(path: Path) -> Any:
+    import xarray as xr
+
+    if path.suffix != ".nc":
+        return path
+    with xr.open_dataset(path, decode_times=False) as dataset:
+        return dataset.load()
+
+
+def networks() -> Values:
+    """Two passes of training of each kind."""
+    import factory
+    import learn
+
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "run.zarr"
+        factory.generate(store, preset="paper", hours=2.0, seed=1, workers=2)
+        for network in learn.NETWORKS.names():
+            run = attempted(
+                learn.fit,
+                store,
+                folder=Path(folder) / network,
+                network=network,
+                epochs=2,
+                members=1,
+            )
+            yield network, run if isinstance(run, str) else _weights(Path(folder) / network)
+
+
+def _weights(folder: Path) -> dict[str, Any]:
+    import torch
+
+    found: dict[str, Any] = {}
+    for path in sorted(folder.rglob("*.pt")):
+        state = torch.load(path, weights_only=True)
+        for name, value in state.items():
+            if isinstance(value, torch.Tensor):
+                found[f"{path.stem} {name}"] = value.numpy()
+    return found
+
+
+FAMILIES: dict[str, Callable[[], Values]] = {
+    "flights": flights, "currents": currents, "runs": runs, "imports": imports,
+    "exports": exports, "networks": networks,
+}  # fmt: skip
+
+
+def made(only: Sequence[str]) -> dict[str, str]:
+    """Hash of each value of the families, by its name; printed as they come."""
+    found = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for family in only:
+            for name, value in FAMILIES[family]():
+                found[f"{family}: {name}"] = digest(value)
+                print(f"{found[f'{family}: {name}']} {family}: {name}", flush=True)
+    return found
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--write", type=Path, help="JSON file for the hashes")
+    parser.add_argument("--compare", type=Path, help="JSON file that --write made")
+    parser.add_argument("--only", nargs="+", choices=FAMILIES, default=list(FAMILIES))
+    options = parser.parse_args(given)
+    logging.disable(logging.WARNING)
+    found = made(options.only)
+    if options.write:
+        options.write.write_text(json.dumps(found, indent=1) + "\n")
+    if not options.compare:
+        return 0
+    before = json.loads(options.compare.read_text())
+    before = {n: h for n, h in before.items() if n.partition(":")[0] in options.only}
+    names = [n for n in sorted({*before, *found}) if before.get(n) != found.get(n)]
+    print("\n".join(f"DIFFERS {name}" for name in names))
+    print(f"{len(found) - len([n for n in names if n in found])} of {len(before)} equal")
+    return 1 if names else 0
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(BrokenPipeError):
+        sys.exit(main())
