@@ -57,15 +57,24 @@ def test_every_file_is_in_one_part_of_the_tests() -> None:
     parts = json.loads((ROOT / "tests" / "parts.json").read_text(encoding="utf-8"))
     places = [place for several in parts.values() for place in several]
     assert [one for one in places if not (ROOT / one).exists()] == []
-    assert len(places) == len(set(places))
-    found = {part: set(collected(f"--part={part}", "tests")) for part in parts}
-    found["code"] = set(collected("--part=code"))
-    every = set().union(*found.values())
-    assert every == set(collected())
-    assert sum(map(len, found.values())) == len(every)
-    assert "tests/docs/test_blocks.py" in found["docs"]
-    assert "tests/test_packaging.py" in found["release"]
-    assert "tests/twin/physics/test_memory.py" in found["code"]
+    ignored = runpy.run_path(str(ROOT / "tests" / "conftest.py"))["pytest_ignore_collect"]
+
+    def runs(part: str | None, name: str) -> bool:
+        options = {"--quick": False, "--part": part}
+        return ignored(ROOT / name, SimpleNamespace(getoption=options.get)) is None
+
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        name = path.relative_to(ROOT).as_posix()
+        assert sum(runs(part, name) for part in ("code", *parts)) == 1, name
+        assert runs(None, name)
+    for part, name in (
+        ("docs", "tests/docs/test_blocks.py"),
+        ("release", "tests/test_packaging.py"),
+        ("code", "tests/twin/physics/test_memory.py"),
+    ):
+        assert runs(part, name)
+    assert runs("docs", "tests")
+    assert not runs("code", "tests/docs")
 
 
 def test_a_report_gives_seconds_of_files(tmp_path: Path) -> None:
