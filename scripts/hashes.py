@@ -162,13 +162,15 @@ def exports() -> Values:
         for name in ("og1", "parquet", "mcap", "erddap"):
             paths = EXPORTERS[name].export(factory.open(out), [0], Path(folder) / name)
             for path in sorted(paths):
-                whole = path.suffix in (".parquet", ".csv", ".mcap")
-                yield f"{name} {path.name}", path if whole else _netcdf(path)
+                yield f"{name} {path.name}", _exported(path, folder)
 
 
-def _netcdf(path: Path) -> Any:
+def _exported(path: Path, folder: str) -> Any:
+    """What a file holds: of netCDF its values, of a text its words without the folder."""
     import xarray as xr
 
+    if path.suffix == ".xml":
+        return path.read_text(encoding="utf-8").replace(folder, "")
     if path.suffix != ".nc":
         return path
     with xr.open_dataset(path, decode_times=False) as dataset:
