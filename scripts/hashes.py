@@ -64,6 +64,7 @@ def digest(value: Any) -> str:
                 repr(array.tolist()).encode() if array.dtype == object else array.tobytes()
             )
     elif isinstance(value, Mapping):
+        assert value, "nothing was made"
         for name in sorted(value):
             array = np.ascontiguousarray(value[name])
             total.update(f"{name}{array.dtype}{array.shape}".encode())
@@ -198,15 +199,13 @@ def networks() -> Values:
 
 
 def _weights(folder: Path) -> dict[str, Any]:
-    import torch
+    from safetensors.numpy import load_file
 
-    found: dict[str, Any] = {}
-    for path in sorted(folder.rglob("*.pt")):
-        state = torch.load(path, weights_only=True)
-        for name, value in state.items():
-            if isinstance(value, torch.Tensor):
-                found[f"{path.stem} {name}"] = value.numpy()
-    return found
+    return {
+        f"{path.stem} {name}": values
+        for path in sorted(folder.rglob("*.safetensors"))
+        for name, values in load_file(path).items()
+    }
 
 
 FAMILIES: dict[str, Callable[[], Values]] = {
