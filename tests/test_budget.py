@@ -42,7 +42,7 @@ ROOMS = {
     "learn/report": (1875, 11401),
     "learn/training": (2599, 15827),
     "plugins": (1042, 6206),
-    "scripts": (2208, 14092),
+    "scripts": (2209, 14075),
     "tests": (69270, 595846),
     "twin": (2410, 12074),
     "twin/checks": (3116, 20465),
