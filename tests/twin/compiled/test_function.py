@@ -26,13 +26,28 @@ def thrice(x):
     return twice(x) + 2.0 * half(x)
 
 
+@jit
+def third(x):
+    return x / 3.0
+
+
+@inline
+def negative(x):
+    return -x
+
+
+@jit
+def falling(x):
+    return negative(third(x))
+
+
 def test_what_only_compiled_code_calls_has_no_way_in_for_python():
-    assert thrice(1.5) == 4.5
-    for function in (half, twice):
+    assert falling(1.5) == -0.5
+    for function in (third, negative):
         assert function._called is None
-        assert function._numba_type_ is not None  # a second process finds `thrice` compiled
+        assert function._numba_type_ is not None  # a second process finds `falling` compiled
         assert function._inner.targetoptions["no_cpython_wrapper"]
-    assert thrice._inner is None
+    assert falling._inner is None
 
 
 def test_python_can_call_it_all_the_same():
