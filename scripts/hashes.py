@@ -77,7 +77,7 @@ def digest(value: Any) -> str:
 
 
 def attempted(make: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """What a call gives, or the words of the error that refuses it."""
+    """Return the result of a call, or the words of the error that refuses it."""
     from twin.errors import TwinError
 
     try:
@@ -167,7 +167,7 @@ def exports() -> Values:
 
 
 def _exported(path: Path, folder: str) -> Any:
-    """What a file holds: of netCDF its values, of a text its words without the folder."""
+    """Read an exported file: the values of netCDF, a text without the folder's name."""
     import xarray as xr
 
     if path.suffix == ".xml":

@@ -89,8 +89,8 @@ def changed(node: ast.AST) -> ast.expr | None:
 
 
 def places(*nodes: ast.AST) -> Iterator[ast.expr]:
-    """Those of the nodes and of all below that can be changed, without annotations and texts that
-    are shown."""
+    """Find the nodes that can be changed among these and all below; annotations and texts of errors
+    are left out."""
     for node in nodes:
         if isinstance(node, ast.JoinedStr | ast.Raise | ast.arg):
             continue

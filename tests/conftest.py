@@ -107,7 +107,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """What a run leaves out is not even imported; None leaves the others to pytest."""
+    """Skip the import of files that a run leaves out; None leaves the others to pytest."""
     if config.getoption("--quick") and _seconds(collection_path):
         return True
     part, own = config.getoption("--part"), _part(collection_path)

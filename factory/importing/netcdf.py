@@ -54,7 +54,7 @@ for line in sys.stdin:
         self._passed: set[tuple[str, int, int]] = set()
 
     def passes(self, path: Path) -> bool:
-        """Whether the process comes back from the file, with an error or without."""
+        """Tell whether the process comes back from the file, with an error or without."""
         stat = path.stat()
         key = str(path.resolve()), stat.st_size, stat.st_mtime_ns
         with self._lock:

@@ -194,7 +194,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 
 def is_cut(path: Path) -> bool:
-    """Whether an MCAP file lacks its end, as one does that was being written at a loss of power."""
+    """Tell whether an MCAP file lacks its end, as after a loss of power while it was written."""
     with path.open("rb") as stream:
         stream.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         return stream.read() != MAGIC

@@ -253,7 +253,7 @@ def _size(log: DeploymentLog) -> int:
 
 
 def _overlap(one: DeploymentLog, other: DeploymentLog) -> bool:
-    """Whether two logs with channels are of the same time."""
+    """Tell whether the times of two logs with channels overlap."""
     if not one.channels or not other.channels:
         return False
     (first, last), (begin, end) = one.span, other.span
