@@ -13,8 +13,7 @@ from jinja2 import Template
 from twin.cli.text_table import printable
 from twin.errors import InputError
 from twin.records.storage.whole import check_file_target, whole_file
-from twin.show.render.film import Subject
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.web.scene import describe
 
 ENDINGS = (".html", ".htm")
@@ -26,7 +25,7 @@ SCRIPTS = tuple(
     f"{name}.js"
     for name in (
         *("record", "format", "marks", "flat", "strip", "space", "shaders", "renderer", "track"),
-        *("water", "bodies", "hand", "labels", "scene", "share", "controls", "page", "begin"),
+        *("water", "bodies", "hand", "labels", "scene", "share", "controls", "page"),
     )
 )
 """In this order: each uses names of those before it when it is loaded"""
