@@ -116,7 +116,6 @@ OTHER_MEANINGS = {
     "twin.serve.ros_topics": "rotation is a field of a ROS transform",
     "twin.show.render.motion": "shift of a mesh",
     "twin.show.health_page": "the pump's answer, as twin.health has it",
-    "learn.networks.vector_kernels": "shift of a buffer",
     "learn.data.store_checks": "advice on what store to take",
 }
 
