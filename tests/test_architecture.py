@@ -27,8 +27,8 @@ TOP_LEVEL = {
         "missions_page", "modelled_log", "seams", "soundness", "store_check",
     },
     "learn": {
-        "__init__", "__main__", "adaptation", "api", "files", "finishing", "folds",
-        "repeated_fits", "run", "run_evaluation", "run_folder", "seams",
+        "__init__", "__main__", "adaptation", "api", "files", "finishing",
+        "run", "run_evaluation", "run_folder", "seams",
     },
 }  # fmt: skip
 """Modules beside the folders of each package; everything else goes into a folder."""
