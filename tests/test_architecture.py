@@ -27,8 +27,8 @@ TOP_LEVEL = {
         "missions_page", "modelled_log", "seams", "soundness", "store_check",
     },
     "learn": {
-        "__init__", "__main__", "adaptation", "api", "files", "finishing", "folds",
-        "repeated_fits", "run", "run_evaluation", "run_folder", "seams",
+        "__init__", "__main__", "adaptation", "api", "files", "finishing",
+        "run", "run_evaluation", "run_folder", "seams",
     },
 }  # fmt: skip
 """Modules beside the folders of each package; everything else goes into a folder."""
@@ -116,7 +116,6 @@ OTHER_MEANINGS = {
     "twin.serve.ros_topics": "rotation is a field of a ROS transform",
     "twin.show.render.motion": "shift of a mesh",
     "twin.show.health_page": "the pump's answer, as twin.health has it",
-    "learn.networks.vector_kernels": "shift of a buffer",
     "learn.data.store_checks": "advice on what store to take",
 }
 
