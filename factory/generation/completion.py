@@ -124,9 +124,9 @@ def complete(job: Job) -> int:
 
 def _survey(job: Job, table: list[Column]) -> Found:
     """A first look at all shards."""
-    found = Found()
+    found, sizes = Found(), dict(job.tree.sizes())
     for number in job.layout.shards:
-        marker = finished(job, number)
+        marker = finished(job, number, sizes)
         if marker is None:
             raise StoreError(f"shard {number} is missing; --resume makes it")
         found.files |= marker.files

@@ -161,7 +161,8 @@ def reported(store: StorePath) -> Iterator[None]:
 
 def missing_shards(job: Job, shards: Iterable[int]) -> list[int]:
     """Shards, of these, that have to be flown."""
-    return [shard for shard in shards if finished(job, shard) is None]
+    sizes = dict(job.tree.sizes())
+    return [shard for shard in shards if finished(job, shard, sizes) is None]
 
 
 def report_kept(

@@ -116,10 +116,10 @@ def read_marker(job: Job, number: int) -> Marker | None:
     return found
 
 
-def finished(job: Job, number: int) -> Marker | None:
-    """The marker of a shard whose files are all in the tree with their sizes; else None."""
+def finished(job: Job, number: int, sizes: Mapping[str, int]) -> Marker | None:
+    """The marker of a shard whose files are all in the tree, by the `sizes` there; else None."""
     found = read_marker(job, number)
-    there = found and all(job.tree.size(key) == one.bytes for key, one in found.files.items())
+    there = found and all(sizes.get(key) == one.bytes for key, one in found.files.items())
     return found if there else None
 
 
@@ -156,10 +156,9 @@ def _fly_shard(job: Job, number: int) -> ShardDone:
             versions=versions(recipe.vehicle),
             rows=rows(recipe, flown),
         )
-        before = finished(job, number)
+        before = read_marker(job, number) and finished(job, number, dict(job.tree.sizes()))
         if before is None:
-            for key in sums:
-                job.tree.take(key, folder / key.partition("/")[0])
+            job.tree.take({key: folder / key.partition("/")[0] for key in sums})
             job.tree.settle()
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
