@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from twin.show.figures.device import sensor_figure as sensor_figure
     from twin.show.figures.device import velocity_figure as velocity_figure
     from twin.show.figures.logged_dive import log_figure as log_figure
+    from twin.show.figures.map import Currents as MapCurrents  # noqa: F401
+    from twin.show.figures.map import MapContent as MapContent
+    from twin.show.figures.map import draw_content as draw_map  # noqa: F401
+    from twin.show.figures.map import joined as joined_longitude  # noqa: F401
     from twin.show.figures.overview import overview_figure as overview_figure
     from twin.show.figures.page_layout import add_caption as add_caption
     from twin.show.figures.page_layout import check_page_target as check_page_target
