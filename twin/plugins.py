@@ -3,18 +3,23 @@
 Each process runs them once, before it first looks a name up.
 
 Places: where a kind is written, as `module:Name`, and what stands there.
+
+Entry points: kinds and commands of installed distributions. The plugins of this project, whose
+names begin with `glider-twin-`, must be of its own version.
 """
 
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import os
 import sys
 from pathlib import Path
 from typing import Any
 
-from twin.errors import InputError
+from twin.errors import InputError, TwinError
+from twin.version import __version__
 
 PLUGINS = "GLIDER_TWIN_PLUGINS"
 """Environment variable with the Python files of a user's own kinds."""
@@ -96,3 +101,42 @@ def importable(kind: Any) -> bool:
         return importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):
         return False
+
+
+OWN_PLUGINS = "glider-twin-"
+"""Start of the names of this project's plugins as distributions"""
+
+
+def entry_point(group: str, name: str) -> importlib.metadata.EntryPoint | None:
+    """Look up one entry point by its name; None where no installed distribution has it."""
+    return next(iter(importlib.metadata.entry_points(group=group, name=name)), None)
+
+
+def load_entry_point(point: importlib.metadata.EntryPoint, what: str) -> Any:
+    """Import the object of an entry point.
+
+    Args:
+      what: noun and name of the object, for errors.
+
+    Raises:
+      InputError: it cannot be imported, or a plugin of this project is of another version.
+    """
+    if point.dist and point.dist.name.startswith(OWN_PLUGINS) and point.dist.version != __version__:
+        raise InputError(
+            f"{point.dist.name} {point.dist.version} brings the {what}, but glider-twin is "
+            f"{__version__}: install both of one version"
+        )
+    try:
+        return point.load()
+    except TwinError:
+        raise
+    except Exception as error:  # any import can fail in any way
+        raise InputError(
+            f"{origin_of(point)} offers the {what} as {point.value}, which cannot be loaded: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def origin_of(point: importlib.metadata.EntryPoint) -> str:
+    """Name the distribution that an entry point is of."""
+    return f"distribution {point.dist.name!r}" if point.dist else "an entry point"

@@ -27,6 +27,8 @@ from twin.plugins import (
     from_plugin,
     importable,
     imported,
+    load_entry_point,
+    origin_of,
     place_of,
     run_plugins,
     same_place,
@@ -206,7 +208,7 @@ class Registry(Mapping[str, Kind]):
             if name in self._places:
                 kind = imported(self._places[name])
             elif name in self._offered:
-                kind = self._from_entry_point(self._offered[name])
+                kind = load_entry_point(self._offered[name], f"{self.noun} {name!r}")
                 if name in self._registered:  # its module has registered it
                     return self._registered[name]
             else:
@@ -238,26 +240,11 @@ class Registry(Mapping[str, Kind]):
         for point in importlib.metadata.entry_points(group=self.group):
             if point.name in self._places:
                 raise InputError(
-                    f"{_origin(point)} offers a {self.noun} named {point.name!r}, which the "
+                    f"{origin_of(point)} offers a {self.noun} named {point.name!r}, which the "
                     "package has already: rename its entry point"
                 )
             found.setdefault(point.name, point)
         return found
-
-    def _from_entry_point(self, point: importlib.metadata.EntryPoint) -> Any:
-        try:
-            return point.load()
-        except TwinError:
-            raise
-        except Exception as error:  # any import can fail in any way
-            raise InputError(
-                f"{_origin(point)} offers {self.noun} {point.name!r} as {point.value}, which "
-                f"cannot be loaded: {type(error).__name__}: {error}"
-            ) from error
-
-
-def _origin(point: importlib.metadata.EntryPoint) -> str:
-    return f"distribution {point.dist.name!r}" if point.dist else "an entry point"
 
 
 def instance_of(noun: str, base: type[Kind]) -> Callable[[str, Any], Kind]:

@@ -14,6 +14,10 @@ whose `run(console)` imports what it needs and returns the exit code:
 
 It is registered by name, summary and the place to import it from, so that `--help` of the program
 imports no subcommand, and `--help` of a subcommand only its own module.
+
+A plugin brings subcommands by entry points of the group `glider_twin.commands`, as `twin.serve`.
+The table of a program names those of this project's own plugins, so that `--help` looks nothing up
+and whoever lacks a plugin reads how to install it.
 """
 
 from __future__ import annotations
@@ -30,11 +34,17 @@ from pathlib import Path
 from twin.cli.console import Console, discard, one_line
 from twin.cli.endings import Endings, Runnable, interruption
 from twin.errors import InputError, OddFile, TwinError, shortened, unknown_name
+from twin.plugins import entry_point, imported, load_entry_point
 from twin.version import __version__
 
 EXIT_OK = 0
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
+
+COMMANDS = "glider_twin.commands"
+"""Group of the entry points that bring subcommands"""
+PLUGIN = "plugins/"
+"""Folder of this project's plugins in a clone"""
 
 TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 """Environment variable that, when set to 1, adds the traceback to every error."""
@@ -49,30 +59,50 @@ class ProgramCommand:
     summary: str
     """One line for the program's help."""
     loader: str
-    """Where its dataclass is: `package.module:Class`."""
+    """Where its dataclass is: `package.module:Class`, or a plugin's entry point, `twin.serve`."""
+    plugin: str = ""
+    """Folder of `plugins/` that brings it; empty for a subcommand of the package."""
 
     def load(self) -> type[Runnable]:
-        """Import the subcommand's dataclass."""
-        from importlib import import_module
+        """Import the subcommand's dataclass.
 
-        module, _, attribute = self.loader.partition(":")
-        command: type[Runnable] = getattr(import_module(module), attribute)
+        Raises:
+          InputError: its plugin is not installed, of another version or cannot be imported.
+        """
+        command: type[Runnable]
+        if not self.plugin:
+            command = imported(self.loader)
+            return command
+        typed = self.loader.replace(".", " ")
+        point = entry_point(COMMANDS, self.loader)
+        if point is None:
+            raise InputError(
+                f"`{typed}` comes with a plugin that is not installed: "
+                f"`pip install ./{PLUGIN}{self.plugin}` in a clone"
+            )
+        command = load_entry_point(point, f"command `{typed}`")
         return command
+
+    @property
+    def installed(self) -> bool:
+        """Whether its plugin is there."""
+        return not self.plugin or entry_point(COMMANDS, self.loader) is not None
 
 
 def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[ProgramCommand, ...]:
     """Subcommands by name: the class of each in the package's module of that name, its summary.
 
-    A class elsewhere is given as `package.module:Class`.
+    A class elsewhere is given as `package.module:Class`; `plugins/NAME` stands for a plugin.
     """
-    return tuple(
-        ProgramCommand(
-            name=name,
-            summary=summary,
-            loader=place if ":" in place else f"{package}.{name}:{place}",
-        )
-        for name, (place, summary) in table.items()
-    )
+    program = package.partition(".")[0]
+    found = []
+    for name, (place, summary) in table.items():
+        loader = place if ":" in place else f"{package}.{name}:{place}"
+        plugin = place.removeprefix(PLUGIN) if place.startswith(PLUGIN) else ""
+        if plugin:
+            loader = f"{program}.{name}"
+        found.append(ProgramCommand(name=name, summary=summary, loader=loader, plugin=plugin))
+    return tuple(found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +121,15 @@ class Program:
     def help(self) -> str:
         """The text of `--help`."""
         width = max((len(command.name) for command in self.commands), default=0)
-        listing = "\n".join(
-            f"  {command.name:<{width}}  {command.summary}" for command in self.commands
-        )
+        listing = ""
+        for plugin in dict.fromkeys(command.plugin for command in self.commands):
+            listing += f"commands of {PLUGIN}{plugin}:\n" if plugin else "commands:\n"
+            for command in self.commands:
+                if command.plugin == plugin:
+                    listing += f"  {command.name:<{width}}  {command.summary}\n"
+            listing += "\n"
         return (
-            f"usage: {self.name} COMMAND [OPTIONS]\n\n{self.summary}\n\ncommands:\n{listing}\n\n"
+            f"usage: {self.name} COMMAND [OPTIONS]\n\n{self.summary}\n\n{listing}"
             f"options:\n"
             f"  -h, --help  this text; `{self.name} COMMAND --help` explains one command\n"
             f"  --version   the version\n"
@@ -152,7 +186,9 @@ class Program:
             if len(rest) != 1:
                 raise InputError(f"--completion takes a shell: {', '.join(SHELLS)}")
             self.needs()
-            commands = ((one.name, one.summary, one.load()) for one in self.commands)
+            commands = (
+                (one.name, one.summary, one.load()) for one in self.commands if one.installed
+            )
             _print(completion(self.name, self.summary, commands, rest[0]))
             return None
         if first.startswith("-"):
@@ -161,6 +197,9 @@ class Program:
                 f"its name, as in {self.name} COMMAND {first}"
             )
         by_name = {command.name: command for command in self.commands}
+        entry = f"{self.name}.{first}"
+        if first not in by_name and entry_point(COMMANDS, entry) is not None:
+            by_name[first] = ProgramCommand(name=first, summary="", loader=entry, plugin=first)
         if first not in by_name:
             if others := _programs_with(first):
                 ways = " or ".join(f"`{name} {first}`" for name in others)

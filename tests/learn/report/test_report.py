@@ -373,4 +373,4 @@ def test_pages_escape_what_they_are_given(tmp_path):
     text = page.write().read_text()
     assert "<script>" not in text
     assert "<i>" not in text
-    assert 'alt="&quot;quoted&quot;"' in text
+    assert 'alt="&#34;quoted&#34;"' in text
