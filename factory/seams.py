@@ -1,6 +1,6 @@
 """Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
 
-Here are those of logs, exports, sources of files and drawn segments.
+Here are those of logs, exports and sources of files.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ IMPORTERS: Registry[Any] = Registry(
         "lsf": "factory.importing.formats.kinds:LSF",
         "csv": "factory.importing.formats.kinds:CSV",
     },
-    check="factory.importing.formats.base:check_importer",
+    objects=True,
 )
 """Logs that can be imported."""
 
@@ -47,7 +47,7 @@ EXPORTERS: Registry[Any] = Registry(
         "parquet": "factory.exporting.formats:PARQUET",
     },
     apart=dict.fromkeys(("huggingface", "lerobot"), "pip install ./plugins/hubs"),
-    check="factory.exporting.base:check_exporter",
+    objects=True,
 )
 """Formats that a store can be exported to."""
 
@@ -66,24 +66,6 @@ SOURCES: Registry[Any] = Registry(
         "tables": "factory.watching.sources.kinds:TABLES",
         "erddap": "factory.watching.sources.kinds:ERDDAP",
     },
-    check="factory.watching.sources.base:check_source",
+    objects=True,
 )
 """From where the files of a deployment at sea come."""
-
-MISSION_KINDS: Registry[Any] = Registry(
-    "kind of mission",
-    group="glider_twin.mission_kinds",
-    folder="factory/sampling",
-    base="factory.sampling.mission_kind.MissionKind",
-    page="howto/extending.md#a-kind-of-drawn-segment",
-    shipped={
-        "saw-tooth": "factory.sampling.profiles:SAW_TOOTH",
-        "spiral": "factory.sampling.profiles:SPIRAL",
-        "surface": "factory.sampling.surveys:SURFACE",
-        "transect": "factory.sampling.surveys:TRANSECT",
-        "circle": "factory.sampling.profiles:CIRCLE",
-        "lawn-mower": "factory.sampling.surveys:LAWN_MOWER",
-    },
-    check="factory.sampling.mission_kind:check_kind",
-)
-"""Segments that the factory draws."""
