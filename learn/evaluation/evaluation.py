@@ -25,13 +25,8 @@ from learn.evaluation.score import (
     summarise_scores,
     visible,
 )
-from twin.errors import StoreError
-from twin.navigation.estimators.base import (
-    VELOCITY_ESTIMATORS,
-    Estimate,
-    VelocityEstimator,
-    check_estimate,
-)
+from twin.errors import StoreError, UnknownName
+from twin.navigation.estimators.base import Estimate, VelocityEstimator, check_estimate
 from twin.navigation.estimators.base import baselines as all_baselines
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
@@ -129,12 +124,16 @@ def evaluate(
       StoreError: no store, an empty one, no split in it, a missing channel or one that is not
         finite (named).
     """
-    names = tuple(all_baselines() if baselines is None else baselines)
+    known = all_baselines()
+    names = tuple(known if baselines is None else baselines)
+    for name in names:
+        if name not in known:
+            raise UnknownName("baseline", name, known)
     with MissionStore(store) as reader:
         present, attributes = set(map(str, reader.dataset.data_vars)), dict(reader.attributes)
         vehicle, logged = reader.vehicle, reader.logged
-    missing = {name: why for name in names if (why := _unusable(name, vehicle, present))}
-    kinds = {name: VELOCITY_ESTIMATORS[name] for name in names if name not in missing}
+    missing = {name: why for name in names if (why := _unusable(known[name], vehicle, present))}
+    kinds = {name: known[name] for name in names if name not in missing}
     wanted = [
         *NAVIGATION_CHANNELS,
         *TRUTH_CHANNELS,
@@ -254,9 +253,8 @@ def _evaluate_logs(
     )
 
 
-def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
+def _unusable(kind: type[VelocityEstimator], vehicle: Vehicle, present: set[str]) -> str:
     """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
-    kind = VELOCITY_ESTIMATORS[name]
     why = kind.unsuited(vehicle)
     gone = [channel for channel in kind.needs(vehicle) if channel not in present]
     if not why and gone:

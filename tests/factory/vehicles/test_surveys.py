@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.missions_page import store_page
@@ -17,12 +16,12 @@ from factory.sampling.draw import Parameters, kind_of, sensor_seed
 from factory.sampling.fly import Impossible, build_mission, build_scenario, fly
 from factory.sampling.mission_water import DEEPEST_FLOOR_M
 from factory.sampling.parameters import parameter_table
-from factory.sampling.profiles import MISSION_KINDS, SawToothKind, kinds_for
+from factory.sampling.profiles import MISSION_KINDS, kinds_for
 from factory.sampling.recipe import Recipe, make_recipe
 from factory.sampling.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
 from factory.sampling.vehicle_errors import spread_vehicle
 from factory.sampling.vehicle_parameters import FLOOR
-from factory.soundness import verify_store
+from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError
 from twin.sensors.dvl import MODES
 from twin.vehicle.vehicle import load_vehicle
@@ -222,23 +221,7 @@ def test_the_page_shows_the_floor_and_the_doppler_log(run: GeneratedStore) -> No
     )
 
 
-# --- a kind of one's own --------------------------------------------------------------------------
-
-
-class Shallow(SawToothKind):
-    """A saw-tooth near the surface."""
-
-    name = "shallow"
-
-    def deepest_m(self, drawn):  # type: ignore[no-untyped-def]
-        return 20.0
-
-    def fields(self, drawn):  # type: ignore[no-untyped-def]
-        return {**super().fields(drawn), "max_depth_m": 20.0}
-
-
-def kinds_of(parameters: Parameters) -> set[str]:
-    return {str(segment["mission.kind"]) for segment in parameters.segments}
+# --- kinds ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", MISSION_KINDS)

@@ -7,7 +7,7 @@ import inspect
 import math
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
+from twin.plugins import imported
 from twin.seams import CURRENTS
 from twin.water.current import checks, probe
 from twin.water.current import sampler as layout
@@ -68,8 +69,8 @@ class Current(abc.ABC):
         if "velocity" in vars(cls):
             raise CurrentError(
                 f"{cls.__qualname__} overrides velocity(), which nothing flies: what flies is"
-                " compiled. Give records() and a kernel, and decorate the class with"
-                " twin.water.current.register"
+                " compiled. Tabulate the function with Current.from_function, or give records() and"
+                " a kernel, and decorate the class with twin.water.current.register"
             )
 
     @abc.abstractmethod
@@ -167,6 +168,34 @@ class Current(abc.ABC):
         rest = np.zeros_like(flat[0])
         return sample_track(program, *flat, rest, rest, rest)[:, :3].reshape(*shape, 3)
 
+    @staticmethod
+    def from_function(
+        function: Callable[[float, float, float, float], Sequence[float]],
+        *,
+        time: tuple[float, float] | None = None,
+        depth: tuple[float, float] | None = None,
+        north: tuple[float, float] | None = None,
+        east: tuple[float, float] | None = None,
+        tolerance: float = 1e-3,
+    ) -> Current:
+        """Tabulate a plain Python function, with as many nodes as the tolerance needs.
+
+        Args:
+          function: (t [s], north [m], east [m], depth [m]) since and from the mission's start ->
+            velocity north, east and perhaps down [m/s].
+          time, depth, north, east: (low, high) of each axis along which the function varies;
+            beyond, the values at the ends hold.
+          tolerance: [m/s] largest difference from the function between the nodes.
+
+        Raises:
+          CurrentError: the function fails, gives no velocity, varies along an axis without a range,
+            or needs more nodes than a store may hold.
+        """
+        ranges = {"time": time, "depth": depth, "north": north, "east": east}
+        given = {name: ends for name, ends in ranges.items() if ends is not None}
+        table: Current = imported(f"{TABULATED}:tabulated")(function, given, tolerance)
+        return table
+
     def describe(self) -> dict[str, Any]:
         """A JSON-able dict that `current_from_dict` turns back into an equal current."""
         return {"kind": self.kind, **{f.name: _plain(getattr(self, f.name)) for f in fields(self)}}
@@ -226,8 +255,8 @@ class Current(abc.ABC):
         Raises:
           CurrentError: a derivative of what its usage shows is not its velocity's (`probe`).
         """
-        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind):
-            return "its kind must be lower-case letters, digits and hyphens, not none and not sum"
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind, TABLE):
+            return "its kind must be lower-case letters, digits and hyphens, and not taken"
         if "__dataclass_params__" not in vars(cls):
             return "it is not a dataclass: add @dataclass(frozen=True, kw_only=True)"
         if flaw := cls._flaw_of_functions():
@@ -294,6 +323,12 @@ class Current(abc.ABC):
         return CurrentSum(parts=(*_parts(self), *_parts(other)))
 
 
+TABLE = "table"
+"""Kind of a function's table"""
+TABULATED = "twin.water.current.tabulated"
+"""Its file, which derives from `Current`"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CurrentSum(Current):
     """Velocities of several currents added; without parts it is still water."""
@@ -358,12 +393,15 @@ def still_water() -> CurrentSum:
 def current_from_dict(description: Mapping[str, Any]) -> Current:
     """The current that `describe()` described. Raises CurrentError when it cannot be one."""
     if not isinstance(description, Mapping) or "kind" not in description:
-        known = sorted([*CURRENTS, CurrentSum.kind])
+        known = sorted([*CURRENTS, CurrentSum.kind, TABLE])
         raise CurrentError(f"a current's description needs 'kind' (one of {', '.join(known)})")
     settings = {name: value for name, value in description.items() if name != "kind"}
     name = str(description["kind"])
     if name == CurrentSum.kind:
         return CurrentSum.from_settings(settings)
+    if name == TABLE:
+        table: Current = imported(f"{TABULATED}:Tabulated").from_settings(settings)
+        return table
     return kind_named(name, CurrentSum.kind).from_settings(settings)
 
 
