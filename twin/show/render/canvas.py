@@ -228,9 +228,3 @@ def water_colour(relative_depth: Array | float) -> Array:
     """Colour of the water at a relative depth 0 to 1. Shape (..., 3)."""
     depth = np.clip(relative_depth, 0.0, 1.0)
     return np.stack([np.interp(depth, WATER[:, 0], WATER[:, i]) for i in (1, 2, 3)], axis=-1)
-
-
-def ambient_colour(depth: Array) -> Array:
-    """Colour of open water seen level at depths [m], shape (n, 1). Shape (n, 3)."""
-    light = np.exp(-np.clip(depth, 0.0, None) / LIGHT_DEPTH)
-    return np.asarray(DEEP_LIGHT + (SURFACE_LIGHT - DEEP_LIGHT) * light)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.show.render import camera, sea, seabed
+from twin.show.render import camera, sea
 from twin.show.render.playback import Poses
 from twin.show.render.ribbon import LADDER_STEP, ladder_arrow
 from twin.show.render.shapes import DRIFT, LEVEL, SEABED, UNSEEN_GROUP, VEHICLE, WATER, Shape
@@ -82,7 +82,7 @@ class Motion:
             return
         altitude = float(floor_depth(stage.floor, position[0], position[1]) - position[2])
         self._data.mocap_pos[self._mocap[SEABED]] = [0.0, 0.0, -altitude]
-        alpha = self._alpha[stage.ground] * seabed.clearness(altitude)
+        alpha = self._alpha[stage.ground] * sea.clearness(altitude)
         stage.model.geom_rgba[stage.ground, 3] = alpha
 
     def _turn(self, poses: Poses, index: int) -> None:

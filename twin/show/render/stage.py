@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
-from twin.show.render import canvas, sea, seabed, shapes
+from twin.show.render import canvas, sea, shapes
 from twin.show.render import ribbon as arrows
 from twin.show.render.canvas import frame_of
 from twin.show.render.playback import Poses, optional, signal
@@ -143,16 +143,11 @@ def build(subject: Subject, shot: Shot) -> Stage:
         bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
     ground: list[str] = []
     if chase:
-        sea.add_open_water(props, layout, ground=floor is None)
-        ground = [] if floor is None else seabed.add_open(props)
+        ground = sea.add_open_water(props, layout, floor)
     elif shot.camera == "map":
-        sea.add_chart(props, layout, ground=floor is None)
-        if floor is not None:
-            seabed.add_chart(props, layout, floor)
+        sea.add_chart(props, layout, floor)
     else:
-        sea.add_block(props, layout, true.points if floor is None else None)
-        if floor is not None:
-            seabed.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
+        sea.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
     ladder: list[str] = []
     if chase:
         ladder = arrows.add_ladder(props)
@@ -228,7 +223,7 @@ def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> Sce
 
     layout = down_to(shot.floor)
     if subject.floor is not None and shot.floor is None:
-        layout = down_to(seabed.block_depth(subject.floor, layout))
+        layout = down_to(sea.block_depth(subject.floor, layout))
     return layout
 
 

@@ -18,13 +18,12 @@ from twin.records.coordinates import (
 )
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
-from twin.show.render import canvas, seabed
+from twin.show.render import canvas, sea
 from twin.show.render.film import known_samples
 from twin.show.render.playback import poses, spins, turns
 from twin.show.render.ribbon import STILL, profile
 from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout
-from twin.show.render.sea import REACH
 from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import Path, lay_out, shown_paths
 from twin.show.web.channels import (
@@ -218,7 +217,7 @@ def _floor(table: Array | None, layout: SceneLayout) -> dict[str, Any] | None:
     """Depths over the block, where the floor is in sight."""
     if table is None:
         return None
-    found = seabed.depths(table, layout)
+    found = sea.floor_grid(table, layout)
     if found.min() >= layout.high[2]:
         return None
     return {"count": len(found), "depths": pack(found, DEPTH_STEP)}
@@ -274,7 +273,7 @@ def _palette() -> dict[str, Any]:
         "horizon": canvas.HORIZON.tolist(),
         "zenith": canvas.ZENITH.tolist(),
         "fade": canvas.LIGHT_DEPTH,
-        "reach": REACH,
+        "reach": sea.REACH,
         "sand": canvas.SAND.tolist(),
         "future": canvas.FUTURE.tolist(),
         "current": canvas.CURRENT.tolist(),
