@@ -43,35 +43,35 @@ ROOMS = {
     "learn/training": (2599, 15827),
     "plugins": (1042, 6206),
     "scripts": (2209, 14075),
-    "tests": (69384, 596389),
+    "tests": (69581, 598089),
     "twin": (2441, 12172),
     "twin/checks": (3116, 20465),
     "twin/cli": (1507, 8353),
     "twin/commands": (3355, 18450),
     "twin/compiled": (1388, 7492),
     "twin/control": (4342, 25621),
-    "twin/faults": (1340, 7862),
+    "twin/faults": (1340, 7871),
     "twin/forecast": (4041, 27605),
     "twin/fossen": (2739, 19485),
     "twin/health": (2709, 20259),
-    "twin/identify": (7026, 47615),
+    "twin/identify": (7027, 47623),
     "twin/logs": (3215, 21706),
-    "twin/mission": (5346, 33279),
-    "twin/navigation": (7751, 44358),
+    "twin/mission": (5306, 32899),
+    "twin/navigation": (7750, 44348),
     "twin/physics": (6052, 40728),
     "twin/records": (5463, 30807),
     "twin/sensors": (3687, 24076),
     "twin/serve": (1428, 9237),
     "twin/show": (12662, 74780),
-    "twin/vehicle": (4947, 31650),
-    "twin/water": (5198, 33225),
+    "twin/vehicle": (5002, 31981),
+    "twin/water": (5429, 35077),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 704
+MODULES = 705
 LONGEST_FUNCTION, USUAL_FUNCTION = 225, 40
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.35
+OWN_IMPORTS = 6.36
 """Distinct own modules that a file of the product imports, in the mean"""
 RADIUS = {"factory generate": (166, 1017), "learn fit": (268, 2068)}
 """Files and functions of the product that a job runs"""
