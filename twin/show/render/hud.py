@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
-from twin.show.render import lettering, tags
+from twin.show.render import tags
 from twin.show.render.camera import View
 from twin.show.render.canvas import (
     LEGEND,
@@ -70,7 +70,7 @@ def draw_panel(
     ink = (*palette.INK, round(255 * STRIP_ALPHA))
     draw.rectangle((0, canvas.strip_top, canvas.width, canvas.height), fill=ink)
     draw.line((0, canvas.strip_top, canvas.width, canvas.strip_top), fill=EDGE)
-    face = lettering.font(canvas.font_size(NAME))
+    face = palette.font(canvas.font_size(NAME))
     for item, x in zip(items, columns, strict=False):
         y = canvas.strip_top + canvas.px(NAME_TOP)
         draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
@@ -108,7 +108,7 @@ def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str])
         size = canvas.font_size(TITLE if i == 0 else LEGEND)
         colour = (255, 255, 255, 255) if i == 0 else (*palette.DIM, 255)
         draw.text(
-            (canvas.px(22), y), line, font=lettering.font(size, i == 0), fill=colour,
+            (canvas.px(22), y), line, font=palette.font(size, i == 0), fill=colour,
             stroke_width=canvas.px(1), stroke_fill=(*palette.INK, 150),
         )  # fmt: skip
         y += round(1.4 * size)
@@ -121,14 +121,14 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     """
     draw = ImageDraw.Draw(image)
     size = canvas.font_size(LEGEND)
-    face, row, scale = lettering.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
+    face, row, scale = palette.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
     bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
     strongest = stage.current.strongest
     digits = 2 if strongest >= 0.01 else 3
     current = f"{stage.current_name}, up to {strongest:.{digits}f} m/s" if strongest else ""
     names = [*(line.name for line in stage.lines[1:]), *([current] if current else [])]
-    wide = max(bar[0], lettering.width(scale.label, size))
-    wide = max([wide, *(canvas.px(34) + lettering.width(name, size) for name in names)])
+    wide = max(bar[0], palette.text_width(scale.label, size))
+    wide = max([wide, *(canvas.px(34) + palette.text_width(name, size) for name in names)])
     high = 3 * row - canvas.px(6) + row * len(names)
     if wide > LEGEND_SHARE * canvas.width:
         return
@@ -195,10 +195,10 @@ class Hud:
             box(frame, bar, palette.WHITE, palette.INK)
         tags.draw_compass(frame, canvas, view)
         for add, keep, left, top in self._panel:
-            lettering.blend(frame, add, keep, left, top)
+            palette.blend(frame, add, keep, left, top)
         y = canvas.value_top
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
-            lettering.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
+            palette.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
         self._draw_cursor(frame, index)
 
     def _marks(self, index: int, view: View) -> list[tags.Mark]:
@@ -229,8 +229,8 @@ class Hud:
         items = readouts(self._poses, 0)
         size = canvas.font_size(VALUE)
         while True:
-            names = [lettering.width(item.name, canvas.font_size(NAME)) for item in items]
-            values = [lettering.width(item.widest, size, True) for item in items]
+            names = [palette.text_width(item.name, canvas.font_size(NAME)) for item in items]
+            values = [palette.text_width(item.widest, size, True) for item in items]
             widths = np.maximum(names, values)
             gap = (right - left - int(widths.sum())) / (len(items) - 1)
             if gap >= 0.6 * size or len(items) == 2:

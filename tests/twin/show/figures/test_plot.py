@@ -28,8 +28,8 @@ from twin.show.figures import (
     track_figure,
 )
 from twin.show.figures import figure as draw_figure
-from twin.show.figures.device import truth_of
 from twin.show.figures.map import KEY_ID, LOCATOR_ID
+from twin.show.figures.signals import truth_of
 from twin.show.figures.water import mean_profile
 
 WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)

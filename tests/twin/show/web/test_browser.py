@@ -33,9 +33,8 @@ from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
 from twin.show.render.shot import Shot, Subject
-from twin.show.web.live_source import LiveMission
 from twin.show.web.page import assemble, page_text
-from twin.show.web.server import PageServer
+from twin.show.web.server import LiveMission, PageServer
 from twin.vehicle.vehicle import load_vehicle
 
 CAMERAS = ("orbit", "side", "map", "chase")
