@@ -17,9 +17,8 @@ from twin.records.tracks import NamedTrack
 from twin.show.render import canvas, sea, shapes
 from twin.show.render import ribbon as arrows
 from twin.show.render.canvas import frame_of
-from twin.show.render.playback import Poses, optional, signal
+from twin.show.render.playback import Poses, Scale, optional, signal, track_values
 from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
-from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout, plan
 from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
 from twin.show.render.shot import Shot, Subject

@@ -20,9 +20,8 @@ from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, sea
 from twin.show.render.film import known_samples
-from twin.show.render.playback import POSITION, poses, spins, turns
+from twin.show.render.playback import POSITION, Scale, poses, spins, track_values, turns
 from twin.show.render.ribbon import STILL, free_place, mast_depths, profile
-from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout
 from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import Path, lay_out, shown_paths
