@@ -357,7 +357,7 @@ class Motion:
             alpha[line.chunks[:done]] = self._alpha[line.chunks[:done]]
             alpha[line.chunks[done:]] = 0.0
             running = done < len(line.chunks) and time > line.ribbon.time[0]
-            alpha[line.head.geom] = 1.0 if running else 0.0
+            alpha[line.head] = 1.0 if running else 0.0
             if not running:
                 continue
             tip, clear = line.ribbon.at(time), 0.0
@@ -365,7 +365,8 @@ class Motion:
                 tip = here
                 if stage.chase:
                     tip, clear = here + self._tail(poses, index), stage.hull_length
-            self._reshape(line.head.mesh, line.ribbon.head(time, tip, clear))
+            mesh = int(stage.model.geom_dataid[line.head])
+            self._reshape(mesh, line.ribbon.head(time, tip, clear))
 
     def _tail(self, poses: Poses, index: int) -> Array:
         """From the glider's middle to its tail, in display units, shape (3,)."""
@@ -379,16 +380,16 @@ class Motion:
         model, slots = self._stage.model, self._stage.arrows
         if not slots:
             return
-        model.geom_rgba[[arrow.geom for arrow in slots], 3] = 0.0
+        model.geom_rgba[slots, 3] = 0.0
         for depth, start, vector in self._stage.ladder(poses, index):
             if np.linalg.norm(vector) <= SHORTEST_ARROW:
                 continue
-            arrow = slots[round(depth / LADDER_STEP) % len(slots)]
-            model.geom_rgba[arrow.geom, 3] = 1.0
-            model.geom_pos[arrow.geom] = start
-            if not np.array_equal(self._shaped.get(arrow.mesh, ()), vector):
-                self._shaped[arrow.mesh] = vector
-                self._reshape(arrow.mesh, ladder_arrow(np.zeros(3), vector))
+            geom = slots[round(depth / LADDER_STEP) % len(slots)]
+            model.geom_rgba[geom, 3] = 1.0
+            model.geom_pos[geom] = start
+            if not np.array_equal(self._shaped.get(geom, ()), vector):
+                self._shaped[geom] = vector
+                self._reshape(int(model.geom_dataid[geom]), ladder_arrow(np.zeros(3), vector))
 
 
 def drift_of(moved: Array, glider: Array) -> Array:

@@ -48,14 +48,6 @@ class Path:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reshaped:
-    """A geom whose mesh is given new vertices for each frame."""
-
-    geom: int
-    mesh: int
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class TurnedBody:
     """A body that is turned as the part of its name is."""
 
@@ -76,7 +68,8 @@ class Line:
     """RGB; None for the true track"""
     chunks: list[int]
     """Geom ids, one per chunk"""
-    head: Reshaped
+    head: int
+    """Geom id of the end, whose mesh is given new vertices for each frame"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -102,8 +95,8 @@ class Stage:
     """Table of the mission's sea floor; None: what is drawn is decoration"""
     ground: list[int]
     """Geom ids of the floor that follows the glider, chase camera"""
-    arrows: list[Reshaped]
-    """The current beside the glider, chase camera"""
+    arrows: list[int]
+    """Geom ids of the current beside the glider, chase camera; their meshes are reshaped"""
     hull_length: float
     """[m]"""
     turned: dict[str, TurnedBody]
@@ -307,10 +300,10 @@ def _line(model: mujoco.MjModel, index: int, path: Path, ribbon: Ribbon) -> Line
     )
 
 
-def _reshaped(model: mujoco.MjModel, name: str) -> Reshaped:
+def _reshaped(model: mujoco.MjModel, name: str) -> int:
     """The geom of this name, in its body's frame: MuJoCo gave it a frame of its own."""
-    geom = model.geom(name).id
+    geom = int(model.geom(name).id)
     model.geom_pos[geom] = 0.0
     model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
     model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # it may be moved
-    return Reshaped(geom=geom, mesh=model.mesh(name).id)
+    return geom
