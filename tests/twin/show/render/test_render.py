@@ -130,10 +130,8 @@ def test_the_running_end_of_the_ribbon_has_the_colour_of_its_time(subject):
     at = (30.0, 200.0)
     with painter_of(subject, at=at) as painter:
         model, line = painter.stage.model, painter.stage.lines[0]
-        first, count = (
-            a[model.geom_dataid[line.head]]
-            for a in (model.mesh_texcoordadr, model.mesh_texcoordnum)
-        )
+        mesh = model.geom_dataid[line.head]
+        first, count = model.mesh_texcoordadr[mesh], model.mesh_texcoordnum[mesh]
         for index, time in enumerate(at):
             painter.paint(index)
             along = model.mesh_texcoord[first : first + count, 0]
