@@ -6,8 +6,8 @@ of the strip, as text.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,8 +248,7 @@ SHARED = 2
 """Moving parts that still share one readout"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Readout:
+class Readout(NamedTuple):
     """One figure of the strip."""
 
     name: str
@@ -264,37 +263,26 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
     What nothing tells in the whole mission has no readout; a log shows what it pumped where the net
     buoyancy is not known. In a gap of a log nothing but the time is known.
     """
-    heading = round(float(poses.heading[index])) % 360
-    speed = float(poses.speed[index])
-    depth = Readout(
-        name="DEPTH", value=f"{plain(poses.position[index, 2], 1)} m", widest="0000.0 m"
-    )
-    others = {
-        "pitch": Readout(name="PITCH", value=f"{signed(poses.pitch[index], 1)}°", widest="+00.0°"),
-        "heading": Readout(name="HEADING", value=f"{heading:03d}°", widest="000°"),
-        "speed": Readout(
-            name="SPEED",
-            value=f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN,
-            widest="0.00 m/s",
-        ),
-        "net_mass": Readout(
-            name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
+    speed, heading = float(poses.speed[index]), round(float(poses.heading[index])) % 360
+    rate = f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN
+    pumped = np.nan if poses.pumped is None else float(poses.pumped[index])
+    figures = {
+        "depth": Readout("DEPTH", f"{plain(poses.position[index, 2], 1)} m", "0000.0 m"),
+        "pitch": Readout("PITCH", f"{signed(poses.pitch[index], 1)}°", "+00.0°"),
+        "heading": Readout("HEADING", f"{heading:03d}°", "000°"),
+        "speed": Readout("SPEED", rate, "0.00 m/s"),
+        "net_mass": Readout("NET BUOYANCY", buoyancy(float(poses.net_mass[index])), "▼ 0.00 kg"),
+        "pumped": Readout(  # a vehicle that pumps less than nothing is heavy
+            "PUMPED", f"{signed(pumped, 0)} cm³" if np.isfinite(pumped) else UNKNOWN, "+000 cm³"
         ),
     }
-    items = [depth, *(item for name, item in others.items() if name not in poses.unknown)]
-    pumped = None if "pumped" in poses.unknown else poses.pumped
-    if "net_mass" in poses.unknown and pumped is not None:
-        items += _pumped(float(pumped[index]))
-    items += _parts(poses, index)
+    unknown = set(poses.unknown)
+    if "net_mass" not in unknown or poses.pumped is None:
+        unknown.add("pumped")
+    items = [item for name, item in figures.items() if name not in unknown] + _parts(poses, index)
     if poses.bridged is not None and poses.bridged[index]:
-        items = [dataclasses.replace(item, value=UNKNOWN) for item in items]
-    return [Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"), *items]
-
-
-def _pumped(volume: float) -> list[Readout]:
-    """What a log pumped [cm3]; a vehicle that pumps less than nothing is heavy."""
-    value = f"{signed(volume, 0)} cm³" if np.isfinite(volume) else UNKNOWN
-    return [Readout(name="PUMPED", value=value, widest="+000 cm³")]
+        items = [item._replace(value=UNKNOWN) for item in items]
+    return [Readout("TIME", clock(float(poses.time[index])), "00:00:00"), *items]
 
 
 def _parts(poses: Poses, index: int) -> list[Readout]:
@@ -308,22 +296,18 @@ def _parts(poses: Poses, index: int) -> list[Readout]:
     ]
     if not 0 < len(single) <= SHARED:
         return single
-    names, values, widest = (
-        "  ".join(getattr(item, field) for item in single) for field in ("name", "value", "widest")
-    )
-    return [Readout(name=names, value=values, widest=widest)]
+    return [Readout(*map("  ".join, zip(*single, strict=True)))]
 
 
 def _part(joint: str, value: float, *, fine: bool) -> Readout:
     """One part; `fine`: a decimal of its angle too."""
     name = joint.replace("_", " ").upper()
     if spins(joint):
-        return Readout(name=name, value=f"{plain(value, 0)} rad/s", widest=f"{tags.MINUS}000 rad/s")
+        return Readout(name, f"{plain(value, 0)} rad/s", f"{tags.MINUS}000 rad/s")
     if turns(joint):
-        digits = 1 if fine else 0
-        widest = "+00.0°" if fine else "+00°"
-        return Readout(name=name, value=f"{signed(np.rad2deg(value), digits)}°", widest=widest)
-    return Readout(name=name, value=f"{signed(1000 * value, 0)} mm", widest="+00 mm")
+        angle = signed(np.rad2deg(value), 1 if fine else 0)
+        return Readout(name, f"{angle}°", "+00.0°" if fine else "+00°")
+    return Readout(name, f"{signed(1000 * value, 0)} mm", "+00 mm")
 
 
 def clock(seconds: float) -> str:
