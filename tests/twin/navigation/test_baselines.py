@@ -47,12 +47,6 @@ SHIPPED = VELOCITY_ESTIMATORS.shipped()
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_estimator_is_whole_and_reads_no_truth(name):
-    assert VELOCITY_ESTIMATORS.check(name, VELOCITY_ESTIMATORS[name]).channels
-    assert VELOCITY_ESTIMATORS[name].title
-
-
-@pytest.mark.parametrize("name", SHIPPED)
 def test_each_baseline_needs_no_more_than_the_channels_it_names(name):
     signals = trimmed_mission(300)
     signals["measured_density"] = np.full(len(signals["measured_depth"]), VEHICLE.reference_density)
