@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
+import itertools
 import json
 import os
 import platform
@@ -102,12 +103,11 @@ def complete(job: Job) -> int:
         shard_missions=layout.shard_missions,
         row_missions=layout.row_missions,
     )
+    target.sums |= found.files
     used = [column for column in table if column.name in found.used]
-    files, arrays = dict(found.files), dict[str, ArrayMeta]()
-    for part in (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(found)):
-        for name, number, values, meta in part:
-            key, written = target.write_rows(name, number, values, meta.shape[0], meta.dimensions)
-            files[key], arrays[name] = written, meta
+    every = (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(found))
+    for part in itertools.chain(*every):
+        target.write_rows(*part)
     beside, flown = {BESIDE: " ".join(COORDINATES)}, {key.partition("/")[0] for key in found.files}
     signals: dict[str, tuple[np.dtype[Any], Mapping[str, Any]]] = {
         name: (DTYPE, {**variable.stored_attributes(), **beside})
@@ -117,8 +117,8 @@ def complete(job: Job) -> int:
     for name in COORDINATES:
         said = {} if name == DATETIME else FLOWN
         signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
-    files |= target.write_group(RECIPE_COPY, recipe.document())
-    target.finish(signals, arrays, store_attributes(recipe), files)
+    target.write_group(RECIPE_COPY, recipe.document())
+    target.finish(signals, store_attributes(recipe))
     return len(found.failures)
 
 

@@ -33,7 +33,7 @@ from twin.bounded import FREE_BYTES
 from twin.errors import StoreError
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.records.presence import RECIPE
-from twin.records.storage.sharded import ShardWriter
+from twin.records.storage.shard_file import ShardWriter
 from twin.records.storage.stored_files import FileSum
 
 Signals = Mapping[str, NDArray[Any]]

@@ -11,11 +11,11 @@ from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 
 from twin.records.schema import variable
 from twin.records.storage.checksums import ZARR_LIST, damaged_files, read_checksums
+from twin.records.storage.shard_file import ShardWriter
 from twin.records.storage.sharded import (
     DTYPE,
     ArrayMeta,
     ShardedStore,
-    ShardWriter,
     fast_pipeline,
     fill_value,
 )
@@ -59,10 +59,10 @@ def write_shard(files: Files, number: int, signals: dict[str, np.ndarray]) -> di
 def write(path: Path) -> dict[str, bytes]:
     files = Files(path)
     signals = {"true_pitch": np.nan_to_num(signal()), "true_depth": signal()}
-    sums = write_shard(files, 1, signals) | write_shard(files, 0, signals)
     store = ShardedStore(
         files, missions=MISSIONS, samples=SAMPLES, shard_missions=SHARD, row_missions=SHARD
     )
+    store.sums |= write_shard(files, 1, signals) | write_shard(files, 0, signals)
     lengths = np.full(MISSIONS, SAMPLES, np.int32)
     numbers = {
         "mission": (np.arange(MISSIONS), "mission", {"long_name": "mission index"}),
@@ -71,16 +71,14 @@ def write(path: Path) -> dict[str, bytes]:
         "attempt": (np.zeros(MISSIONS, np.int8), "mission", {}),
         "word": (np.array(["a", "é"] * 35, np.dtypes.StringDType()), "mission", {}),
     }
-    metadata = {}
     for name, (array, dimension, attributes) in numbers.items():
+        meta = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
         step = SHARD if dimension == "mission" else len(array)
         for number, first in enumerate(range(0, len(array), step)):
-            part = array[first : first + step]
-            key, found = store.write_rows(name, number, part, len(array), (dimension,))
-            sums[key] = found
-        metadata[name] = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
+            store.write_rows(name, number, array[first : first + step], meta)
     declared = {name: (DTYPE, variable(name).stored_attributes()) for name in signals}
-    sums |= store.finish(declared, metadata, {"seed": 1}, sums)
+    store.finish(declared, {"seed": 1})
+    sums = store.sums
     written = {
         str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
     }

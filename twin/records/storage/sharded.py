@@ -2,8 +2,7 @@
 
 One mission is one chunk. Chunks are packed into shards of many missions, so that a store of
 thousands of missions has hundreds of files, and each carries a CRC-32C, so that damage is found
-wherever it is read. A shard is encoded mission by mission, so that its writer's memory does not
-grow with it; its bytes are those that zarr-python writes, and the tests compare them.
+wherever it is read. Whoever flies missions writes shards by `shard_file`, and one process the rest.
 """
 
 from __future__ import annotations
@@ -17,11 +16,9 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
-import numcodecs
 import numpy as np
-from numcodecs.checksum32 import CRC32C
 from numpy.typing import NDArray
 
 from twin.records.attributes import SIMULATED_ATTRIBUTES
@@ -43,10 +40,6 @@ BESIDE = "coordinates"
 METADATA = "zarr.json"
 TEXT = "T"
 """Kind of numpy's type of strings."""
-BLOSC = numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=numcodecs.Blosc.SHUFFLE)
-CHECKSUM = CRC32C(location="end")
-NO_CHUNK = 2**64 - 1
-"""Stands in a shard's index for a mission that the store does not have"""
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
 _MEMBERS = (
@@ -77,76 +70,6 @@ def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[
     return (np.rint(values * scale) / scale).astype(DTYPE)
 
 
-class ShardWriter:
-    """Signals of the missions of one shard, a file of each in a folder of this machine; a context
-    manager that closes them.
-
-    A file has the encoded chunks one after the other, then offset and size of each, as the sharding
-    of zarr lays them out.
-    """
-
-    def __init__(self, folder: Path, *, missions: int, samples: int):
-        """`missions` of a full shard; `samples` of the longest mission of the store."""
-        self.folder, self.missions, self.samples = folder, missions, samples
-        self._rows = 0
-        self._opened = contextlib.ExitStack()
-        self._signals: dict[str, _SignalFile] = {}
-        folder.mkdir(parents=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._opened.close()
-
-    def add(self, signals: Mapping[str, NDArray[Any]]) -> None:
-        """Encode one mission, whose signals are padded, and missing ones filled; raises OSError."""
-        for name, values in signals.items():
-            if name not in self._signals:
-                file = self._opened.enter_context((self.folder / name).open("wb"))
-                one = self._signals[name] = _SignalFile(file, self.samples, values.dtype)
-                for _ in range(self._rows):
-                    one.add(values[:0])
-        for name, one in self._signals.items():
-            one.add(signals.get(name, np.zeros(0, one.dtype)))
-        self._rows += 1
-
-    def finish(self) -> dict[str, FileSum]:
-        """Write the indices; the checksum of each signal's file. Raises OSError."""
-        found = {name: one.finish(self.missions) for name, one in self._signals.items()}
-        self._opened.close()
-        return found
-
-
-class _SignalFile:
-    """One signal of a shard."""
-
-    def __init__(self, file: BinaryIO, samples: int, dtype: np.dtype[Any]):
-        self.file, self.dtype = file, dtype
-        self._row: NDArray[Any] = np.empty(samples, dtype)
-        self._digest, self._size = hashlib.sha256(), 0
-        self._index: list[tuple[int, int]] = []
-
-    def add(self, values: NDArray[Any]) -> None:
-        self._row[: len(values)] = values
-        self._row[len(values) :] = fill_value(self.dtype)
-        start = self._size
-        self._write(BLOSC.encode(self._row))
-        self._index.append((start, self._size - start))
-
-    def finish(self, missions: int) -> FileSum:
-        index = np.full((missions, 2), NO_CHUNK, "<u8")
-        index[: len(self._index)] = self._index
-        self._write(index.tobytes())
-        return FileSum(self._size, self._digest.hexdigest())
-
-    def _write(self, data: bytes) -> None:
-        checked = CHECKSUM.encode(data)
-        self.file.write(checked)
-        self._digest.update(checked)
-        self._size += len(checked)
-
-
 class ShardedStore:
     """All of a store that is not in its shards; it is complete when `finish` has written its
     `zarr.json`."""
@@ -163,67 +86,54 @@ class ShardedStore:
         """
         self.files, self.missions, self.samples = files, missions, samples
         self.shard_missions, self.row_missions = shard_missions, row_missions
+        self.sums: dict[str, FileSum] = {}
+        """checksums of all that is written, by key; whoever writes shards adds theirs"""
+        self._metadata: dict[str, Any] = {}
         self._alike: dict[Any, tuple[dict[str, Any], zarr.Array[Any]]] = {}
 
-    def write_rows(
-        self, name: str, number: int, values: NDArray[Any], length: int, dimensions: Sequence[str]
-    ) -> tuple[str, FileSum]:
-        """Write chunk `number` of an array other than the signals; returns its key and checksum.
-
-        Args:
-          values: of the chunk; its first axis may be shorter than the array's.
-          length: of the whole array's first axis.
-          dimensions: names of all axes.
-        """
+    def write_rows(self, name: str, number: int, values: NDArray[Any], meta: ArrayMeta) -> None:
+        """Write chunk `number` of an array other than the signals, whose first axis may be shorter
+        than the array's."""
         with _plain_pipeline():
-            memory, array = self._rows(values.dtype, (length, *values.shape[1:]), tuple(dimensions))
+            memory, array = self._rows(meta.dtype, meta.shape, meta.dimensions)
             first = number * array.chunks[0]
             array[first : first + len(values)] = values
         (chunk,) = (key for key in memory if key != METADATA)
-        return f"{name}/{chunk}", self.files.put(f"{name}/{chunk}", memory.pop(chunk).to_bytes())
+        key = f"{name}/{chunk}"
+        self.sums[key] = self.files.put(key, memory.pop(chunk).to_bytes())
+        self._metadata[name] = _document(array, meta.attributes)
+
+    def write_group(self, name: str, attributes: Mapping[str, Any]) -> None:
+        """Write a group that holds nothing but attributes."""
+        key = f"{name}/{METADATA}"
+        self.sums[key] = self.files.put(key, _compact(_group(dict(attributes))))
 
     def finish(
         self,
         signals: Mapping[str, tuple[np.dtype[Any], Mapping[str, Any]]],
-        arrays: Mapping[str, ArrayMeta],
         attributes: Mapping[str, Any],
-        written: Mapping[str, FileSum],
-    ) -> dict[str, FileSum]:
+    ) -> None:
         """Write all metadata and the list of checksums, the metadata of the store last: then it is
-        complete. Returns the keys and checksums of what was written now, but for the list.
+        complete.
 
         Args:
           signals: type and attributes of each array over mission and time, by name.
-          arrays: the other ones.
           attributes: of the store.
-          written: all that is there, by key.
         """
-        metadata: dict[str, Any] = {}
-        with _plain_pipeline():
-            for name, one in arrays.items():
-                _, array = self._rows(one.dtype, one.shape, one.dimensions)
-                metadata[name] = _document(array, one.attributes)
-            like: dict[np.dtype[Any], zarr.Array[Any]] = {}
-            for name, (dtype, said) in signals.items():
-                if dtype not in like:
-                    like[dtype] = self._signal(dtype)
-                metadata[name] = _document(like[dtype], said)
-        table = {"kind": "inline", "must_understand": False, "metadata": metadata}
+        like: dict[np.dtype[Any], zarr.Array[Any]] = {}
+        for name, (dtype, said) in signals.items():
+            if dtype not in like:
+                like[dtype] = self._signal(dtype)
+            self._metadata[name] = _document(like[dtype], said)
+        for name, document in self._metadata.items():
+            key = f"{name}/{METADATA}"
+            self.sums[key] = self.files.put(key, _compact(document))
+        table = {"kind": "inline", "must_understand": False, "metadata": self._metadata}
         group = _group({**SIMULATED_ATTRIBUTES, **attributes}) | {"consolidated_metadata": table}
-        sums = {
-            f"{name}/{METADATA}": self.files.put(f"{name}/{METADATA}", _compact(document))
-            for name, document in metadata.items()
-        }
         root = _compact(group)
-        sums[METADATA] = FileSum(len(root), hashlib.sha256(root).hexdigest())
-        self.files.write(ZARR_LIST, list_text({**written, **sums}, zarr=True))
+        self.sums[METADATA] = FileSum(len(root), hashlib.sha256(root).hexdigest())
+        self.files.write(ZARR_LIST, list_text(self.sums, zarr=True))
         self.files.write(METADATA, root)
-        return sums
-
-    def write_group(self, name: str, attributes: Mapping[str, Any]) -> dict[str, FileSum]:
-        """Write a group that holds nothing but attributes; its key and checksum."""
-        data = _compact(_group(dict(attributes)))
-        return {f"{name}/{METADATA}": self.files.put(f"{name}/{METADATA}", data)}
 
     def _signal(self, dtype: np.dtype[Any]) -> zarr.Array[Any]:
         """An array (mission, time) in memory, for its metadata."""
