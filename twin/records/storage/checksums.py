@@ -30,7 +30,7 @@ from twin.records.schema import TIME
 from twin.records.storage.disk import write_whole
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.stored_files import Files, FileSum, LocalFiles, file_sum
+from twin.records.storage.stored_files import Files, FileSum, file_sum
 
 LIST = "checksums.json"
 """The list of a plain folder."""
@@ -87,7 +87,7 @@ def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = No
     """
     root, known = Path(folder), known or {}
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    names = _names(LocalFiles(root))
+    names = _names(Files(root))
     sums = {name: known[name] if name in known else file_sum(root / name) for name in names}
     target.parent.mkdir(exist_ok=True)
     write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))

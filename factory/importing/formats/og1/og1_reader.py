@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
 from factory.exporting.og1.og1_terms import (
-    SENSORS,
+    TERMS,
     VARIATION,
 )
 from factory.exporting.og1.variables import ENDING
@@ -277,7 +277,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     tally.add("read", path.name, len(time), "measurements")
     extra = payload_names(options.payload)
     own = own_signals(attributes)
-    read = (*READ, *own, *extra, *SENSORS, *(f"{n}{ENDING}" for n in ("TIME", *flags)))
+    read = (*READ, *own, *extra, *TERMS["sensors"], *(f"{n}{ENDING}" for n in ("TIME", *flags)))
     read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED, *REPORTED)
     note_unread("OG1 file", names, read, tally)
     leave_out_made_again(names, read, tally)
