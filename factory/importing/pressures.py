@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 AIR = 10.1325
 """[dbar] Standard pressure of the air at sea level"""
 UNITS = ("dbar", "bar", "Pa", "kPa", "hPa", "MPa", "psi")
-"""What pressures of logs are in"""
+"""Units of pressures in logs"""
 _FITS, _FAILS = 0.12, 0.25
 """Part of the depth by which a unit may miss it, and from which it contradicts it."""
 _DEEP = 5.0
@@ -195,7 +195,7 @@ def without_air(
 
 
 def _is_swum(time: Array, dbar: Array) -> bool:
-    """Whether a vehicle can have been so deep and have come there so fast."""
+    """Check that a vehicle can have been so deep and have come there so fast."""
     _, first = np.unique(np.floor(time), return_index=True)  # noise is fast between near samples
     rate = np.abs(np.diff(dbar[first]) / np.diff(time[first]))
     fast = float(np.percentile(rate, 99.0)) if rate.size else 0.0

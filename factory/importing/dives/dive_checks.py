@@ -96,7 +96,7 @@ _ABOVE_SEA = 5.0
 
 
 def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
-    """Whether the log holds a dive from its first fix to its last; says so where it does not."""
+    """Check that the log holds a dive from its first fix to its last; report what is missing."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
     if not len(inside):
         return False
@@ -276,8 +276,8 @@ DEEP = 10.0
 
 
 def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
-    """What of a row shows that the vehicle's computer runs: what it logs, or an attitude that comes
-    all the time; empty where nothing shows it."""
+    """Channel that shows when the vehicle's computer runs in a row: its own, or an attitude that
+    comes all the time; empty where nothing shows it."""
     for name in ("awake", *ATTITUDE):
         one = log.channel(name).within(segment.start, segment.end)
         if len(one) >= _FEWEST and not one.on_change:
