@@ -1,6 +1,6 @@
 """Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
 
-Here are those of logs, exports, sources of files and drawn segments.
+Here are those of logs, exports and sources of files.
 """
 
 from __future__ import annotations
@@ -8,6 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from twin.registry import Registry
+
+PROTOCOLS = "plugins/protocols"
 
 IMPORTERS: Registry[Any] = Registry(
     "kind of log",
@@ -22,15 +24,10 @@ IMPORTERS: Registry[Any] = Registry(
         "og1": "factory.importing.formats.kinds:OG1",
         "ngdac": "factory.importing.formats.kinds:NGDAC",
         "spray": "factory.importing.formats.kinds:SPRAY",
-        "lrauv": "factory.importing.formats.kinds:LRAUV",
-        "mcap": "factory.importing.formats.kinds:MCAP",
-        "rosbag2": "factory.importing.formats.kinds:ROSBAG2",
-        "ardusub": "factory.importing.formats.kinds:ARDUSUB",
-        "dorado": "factory.importing.formats.kinds:DORADO",
-        "lsf": "factory.importing.formats.kinds:LSF",
         "csv": "factory.importing.formats.kinds:CSV",
     },
-    check="factory.importing.formats.base:check_importer",
+    apart=dict.fromkeys(("lrauv", "mcap", "rosbag2", "ardusub", "dorado", "lsf"), PROTOCOLS),
+    objects=True,
 )
 """Logs that can be imported."""
 
@@ -42,12 +39,11 @@ EXPORTERS: Registry[Any] = Registry(
     page="reference/factory.md#exports",
     shipped={
         "erddap": "factory.exporting.erddap:ERDDAP",
-        "mcap": "factory.exporting.formats:MCAP",
         "og1": "factory.exporting.og1:OG1",
-        "parquet": "factory.exporting.formats:PARQUET",
+        "parquet": "factory.exporting.base:PARQUET",
     },
-    apart=dict.fromkeys(("huggingface", "lerobot"), "pip install ./plugins/hubs"),
-    check="factory.exporting.base:check_exporter",
+    apart=dict.fromkeys(("huggingface", "lerobot"), "plugins/hubs") | {"mcap": PROTOCOLS},
+    objects=True,
 )
 """Formats that a store can be exported to."""
 
@@ -61,29 +57,11 @@ SOURCES: Registry[Any] = Registry(
         "slocum": "factory.watching.sources.kinds:SLOCUM",
         "seaglider": "factory.watching.sources.kinds:SEAGLIDER",
         "seaexplorer": "factory.watching.sources.kinds:SEAEXPLORER",
-        "lrauv": "factory.watching.sources.kinds:LRAUV",
         "netcdf": "factory.watching.sources.kinds:NETCDF",
         "tables": "factory.watching.sources.kinds:TABLES",
         "erddap": "factory.watching.sources.kinds:ERDDAP",
     },
-    check="factory.watching.sources.base:check_source",
+    apart={"lrauv": PROTOCOLS},
+    objects=True,
 )
 """From where the files of a deployment at sea come."""
-
-MISSION_KINDS: Registry[Any] = Registry(
-    "kind of mission",
-    group="glider_twin.mission_kinds",
-    folder="factory/sampling",
-    base="factory.sampling.mission_kind.MissionKind",
-    page="howto/extending.md#a-kind-of-drawn-segment",
-    shipped={
-        "saw-tooth": "factory.sampling.profiles:SAW_TOOTH",
-        "spiral": "factory.sampling.profiles:SPIRAL",
-        "surface": "factory.sampling.surveys:SURFACE",
-        "transect": "factory.sampling.surveys:TRANSECT",
-        "circle": "factory.sampling.profiles:CIRCLE",
-        "lawn-mower": "factory.sampling.surveys:LAWN_MOWER",
-    },
-    check="factory.sampling.mission_kind:check_kind",
-)
-"""Segments that the factory draws."""

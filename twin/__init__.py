@@ -15,7 +15,11 @@ from twin.lazy import attach, places
 from twin.version import __version__
 
 if TYPE_CHECKING:
+    from twin import bounded as bounded
     from twin import errors as errors
+    from twin import frames as frames
+    from twin import geodesy as geodesy
+    from twin import lazy as lazy
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
     from twin.facade import scenario_of as scenario_of
@@ -45,6 +49,7 @@ if TYPE_CHECKING:
     from twin.physics.settle import trim as trim
     from twin.physics.simulation import Simulation as Simulation
     from twin.physics.simulation import simulate_many as simulate_many
+    from twin.physics.stepped_vehicle import SteppedVehicle as SteppedVehicle
     from twin.records.store import open_store as open_store
     from twin.records.timeseries import resample as resample
     from twin.records.timeseries import timeseries as timeseries

@@ -24,7 +24,6 @@ from factory.exporting.metadata import parse_metadata
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
-from twin.navigation.estimators.base import VELOCITY_ESTIMATORS
 from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
@@ -51,8 +50,8 @@ RUN = {
     "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_messages.md": {
-        "tests/factory/importing/test_dorado.py": 1,
-        "tests/factory/importing/test_messages.py": 1,
+        "plugins/protocols/tests/test_dorado.py": 1,
+        "plugins/protocols/tests/test_messages.py": 1,
     },
     "docs/howto/import_tables.md": {
         "tests/factory/importing/test_csv.py": 1,
@@ -69,8 +68,8 @@ RUN = {
         "tests/twin/show/render/test_gallery.py": 2,
         "tests/test_registry.py": 1,
     },
-    "docs/howto/serve.md": {"tests/twin/serve/test_serve.py": 2},
-    "docs/howto/xarray.md": {"tests/factory/test_accessor.py": 1},
+    "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
+    "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
     "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 2},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
@@ -158,7 +157,6 @@ def test_pages_about_logs_run(lesson: Any, page: str, capsys: pytest.CaptureFixt
 
 def test_navigation_runs(lesson: Any) -> None:
     lesson.run(text_of("howto/navigation.md"))
-    VELOCITY_ESTIMATORS.unregister("constant")
     assert lesson.session["run"].complete
     assert lesson.session["ahead"].current.shape == (2, 2)
 

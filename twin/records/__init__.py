@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.records import attributes as attributes
+    from twin.records import coordinates as coordinates
     from twin.records.attributes import SPLITS as SPLITS
     from twin.records.coordinates import unix_seconds as unix_seconds
     from twin.records.logged import LogStore as LogStore
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from twin.records.store import check_target as check_target
     from twin.records.store import read_trajectory as read_trajectory
     from twin.records.store import write_store as write_store
+    from twin.records.timeseries import FIXES as FIXES
+    from twin.records.timeseries import sample_coordinates as sample_coordinates
     from twin.records.tracks import NamedTrack as NamedTrack
     from twin.records.tracks import choose_tracks as choose_tracks
     from twin.records.tracks import read_tracks as read_tracks

@@ -12,7 +12,7 @@ from factory import seams
 from factory.importing.deployment_log import OF_THE_MACHINE
 from twin.errors import InputError
 from twin.plugins import imported
-from twin.registry import Registry, instance_of
+from twin.registry import Registry
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -79,9 +79,6 @@ class Source:
             except re.error as error:
                 raise InputError(f"source {self.name!r}: {field} is no pattern: {error}") from error
 
-
-check_source = instance_of("source", Source)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 SOURCES: Registry[Source] = seams.SOURCES
 """Every sort of source, by name."""

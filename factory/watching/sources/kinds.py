@@ -28,14 +28,6 @@ SEAEXPLORER = Source(
 )
 """Alseamar's SeaExplorer gliders."""
 
-LRAUV = Source(
-    name="lrauv",
-    says="folder of .mat and .nc4 logs, one for each time the vehicle began a log",
-    logs=("lrauv",),
-    joins=True,
-)
-"""MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
-
 NETCDF = Source(
     name="netcdf",
     says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",

@@ -15,18 +15,18 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.variables import Og1Variable
+from factory.exporting.og1 import Og1Variable
+from factory.importing import Tally
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of
-from factory.importing.tally import Tally
 from twin.errors import InputError
-from twin.records.storage.whole import whole_file
+from twin.records import whole_file
 
 CLOCK = "time"
 """Name of the times of the samples, with pyglider and with basestation3"""
 COORDINATES = (CLOCK, "depth", "latitude", "longitude")
 """Named as coordinates of what is added, where they are along the same dimension"""
 OURS = "glider-twin"
-"""How the attribute `source` of what is added begins"""
+"""Beginning of the attribute `source` of added variables"""
 
 
 def times_of(path: Path) -> NDArray[np.float64]:
@@ -92,7 +92,7 @@ def _attributes(file: Any, one: Og1Variable) -> dict[str, Any]:
 
 
 def _same(file: Any, name: str, one: Og1Variable) -> bool:
-    """Whether the file says so already."""
+    """Compare a variable of the file with a new one."""
     if name not in file.variables:
         return False
     said = {key: str(value) for key, value in attributes_of(file[name]).items()}

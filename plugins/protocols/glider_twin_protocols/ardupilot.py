@@ -1,0 +1,365 @@
+"""ArduPilot's JSON interface for SITL: servo pulses in by UDP, the vehicle's state out as JSON.
+
+The protocol: ArduPilot, libraries/SITL/examples/JSON/readme.md. A packet has a magic number, the
+frame rate [Hz], a counter and the pulses [us] of 16 or 32 channels. The answer is a line with time,
+gyroscope, accelerometer, position, quaternion and velocity, north-east-down and
+forward-starboard-down. The vehicle flies one frame for each packet, however long the client takes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import ipaddress
+import json
+import math
+import socket
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import Command, SteppedVehicle, Vehicle
+from twin.errors import InputError, unknown_name
+from twin.frames import euler_to_quaternion
+from twin.geodesy import from_tangent_plane
+
+PACKETS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
+"""By magic number: layout of a packet"""
+PORT = 9002
+"""Where ArduPilot looks for the physics"""
+LOW, MIDDLE, HIGH = 1000.0, 1500.0, 2000.0
+"""[us] of a pulse: the ends of a part's travel, and its rest"""
+LISTENS = 0.5
+"""[s] for which it waits for a packet before it looks whether it is to end"""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Which part each channel moves."""
+
+    vehicle: Vehicle
+    parts: tuple[str, ...]
+    """Names of parts, the first for channel 1."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, names: Sequence[str] = ()) -> Channels:
+        """The channels of a vehicle; without names, its parts in the order of its file.
+
+        Raises:
+          InputError: an unknown part, or one twice.
+        """
+        for name in names:
+            if name not in vehicle.part_names:
+                what = f"channel: part of vehicle {vehicle.name!r}"
+                raise InputError(unknown_name(what, name, vehicle.part_names))
+            if list(names).count(name) > 1:
+                raise InputError(f"channel: the part {name!r} has two channels; give it one")
+        return cls(vehicle, tuple(names) or tuple(vehicle.part_names))
+
+    def command(self, pulses: Sequence[int]) -> Command:
+        """Positions of the parts: 1500 us is rest, 1000 and 2000 us are the ends of the travel. A
+        pulse of 0, which is no pulse, is rest."""
+        positions = {}
+        for name, pulse in zip(self.parts, pulses, strict=False):
+            part = self.vehicle.part(name)
+            if pulse == 0:
+                positions[name] = part.rest
+                continue
+            way = (min(max(float(pulse), LOW), HIGH) - MIDDLE) / (HIGH - MIDDLE)
+            end = part.high if way > 0.0 else part.low
+            positions[name] = part.rest + abs(way) * (end - part.rest)
+        return Command(**positions)
+
+
+@dataclass
+class Served:
+    """Account of a server."""
+
+    frames: int = 0
+    repeated: int = 0
+    """Packets whose frame was flown already: answered again, not flown again."""
+    skipped: int = 0
+    """Frames that never came."""
+    refused: int = 0
+    """Packets that were none, or of another client than the one that drives."""
+    restarts: int = 0
+    lost: int = 0
+    """Times that the client fell silent and the vehicle went into its failsafe."""
+
+
+class ArduPilotServer:
+    """Answers one client at a time; a context manager that holds the socket."""
+
+    def __init__(
+        self,
+        flown: SteppedVehicle,
+        channels: Channels,
+        *,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        silence: float = 2.0,
+        exposed_to: Sequence[str] = (),
+        telemetry: Callable[[SteppedVehicle], None] | None = None,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Bind the socket.
+
+        Args:
+          flown: the vehicle.
+          channels: of its parts.
+          host, port: where packets arrive; port 0 takes a free one.
+          silence: [s] without a packet after which the client is lost: the vehicle then flies its
+            failsafe in real time until a client comes back.
+          exposed_to: addresses and networks of the clients that may drive, where the host is one
+            that other machines reach. The protocol has no place for a token, and who can send
+            packets with a false address is let in too.
+          telemetry: called after each frame.
+          tell: takes a line when a client is refused, once for each.
+
+        Raises:
+          InputError: a host that other machines reach without `exposed_to`, one that they do not
+            reach with it, no such address, or the port is taken.
+        """
+        self._allowed = [_network(word) for word in exposed_to]
+        if not self._allowed and not own_machine(host):
+            raise InputError(
+                f"{host} can be reached by other machines, and the protocol has no field for a "
+                "token: serve on 127.0.0.1, or name who may drive, --exposed-to ADDRESS, on a "
+                "network that you trust"
+            )
+        if self._allowed and own_machine(host):
+            raise InputError(
+                f"--exposed-to is for other machines, which do not reach {host}: give --host too, "
+                "such as 0.0.0.0, or leave it out"
+            )
+        if not silence > 0.0:
+            raise InputError(f"silence must be above 0 s, not {silence:g}")
+        self.flown, self.channels, self.silence = flown, channels, silence
+        self.served = Served()
+        self._telemetry, self._tell = telemetry, tell
+        self._refused: set[tuple[str, int]] = set()
+        self._client: tuple[str, int] | None = None
+        self._frame, self._answer, self._heard = -1, b"", 0.0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise InputError(f"cannot serve on {host}:{port}: {error.strerror}") from error
+
+    def __enter__(self) -> ArduPilotServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        host, port = self._socket.getsockname()
+        return str(host), int(port)
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> Served:
+        """Serve until the flight ends or `until` says so; what was served.
+
+        Meanwhile Python's collector leaves out everything that was made before: looking through it
+        takes longer than an answer.
+        """
+        gc.collect()
+        gc.freeze()
+        try:
+            return self._serve(until)
+        finally:
+            gc.unfreeze()
+
+    def _serve(self, until: Callable[[], bool]) -> Served:
+        while not self.flown.ended and not until():
+            self._socket.settimeout(min(self.silence, LISTENS))
+            try:
+                data, sender = self._socket.recvfrom(1024)
+            except TimeoutError:
+                silent = time.monotonic() - self._heard >= self.silence
+                if self._client is not None and silent:
+                    self._drift(until)
+                continue
+            self._take(data, sender)
+        return self.served
+
+    def _take(self, data: bytes, sender: tuple[str, int]) -> None:
+        """Fly the frame of a packet and answer it."""
+        packet = _unpack(data)
+        driver = self._client or sender
+        why = ""
+        if not self._may_drive(sender):
+            why = "its address is not among those of --exposed-to"
+        elif driver != sender:
+            why = "{}:{} drives, until it is silent for {:g} s".format(*driver, self.silence)
+        if packet is None or why:
+            self.served.refused += 1
+            if packet is not None and sender not in self._refused:
+                self._refused.add(sender)
+                self._tell("{}:{} is refused: {}".format(*sender, why))
+            return
+        rate, frame, pulses = packet
+        self._client, self._heard = sender, time.monotonic()
+        last = self._frame
+        if frame == last:
+            self.served.repeated += 1
+        else:
+            if frame < last:  # ArduPilot was started again
+                self.flown.reset()
+                self.served.restarts += 1
+            elif last >= 0:
+                self.served.skipped += frame - last - 1
+            self._frame = frame
+            self.flown.step(self.channels.command(pulses), 1.0 / rate)
+            self._answer = answer(self.flown)
+            self.served.frames += 1
+        with contextlib.suppress(ConnectionError):  # a client that has just gone
+            self._socket.sendto(self._answer, sender)
+        if self._telemetry is not None and frame != last:  # while the client thinks
+            self._telemetry(self.flown)
+
+    def _may_drive(self, sender: tuple[str, int]) -> bool:
+        """Accept a sender of this machine, or one that the server is exposed to."""
+        address = ipaddress.ip_address(sender[0])
+        return address.is_loopback or any(address in one for one in self._allowed)
+
+    def _drift(self, until: Callable[[], bool]) -> None:
+        """The client is lost: fly the failsafe in real time until a packet comes."""
+        self.served.lost += 1
+        self._client = None
+        command, begun, first = self.flown.failsafe(), time.monotonic(), self.flown.time
+        while not self.flown.ended and not until():
+            self.flown.step(command)
+            if self._telemetry is not None:
+                self._telemetry(self.flown)
+            ahead = (self.flown.time - first) - (time.monotonic() - begun)
+            self._socket.settimeout(max(ahead, 1e-3))
+            try:
+                data, sender = self._socket.recvfrom(1024)
+            except TimeoutError:
+                continue
+            self._take(data, sender)
+            if self._client is not None:
+                return
+
+
+def own_machine(host: str) -> bool:
+    """Tell a host that is reached from this machine alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _network(word: str) -> ipaddress.IPv4Network:
+    try:
+        return ipaddress.IPv4Network(word.strip(), strict=False)
+    except ValueError as error:
+        raise InputError(
+            f"--exposed-to {word!r} is no address or network, such as 192.168.1.20 or "
+            "192.168.1.0/24"
+        ) from error
+
+
+def _unpack(data: bytes) -> tuple[float, int, tuple[int, ...]] | None:
+    """Frame rate [Hz], counter and pulses [us] of a packet; None where it is none."""
+    if len(data) < 2:
+        return None
+    layout = PACKETS.get(int.from_bytes(data[:2], "little"))
+    if layout is None or len(data) != layout.size:
+        return None
+    _, rate, frame, *pulses = layout.unpack(data)
+    return (float(rate), frame, tuple(pulses)) if rate > 0 else None
+
+
+def answer(flown: SteppedVehicle) -> bytes:
+    """The state as the protocol has it."""
+    now = flown.state()
+    angles = (math.radians(now[f"true_{name}"]) for name in ("roll", "pitch", "heading"))
+    fields = {
+        "timestamp": flown.time,
+        "imu": {
+            "gyro": [now[f"true_{name}_rate"] for name in ("roll", "pitch", "yaw")],
+            "accel_body": [now[f"true_specific_force_{axis}"] for axis in "xyz"],
+        },
+        "position": [now["true_north"], now["true_east"], now["true_depth"]],
+        "quaternion": euler_to_quaternion(*angles).tolist(),
+        "velocity": [now[f"true_velocity_{axis}"] for axis in ("north", "east", "down")],
+    }
+    altitude = now.get("true_altitude", math.inf)
+    if math.isfinite(altitude):
+        fields["rng_1"] = altitude
+    return b"\n" + json.dumps(fields, separators=(",", ":")).encode() + b"\n"
+
+
+RATE = 4.0
+"""[Hz] of attitude and position, in the vehicle's time"""
+SURFACE = 1013.25
+"""[hPa] of the air"""
+HPA_PER_METRE = 100.52
+"""[hPa/m] sea water of 1025 kg/m3 at 9.807 m/s2"""
+
+
+class MavlinkTelemetry:
+    """Sends heartbeat, attitude, position and pressure; reads nothing."""
+
+    def __init__(self, address: str, start: tuple[float, float]) -> None:
+        """Open the connection.
+
+        Args:
+          address: as of pymavlink, such as udpout:127.0.0.1:14550.
+          start: latitude and longitude [degree] of the flight's start.
+
+        Raises:
+          ModuleNotFoundError: pymavlink is not installed.
+          InputError: pymavlink cannot open the address.
+        """
+        from pymavlink import mavutil
+
+        self._words = mavutil.mavlink
+        try:
+            self._link = mavutil.mavlink_connection(address, source_system=1)
+        except Exception as error:
+            raise InputError(
+                f"--mavlink {address}: {error}; give an address such as udpout:127.0.0.1:14550"
+            ) from error
+        self._start = start
+        self._beat = self._sent = -1
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._link.close()
+
+    def __call__(self, flown: SteppedVehicle) -> None:
+        """Send what is due."""
+        words, send = self._words, self._link.mav
+        beat, due = (math.floor(rate * flown.time + 1e-6) for rate in (1.0, RATE))
+        if beat != self._beat:  # also after a reset
+            self._beat = beat
+            send.heartbeat_send(
+                words.MAV_TYPE_SUBMARINE, words.MAV_AUTOPILOT_GENERIC,
+                words.MAV_MODE_FLAG_SAFETY_ARMED, 0, words.MAV_STATE_ACTIVE,
+            )  # fmt: skip
+        if due == self._sent:
+            return
+        self._sent = due
+        now, ms = flown.state(), round(1e3 * flown.time)
+        angles = [math.radians(now[f"true_{name}"]) for name in ("roll", "pitch", "heading")]
+        angles[2] = math.remainder(angles[2], 2.0 * math.pi)
+        rates = [now[f"true_{name}_rate"] for name in ("roll", "pitch", "yaw")]
+        north, east, depth = (now[f"true_{name}"] for name in ("north", "east", "depth"))
+        speed = [now[f"true_velocity_{axis}"] for axis in ("north", "east", "down")]
+        latitude, longitude = from_tangent_plane(np.array(north), np.array(east), *self._start)
+        send.attitude_send(ms, *angles, *rates)
+        send.local_position_ned_send(ms, north, east, depth, *speed)
+        send.global_position_int_send(
+            ms, round(1e7 * float(latitude)), round(1e7 * float(longitude)), round(-1e3 * depth),
+            round(-1e3 * depth), *(round(1e2 * one) for one in speed),
+            round(1e2 * now["true_heading"]) % 36000,
+        )  # fmt: skip
+        send.scaled_pressure2_send(ms, SURFACE + HPA_PER_METRE * max(depth, 0.0), 0.0, 0)

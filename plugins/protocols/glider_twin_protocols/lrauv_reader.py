@@ -1,0 +1,310 @@
+"""Reader of LRAUV logs: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and csv files of its simulator.
+
+Every variable has a time of its own: in a .mat a group of time (days since year 0), value and
+units; in a .nc4 a coordinate NAME_time. Names are CF's standard names; values in a csv carry
+their unit as text. Angles of rudder and elevator have the signs that the vehicle writes, which
+are those of `tethys`: a positive elevator pitches the nose down. Positions that follow a
+surfacing may be reset to GPS already.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing import (
+    EMPTY,
+    NO_FIXES,
+    PRACTICAL,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+    ReadOptions,
+    Tally,
+    WrongFormat,
+    clean,
+    ctd_channels,
+    declared,
+    each_file,
+    expect_going,
+    note_empty,
+    note_unread,
+    parse_stamps,
+    payload_channels,
+    payload_names,
+    positions,
+    read_table,
+    tidy,
+    unit_of,
+    unix_seconds,
+    used_of_left,
+    with_dbar_by_depth,
+)
+from factory.importing.netcdf import as_array, attributes_of, open_netcdf, unit_in
+from twin import load_vehicle
+from twin.errors import InputError
+from twin.physics import declare_parts
+
+Array = NDArray[np.float64]
+
+MODEL = "tethys"
+"""Vehicle file that stands for them: the channels of actuators have the names of its parts."""
+_PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
+SOURCES = {
+    "measured_depth": ("depth",),
+    "measured_pressure": ("sea_water_pressure",),
+    "measured_pitch": ("platform_pitch_angle",),
+    "measured_roll": ("platform_roll_angle",),
+    "measured_heading": ("platform_orientation",),
+    "measured_pump": ("platform_buoyancy_position",),
+    "measured_shift": ("platform_mass_position",),
+    "measured_rudder": ("platform_rudder_angle",),
+    "measured_elevator": ("platform_elevator_angle",),
+    "measured_propeller": _PROPELLER,
+    "measured_charge": ("platform_battery_charge",),
+    "measured_voltage": ("platform_battery_voltage",),
+    "commanded_pump": ("VerticalControl.buoyancyAction",),
+    "commanded_shift": ("VerticalControl.massPositionAction",),
+    "commanded_elevator": ("VerticalControl.elevatorAngleAction",),
+    "commanded_rudder": ("HorizontalControl.rudderAngleAction",),
+    "commanded_propeller": ("SpeedControl.propOmegaAction",),
+}
+"""Channels of the store, and the variables that they come from."""
+_READ = (
+    *(name for names in SOURCES.values() for name in names), "latitude", "longitude",
+    "latitude_fix", "longitude_fix", "sea_water_temperature", "sea_water_salinity",
+    "EpochSeconds", "Timestamp", "time", "time_fix",
+)  # fmt: skip
+_WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
+_TURNING = 1.0
+"""[rad/s] A propeller that turns faster drives."""
+
+_SIMULATOR = (".csv", ".gz")
+
+TimedValues = tuple[Array, Array, str]
+"""Time as written, values, unit as written."""
+
+
+def read_lrauv(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
+    """One log for each file.
+
+    Raises:
+      WrongFormat: another kind of file.
+      InputError: truncated, or a unit that is not known.
+    """
+    every = each_file(paths, _series, tally)
+    return [_log(path, *found, options, tally) for path, found in every]
+
+
+def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
+    """Every variable of a file with its own time; and the other names: clocks, texts, tables."""
+    if path.suffix.lower() in _SIMULATOR:
+        return _csv(path), ["EpochSeconds", "Timestamp"]
+    with open_netcdf(path) as file:
+        try:
+            found = _groups(file) if file.groups else {}
+            found |= {n: s for n, s in _variables(file).items() if n not in found}
+        except (RuntimeError, OSError) as error:
+            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+        names = [*file.groups, *file.variables]
+        others = [*file.variables, *(n for n, g in file.groups.items() if not g.groups)]
+    if "depth" not in found and "sea_water_pressure" not in found:
+        raise WrongFormat(path, names)
+    for name in ("depth", "sea_water_pressure"):
+        if name in found:
+            written, values, _ = found[name]
+            time = unix_seconds(written, f"{path.name} {name}", Tally())
+            expect_going(f"time of {name}", time, {name: values}, path.name)
+    return found, [name for name in others if name not in found]
+
+
+def _groups(file: Any) -> dict[str, TimedValues]:
+    """MATLAB: groups of time, value, units; components are groups of such groups."""
+    found: dict[str, TimedValues] = {}
+    for name, group in file.groups.items():
+        if name.startswith("#"):
+            continue
+        if {"time", "value"} <= set(group.variables):
+            unit = group.variables.get("units")
+            codes = () if unit is None else as_array(unit[:])
+            text = "".join(chr(int(c)) for c in codes if 0.0 <= c <= sys.maxunicode)
+            time, values = (as_array(group.variables[n][:]) for n in ("time", "value"))
+            if len(time) == len(values):
+                found[name] = (time, values, text.strip("\0 "))
+        else:
+            for inner, series in {**_groups(group), **_variables(group)}.items():
+                found.setdefault(inner, series)
+    return found
+
+
+def _variables(file: Any) -> dict[str, TimedValues]:
+    """netCDF-4: variables along a time of their own, NAME_time or the dimension's coordinate."""
+    found: dict[str, TimedValues] = {}
+    for name, variable in file.variables.items():
+        if len(variable.dimensions) != 1 or variable.dtype == str:
+            continue
+        dimension = variable.dimensions[0]
+        clock = next(
+            (file.variables[n] for n in (f"{name}_time", dimension, "time") if n in file.variables),
+            None,
+        )
+        if clock is None or clock is variable or variable.dtype.kind not in "fiu":
+            continue
+        time, values = as_array(clock[:]), as_array(variable[:])
+        if len(time) == len(values):
+            found[name] = (time, values, unit_in(attributes_of(variable)))
+    return found
+
+
+def _csv(path: Path) -> dict[str, TimedValues]:
+    """The simulator's csv: each value is a number and the text of its unit."""
+    table = read_table(path)
+    names = [*table.columns, *table.texts]
+    if "depth" not in names or not {"EpochSeconds", "Timestamp"} & set(names):
+        raise WrongFormat(path, names)
+    time = table.columns.get("EpochSeconds")
+    if time is None:
+        time = parse_stamps(table.texts["Timestamp"])
+    found: dict[str, TimedValues] = {n: (time, v, "") for n, v in table.columns.items()}
+    for name, words in table.texts.items():
+        if name == "Timestamp":
+            continue
+        values, units = np.full(len(words), np.nan), set()
+        for i, word in enumerate(words):
+            match = _WITH_UNIT.match(str(word))
+            if match and match.group(1).lower() != "nan":
+                values[i] = float(match.group(1))
+                units.add((match.group(2) or "").strip())
+        if len(units) > 1:
+            raise InputError(f"{path.name}: column {name} mixes the units {', '.join(units)}")
+        found[name] = (time, values, units.pop() if units else "")
+    return found
+
+
+def _log(
+    path: Path,
+    series: Mapping[str, TimedValues],
+    others: Sequence[str],
+    options: ReadOptions,
+    tally: Tally,
+) -> DeploymentLog:
+    variation_deg = options.variation_deg
+    deployment = path.name.split(".")[0]
+
+    def channel(name: str, source: str, wanted: str) -> Channel:
+        written, numbers, unit = series[source]
+        values = declared(numbers, unit, wanted, source, tally, deployment=deployment)
+        if values is None:
+            return EMPTY
+        time = unix_seconds(written, f"{path.name} {source}", Tally())
+        time, columns = tidy(time, {name: values}, source, tally)
+        return clean(name, time, columns[name], tally, subject=source)
+
+    wanted = (*_READ, *payload_names(options.payload))
+    clocks = [f"{name}_time" for name in series if name in wanted]
+    note_unread("LRAUV log", [*series, *others], [*wanted, *clocks], tally)
+    empty = [n for n, (_, values, _) in series.items() if not np.isfinite(values).any()]
+    note_empty("LRAUV log", [*empty, *(f"{name}_time" for name in empty)], tally)
+    declare_parts(load_vehicle(MODEL))
+    channels: dict[str, Channel] = {}
+    for target, names in SOURCES.items():
+        source = next((n for n in names if n in series and np.isfinite(series[n][1]).any()), None)
+        if source is not None:
+            channels[target] = channel(target, source, unit_of(target))
+    if "measured_charge" in channels:
+        channels["measured_charge"] = used_of_left(channels["measured_charge"])
+    if not any(len(channels.get(f"measured_{name}", ())) for name in ("depth", "pressure")):
+        raise InputError(f"{path.name} holds no depth")
+    tally.add("read", path.name, max(len(c) for c in channels.values()), "samples")
+    channels = with_dbar_by_depth(channels, tally, deployment)
+    if "measured_heading" in channels and variation_deg is not None:
+        turned = channels["measured_heading"]
+        channels["measured_heading"] = Channel(
+            turned.time, np.mod(turned.values + variation_deg, 360.0)
+        )
+    fixes = _fixes(path, series, tally)
+    depth = channels.get("measured_depth") or channels["measured_pressure"]
+    if "sea_water_temperature" in series:
+        warm = channel("measured_temperature", "sea_water_temperature", "degree_Celsius")
+        practical = None
+        if "sea_water_salinity" in series:
+            fresh = channel("measured_salinity", "sea_water_salinity", PRACTICAL)
+            practical = fresh.known(warm.time)
+        north, east = fixes.at(warm.time)
+        channels |= ctd_channels(
+            warm.time,
+            temperature=warm.values,
+            pressure=depth.known(warm.time),
+            practical=practical,
+            latitude=north,
+            longitude=east,
+            tally=tally,
+        )
+    found, units = {}, {}
+    for name in payload_names(options.payload):
+        if name in series:
+            written, values, units[name] = series[name]
+            time, columns = tidy(
+                unix_seconds(written, f"{path.name} {name}", Tally()), {name: values}, name, tally
+            )
+            there = np.isfinite(columns[name])
+            found[name] = Channel(time[there], columns[name][there])
+    channels |= payload_channels(found, options.payload, tally, units=units)
+    auxiliary: dict[str, Channel] = {}
+    if "latitude" in series and "longitude" in series:
+        latitude = channel("latitude", "latitude", "degree")
+        longitude = channel("longitude", "longitude", "degree")
+        if len(latitude) > 1 and len(longitude) > 1:
+            auxiliary |= {"latitude": latitude, "longitude": longitude}
+    spin = channels.get("measured_propeller", EMPTY)
+    if len(spin):
+        auxiliary["thruster"] = Channel(spin.time, (np.abs(spin.values) > _TURNING).astype(float))
+    return DeploymentLog(
+        deployment=deployment,
+        platform="LRAUV",
+        channels={name: c for name, c in channels.items() if len(c)},
+        fixes=fixes,
+        magnetic_variation=EMPTY,
+        auxiliary=auxiliary,
+        files=(path.name,),
+        model=MODEL,
+        # the vehicle logs no csv: they come from its software in a simulated sea
+        simulated=path.suffix.lower() in _SIMULATOR,
+    )
+
+
+def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> LoggedFixes:
+    """GPS fixes: latitude and longitude are logged milliseconds apart and belong together."""
+    if not {"latitude_fix", "longitude_fix"} <= set(series):
+        return NO_FIXES
+    parts = []
+    for name in ("latitude_fix", "longitude_fix"):
+        written, numbers, unit = series[name]
+        values = declared(numbers, unit, "degree", name, tally, deployment=path.name.split(".")[0])
+        if values is None:
+            return NO_FIXES
+        time = unix_seconds(written, f"{path.name} {name}", Tally())
+        time, columns = tidy(time, {name: values}, name, tally)
+        there = np.isfinite(columns[name])
+        parts.append((time[there], columns[name][there]))
+    (time, latitude), (other, longitude) = parts
+    if not len(time) or not len(other):
+        return NO_FIXES
+    right = np.clip(np.searchsorted(other, time), 0, len(other) - 1)
+    left = np.maximum(right - 1, 0)
+    near = np.where(np.abs(other[left] - time) < np.abs(other[right] - time), left, right)
+    pair = np.abs(other[near] - time) < _TOGETHER
+    tally.add("removed", "GPS fixes", int((~pair).sum()), "latitude without longitude")
+    latitude, longitude = positions(latitude[pair], longitude[near][pair], "GPS fixes", tally)
+    good = np.isfinite(latitude) & np.isfinite(longitude)
+    return LoggedFixes(time[pair][good], latitude[good], longitude[good])
+
+
+_TOGETHER = 2.0
+"""[s] Halves of one fix are never further apart."""

@@ -1,0 +1,188 @@
+"""Packets of IMC, the Inter-Module Communication of LSTS, as a log (.lsf, .lsf.gz) holds them.
+
+A packet is a header of 20 bytes (synchronization number, number of the message, bytes of its
+payload, time, system and entity that sent it, and for whom), the payload and a CRC-16: IMC.xml of
+github.com/LSTS/imc, 5.4. The synchronization number tells the byte order. `imcpy`, the binding of
+DUNE's own code, decodes a packet and checks its sum; here they are found, and damage is passed
+over.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from factory.importing import TRUNCATED, Tally
+from twin.bounded import unpacked_file
+from twin.errors import InputError
+
+ORDERS = {b"\x54\xfe": "<", b"\xfe\x54": ">"}
+"""Byte order by the first two bytes of a packet"""
+HEADER, FOOTER = 20, 2
+"""[byte]"""
+GZIP = b"\x1f\x8b"
+SYSTEM, ENTITY = "src", "src_ent"
+
+Source = tuple[str, int, int]
+"""Message, system that sent it, and its entity; the number of the servo or thruster instead where
+the message has one (`id`), or -1 where that is not read"""
+
+
+@dataclasses.dataclass
+class Packets:
+    """Content of the packets of a log."""
+
+    rows: dict[Source, list[tuple[float, ...]]] = dataclasses.field(default_factory=dict)
+    """Time [s] unix and the wanted fields of each message, in the order of the log"""
+    fields: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    """Wanted fields that a message has as numbers"""
+    labels: dict[tuple[int, int], str] = dataclasses.field(default_factory=dict)
+    """Labels of a system's entities (EntityInfo)"""
+    names: dict[Source, int] = dataclasses.field(default_factory=dict)
+    """Count of every message"""
+    title: str = ""
+    """Name of the log by the vehicle (LoggingControl)"""
+
+
+def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) -> Packets:
+    """The wanted fields of the wanted messages of a log.
+
+    Args:
+      wanted: fields by message, such as {"Depth": ["value"]}.
+
+    Raises:
+      InputError: no packet of IMC is in it.
+    """
+    import imcpy
+
+    data = _content(path, tally)
+    numbers = {imcpy.Factory.id_from_abbrev(name): name for name in wanted if _known(name)}
+    said = {imcpy.Factory.id_from_abbrev(n): n for n in ("EntityInfo", "LoggingControl")}
+    found = Packets()
+    every: dict[int, tuple[str, bool]] = {}
+    for number, system, entity, packet in _packets(path, data, tally):
+        if number not in every:
+            every[number] = _name(number)
+        name, numbered = every[number]
+        source = (name, system, -1 if numbered else entity)
+        found.names[source] = found.names.get(source, 0) + 1
+        if number not in numbers and number not in said:
+            continue
+        try:
+            message = imcpy.Packet.deserialize(packet)
+        except RuntimeError as error:  # a wrong sum, or a layout of another version
+            tally.add("removed", name, 1, f"messages with {' '.join(str(error).split())}")
+            continue
+        if number in said:
+            _hear(message, name, found)
+        if number in numbers:
+            _keep(message, name, wanted[name], found)
+    if not found.names:
+        raise InputError(
+            f"{path.name} holds no packet of IMC 5: it begins with {data[:2].hex() or 'nothing'}, "
+            "and packets with 54fe or fe54. Logs of IMC before version 5 must be converted first, "
+            "by Neptus"
+        )
+    return found
+
+
+def _content(path: Path, tally: Tally) -> bytes:
+    """The bytes of a log, unpacked; of a packed one that was cut off, those that are there."""
+    with path.open("rb") as file:
+        if file.read(2) != GZIP:
+            file.seek(0)
+            return file.read()
+    whole = bytearray()
+    with unpacked_file(path) as file:
+        try:
+            while some := file.read1(2**20):
+                whole += some
+        except (EOFError, OSError, zlib.error) as error:
+            words = " ".join(str(error).split())
+            tally.add("note", path.name, 1, f"{TRUNCATED}unpacked up to {len(whole)} byte: {words}")
+    return bytes(whole)
+
+
+def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, int, bytes]]:
+    """Number of the message, system and entity that sent it, and all bytes of each packet; what is
+    between packets is counted.
+
+    A packet ends where the next one begins or the log ends, or its sum is right. What claims to be
+    one and is not is damage, and the search goes on behind its first byte.
+    """
+    place = end = lost = 0
+    while 0 <= place <= len(data) - HEADER - FOOTER:
+        order = ORDERS.get(data[place : place + 2])
+        if order is not None:
+            number, size, _, system, entity = struct.unpack_from(f"{order}HHdHB", data, place + 2)
+            stop = place + HEADER + size + FOOTER
+            follows = stop == len(data) or data[stop : stop + 2] in ORDERS
+            if follows or (stop < len(data) and _is_whole(data[place:stop])):
+                lost += place - end
+                yield number, system, entity, data[place:stop]
+                place = end = stop
+                continue
+        place = min((p for s in ORDERS if (p := data.find(s, place + 1)) >= 0), default=-1)
+    tally.add("removed", path.name, lost, "byte between packets: damaged")
+    if end and end < len(data):
+        tally.add("note", path.name, 1, f"{TRUNCATED}{len(data) - end} byte behind the last packet")
+
+
+def _is_whole(packet: bytes) -> bool:
+    """Check the sum of a packet, whose message must be known."""
+    import imcpy
+
+    try:
+        imcpy.Packet.deserialize(packet)
+    except RuntimeError:
+        return False
+    return True
+
+
+def _known(name: str) -> bool:
+    import imcpy
+
+    try:
+        imcpy.Factory.id_from_abbrev(name)
+    except RuntimeError:
+        return False
+    return True
+
+
+def _name(number: int) -> tuple[str, bool]:
+    """Name of IMC's message of a number; True if it numbers parts of its sender."""
+    import imcpy
+
+    message = imcpy.Factory.produce(number)
+    if message is None:
+        return f"message_{number}", False
+    return str(message.msg_name), hasattr(message, "id")
+
+
+def _hear(message: Any, name: str, found: Packets) -> None:
+    """Names of entities, and of the log."""
+    if name == "EntityInfo":
+        found.labels[(getattr(message, SYSTEM), message.id)] = str(message.label)
+    else:
+        found.title = str(message.name) or found.title
+
+
+def _keep(message: Any, name: str, wanted: Sequence[str], found: Packets) -> None:
+    fields = found.fields.get(name)
+    if fields is None:
+        fields = found.fields[name] = [one for one in wanted if _is_number(message, one)]
+    part = message.id if hasattr(message, "id") else getattr(message, ENTITY)
+    row = (message.timestamp, *(float(getattr(message, field)) for field in fields))
+    found.rows.setdefault((name, getattr(message, SYSTEM), part), []).append(row)
+
+
+def _is_number(message: Any, field: str) -> bool:
+    try:
+        float(getattr(message, field))
+    except (AttributeError, TypeError, ValueError):
+        return False
+    return True

@@ -1,0 +1,365 @@
+"""ROS topics: which messages are made of which signals, of a store's mission or of a vehicle that
+flies now.
+
+Standard messages where there is one, and std_msgs/Float64 for every other signal. What happened is
+below /truth, what the sensors said below /measured, what was asked for below /commanded. Units are
+those of REP 103: metre, radian, second, pascal, cubic metre.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glider_twin_protocols.cdr import body, orientation, to_body, world
+from twin.records import FIXES
+from twin.records.schema import VARIABLES
+from twin.sensors import Imu
+
+Array = NDArray[np.float64]
+
+MAP, BASE, IMU = "map", "base_link", "imu_link"
+TRUE = "_true"
+"""Behind the frames of the true vehicle, of which the measured one is an estimate"""
+GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
+"""Namespace by the first word of a signal"""
+SURFACE_PRESSURE, PASCAL = 101_325.0, 1e4
+"""[Pa] of the air, which stores leave out and FluidPressure contains; [Pa] in a dbar"""
+SI = {
+    "degree": ("rad", np.pi / 180.0),
+    "degree s-1": ("rad s-1", np.pi / 180.0),
+    "cm3": ("m3", 1e-6),
+    "dbar": ("Pa", PASCAL),
+}
+"""Unit that stands for one of the store's, and its factor"""
+RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
+ANGLES = ("roll", "pitch", "heading")
+CURRENT = ("current_north", "current_east", "current_down")
+DVL_MODES = {"bottom": 1, "water": 2}
+UNKNOWN, APPROXIMATED = 0, 1
+"""Kinds of covariance of a NavSatFix"""
+FIX, GPS = 0, 1
+"""Status and service of a NavSatFix"""
+NOT_MEASURED = (-1.0, *(0.0,) * 8)
+"""Covariance of an Imu's quantity that it does not measure"""
+
+
+class Samples(Protocol):
+    """Mission, or moment of a flight, that topics are made of."""
+
+    names: list[str]
+    """Names of its signals, as in a store"""
+    count: int
+    time: NDArray[np.int64]
+    """[ns] unix time of each sample"""
+    latitude: Array
+    longitude: Array
+    """[degree] of each sample"""
+    logged: bool
+    """True if a real vehicle logged it, so that nobody knows the truth"""
+    imu_position: Array
+    """[m] from the centre of buoyancy, forward, starboard, down"""
+    gps_deviation: float | None
+    """[m] of the fixes, per axis; None where nobody knows it"""
+    imu: Imu | None
+    """The sensor behind `measured_...`, where it is known"""
+    period: float
+    """[s] between samples"""
+
+    def signal(self, name: str) -> Array:
+        """A signal in a store's units, (samples,)."""
+
+    def track(self) -> tuple[Array, Array]:
+        """North and east [m] of a log's places from the origin of `map`."""
+
+    def fixes(self) -> tuple[Array, Array]:
+        """Latitude and longitude [degree] of the GPS fixes, (samples,); NaN without one."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Topic:
+    """Messages of one topic of a mission."""
+
+    name: str
+    """Such as /measured/imu"""
+    type: str
+    """Such as sensor_msgs/msg/Imu"""
+    values: Mapping[str, Any]
+    """Fields as `cdr.encode` takes them, arrays with a row for each sample"""
+    known: NDArray[np.bool_]
+    """Samples that have a message"""
+    signals: tuple[str, ...]
+    """Signals that it was made of"""
+    frame: str = ""
+    """Frame of the header; empty where the type has none"""
+    units: str = ""
+    """Units of a bare number"""
+
+
+def topics(samples: Samples) -> Iterator[Topic]:
+    """All topics of a mission, standard messages first."""
+    used: set[str] = set()
+    for topic in _standard(samples):
+        used.update(topic.signals)
+        yield topic
+    for name in samples.names:
+        if name not in used or name.endswith("_depth"):
+            yield _number(samples, name)
+
+
+def _standard(samples: Samples) -> Iterator[Topic]:
+    simulated = not samples.logged
+    for group in ("true", "measured"):
+        if _all_of(samples, *_names(group, *ANGLES)):
+            yield from _imu(samples, group)
+        yield from _pose(samples, group)
+        if _all_of(samples, f"{group}_temperature"):
+            yield _stamped(
+                samples, f"/{GROUPS[group]}/temperature", "sensor_msgs/msg/Temperature",
+                {"temperature": samples.signal(f"{group}_temperature")}, [f"{group}_temperature"],
+            )  # fmt: skip
+        current = _names(group, *CURRENT[:2])
+        if _all_of(samples, *current):
+            names = _names(group, *CURRENT)
+            vector = world(
+                *_vector(samples, group, "current_north", "current_east", "current_down")
+            )
+            yield _stamped(
+                samples, f"/{GROUPS[group]}/current", "geometry_msgs/msg/Vector3Stamped",
+                {"vector": _xyz(vector)}, names, frame=MAP,
+            )  # fmt: skip
+    if _all_of(samples, "measured_pressure"):
+        pressure = SURFACE_PRESSURE + PASCAL * samples.signal("measured_pressure")
+        yield _stamped(
+            samples, "/measured/pressure", "sensor_msgs/msg/FluidPressure",
+            {"fluid_pressure": pressure}, ["measured_pressure"],
+        )  # fmt: skip
+    yield from _doppler(samples)
+    if _all_of(samples, *FIXES):
+        latitude, longitude = samples.fixes()
+        yield _fix(samples, "/measured/fix", latitude, longitude, FIXES, samples.gps_deviation)
+    name = "/truth/fix" if simulated else "/measured/track"
+    yield _fix(samples, name, samples.latitude, samples.longitude, (), None)
+
+
+def _imu(samples: Samples, group: str) -> Iterator[Topic]:
+    """Attitude, rates and specific force, which ROS calls linear acceleration."""
+    suffix = TRUE if group == "true" else ""
+    rates, forces = _names(group, *RATES), _names(group, *FORCES)
+    angles = _names(group, *ANGLES)
+    spread = _imu_covariances(samples) if group == "measured" else ((0.0,) * 9, (0.0,) * 9)
+    moved, pushed = _all_of(samples, *rates), _all_of(samples, *forces)
+    names = [*angles, *(rates if moved else ()), *(forces if pushed else ())]
+    values = {
+        "orientation": _xyzw(_orientation(samples, group)),
+        "angular_velocity": _xyz(body(*_vector(samples, group, *RATES))),
+        "angular_velocity_covariance": spread[0] if moved else NOT_MEASURED,
+        "linear_acceleration": _xyz(body(*_vector(samples, group, *FORCES))),
+        "linear_acceleration_covariance": spread[1] if pushed else NOT_MEASURED,
+    }
+    frame = (IMU if pushed else BASE) + suffix
+    topic = f"/{GROUPS[group]}/imu"
+    yield _stamped(samples, topic, "sensor_msgs/msg/Imu", values, names, frame=frame)
+
+
+def _pose(samples: Samples, group: str) -> Iterator[Topic]:
+    """Where the vehicle is, as odometry, pose and transform."""
+    measured = group == "measured"
+    logged = samples.logged
+    tracks = ("north", "east") if not measured else ("onboard_north", "onboard_east")
+    names = [*_names(group, *tracks), f"{group}_depth", *_names(group, *ANGLES)]
+    if measured and logged and _all_of(samples, *names[2:]):
+        names = names[2:]
+        north, east = samples.track()
+    elif _all_of(samples, *names):
+        north, east = _vector(samples, group, *tracks)
+    else:
+        return
+    place = world(north, east, samples.signal(f"{group}_depth"))
+    turn = _orientation(samples, group)
+    child = BASE if measured else BASE + TRUE
+    pose = {"position": _xyz(place), "orientation": _xyzw(turn)}
+    over = _names(group, "velocity_north", "velocity_east", "velocity_down")
+    rates = _names(group, *RATES)
+    if _all_of(samples, *over, *rates):
+        speed = to_body(turn, world(*(samples.signal(name) for name in over)))
+        twist = _twist(speed, body(*_vector(samples, group, *RATES)))
+        values = {"child_frame_id": child, "pose": {"pose": pose}, "twist": {"twist": twist}}
+        names = [*names, *over, *rates]
+        topic = f"/{GROUPS[group]}/odometry"
+        yield _stamped(samples, topic, "nav_msgs/msg/Odometry", values, names, frame=MAP)
+    else:
+        topic = f"/{GROUPS[group]}/pose"
+        values = {"pose": pose}
+        yield _stamped(samples, topic, "geometry_msgs/msg/PoseStamped", values, names, frame=MAP)
+    water = _names(group, "surge", "sway", "heave")
+    if _all_of(samples, *water):
+        through = body(*(samples.signal(name) for name in water))
+        twist = _twist(through, body(*_vector(samples, group, *RATES)))
+        yield _stamped(
+            samples, f"/{GROUPS[group]}/velocity_through_water", "geometry_msgs/msg/TwistStamped",
+            {"twist": twist}, water, frame=child,
+        )  # fmt: skip
+    transform = {
+        "header": {"stamp": _stamp(samples.time), "frame_id": MAP},
+        "child_frame_id": child,
+        "transform": {"translation": _xyz(place), "rotation": _xyzw(turn)},
+    }
+    known = np.isfinite(np.concatenate([place, turn], axis=1)).all(axis=1)
+    yield _transforms("/tf", transform, known)
+    offset = body(*(np.full(samples.count, x) for x in samples.imu_position))
+    fixed = {
+        "header": {"stamp": _stamp(samples.time), "frame_id": child},
+        "child_frame_id": IMU if measured else IMU + TRUE,
+        "transform": {"translation": _xyz(offset), "rotation": {"w": 1.0}},
+    }
+    yield _transforms("/tf_static", fixed, np.arange(samples.count) == 0)
+
+
+def _doppler(samples: Samples) -> Iterator[Topic]:
+    """Velocity by the Doppler log, over the bottom and through the water apart."""
+    names = _names("measured", "dvl_surge", "dvl_sway", "dvl_heave")
+    if not _all_of(samples, *names, "measured_dvl_mode"):
+        return
+    speed = body(*(samples.signal(name) for name in names))
+    twist = {"twist": {"twist": _twist(speed, body(*_vector(samples, "measured", *RATES)))}}
+    mode = samples.signal("measured_dvl_mode")
+    for over, code in DVL_MODES.items():
+        topic = _stamped(
+            samples, f"/measured/dvl/{over}", "geometry_msgs/msg/TwistWithCovarianceStamped",
+            twist, [*names, "measured_dvl_mode"],
+        )  # fmt: skip
+        known = (mode == code) & np.isfinite(speed).all(axis=1)
+        yield dataclasses.replace(topic, known=known)
+
+
+def _fix(
+    samples: Samples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
+    deviation: float | None,
+) -> Topic:  # fmt: skip
+    """Places as a map shows them; the height is above the sea surface."""
+    depth = next((n for n in ("true_depth", "measured_depth") if n in samples.names), None)
+    deep = name != "/measured/fix" and depth is not None
+    height = -samples.signal(depth) if deep and depth is not None else np.zeros(samples.count)
+    variance = 0.0 if deviation is None else deviation**2
+    values = {
+        "status": {"status": FIX, "service": GPS},
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": height,
+        "position_covariance": (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, 0.0),
+        "position_covariance_type": UNKNOWN if deviation is None else APPROXIMATED,
+    }
+    frame = BASE + (TRUE if name.startswith("/truth") else "")
+    return _stamped(samples, name, "sensor_msgs/msg/NavSatFix", values, signals, frame=frame)
+
+
+def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Covariances of rates [(rad/s)2] and specific force [(m/s2)2]; zeros mean unknown.
+
+    White noise, bias instability and turn-on bias of a sample, each as its deviation.
+    """
+    imu = samples.imu
+    if imu is None:
+        return (0.0,) * 9, (0.0,) * 9
+    found = []
+    for density, instability, bias in (
+        (imu.gyro_noise_density, imu.gyro_bias_instability, imu.gyro_turn_on_bias),
+        (imu.accel_noise_density, imu.accel_bias_instability, imu.accel_turn_on_bias),
+    ):
+        variance = density**2 / samples.period + instability**2 + bias**2
+        found.append(tuple(np.diag([variance] * 3).ravel().tolist()))
+    return found[0], found[1]
+
+
+def in_si(name: str) -> tuple[str, float]:
+    """The unit of a signal's messages, and its factor to a store's numbers."""
+    stored = VARIABLES[name].units
+    return SI.get(stored, (stored, 1.0))
+
+
+def _number(samples: Samples, name: str) -> Topic:
+    """A signal that no standard message has."""
+    group, rest = name.split("_", 1)
+    units, factor = in_si(name)
+    values = samples.signal(name) * factor
+    return Topic(
+        name=f"/{GROUPS[group]}/{rest}", type="std_msgs/msg/Float64", values={"data": values},
+        known=np.isfinite(values), signals=(name,), units=units,
+    )  # fmt: skip
+
+
+def _stamped(
+    samples: Samples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
+    frame: str = BASE,
+) -> Topic:  # fmt: skip
+    """A topic with headers; samples with a gap in any field have no message."""
+    suffixed = frame + TRUE if name.startswith("/truth") and frame == BASE else frame
+    header = {"stamp": _stamp(samples.time), "frame_id": suffixed}
+    return Topic(
+        name=name, type=kind, values={"header": header, **values}, frame=suffixed,
+        known=_finite(values, samples.count), signals=tuple(signals),
+    )  # fmt: skip
+
+
+def _transforms(name: str, transform: Mapping[str, Any], known: NDArray[np.bool_]) -> Topic:
+    child = str(transform["child_frame_id"])
+    return Topic(
+        name=name, type="tf2_msgs/msg/TFMessage", values={"transforms": [transform]}, known=known,
+        signals=(), frame=child,
+    )  # fmt: skip
+
+
+def _finite(values: Any, count: int) -> NDArray[np.bool_]:
+    """Samples whose fields all are numbers."""
+    known = np.ones(count, bool)
+    if isinstance(values, np.ndarray):
+        known &= np.isfinite(values.reshape(count, -1)).all(axis=1)
+    elif isinstance(values, Mapping):
+        for value in values.values():
+            known &= _finite(value, count)
+    return known
+
+
+def _all_of(samples: Samples, *names: str) -> bool:
+    return all(name in samples.names for name in names)
+
+
+def _vector(samples: Samples, group: str, *names: str) -> tuple[Array, ...]:
+    """Signals of a group such as `true`; zeros where there are none."""
+    return tuple(
+        samples.signal(f"{group}_{name}") if f"{group}_{name}" in samples.names else
+        np.zeros(samples.count)
+        for name in names
+    )  # fmt: skip
+
+
+def _orientation(samples: Samples, group: str) -> Array:
+    """Quaternion (x, y, z, w) of the vehicle, (samples, 4)."""
+    return orientation(*_vector(samples, group, *ANGLES))
+
+
+def _names(group: str, *names: str) -> list[str]:
+    return [f"{group}_{name}" for name in names]
+
+
+def _stamp(time: NDArray[np.int64]) -> dict[str, Any]:
+    seconds, rest = np.divmod(time, 1_000_000_000)
+    return {"sec": seconds, "nanosec": rest}
+
+
+def _xyz(vector: Array) -> dict[str, Any]:
+    return dict(zip("xyz", vector.T, strict=True))
+
+
+def _xyzw(quaternion: Array) -> dict[str, Any]:
+    return dict(zip("xyzw", quaternion.T, strict=True))
+
+
+def _twist(linear: Array, angular: Array) -> dict[str, Any]:
+    return {"linear": _xyz(linear), "angular": _xyz(angular)}

@@ -1,0 +1,184 @@
+"""ROS 2 recordings with channels that nobody can read: the others are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import Flight
+from message_logs import dives, write_bag
+
+from factory.importing import import_logs
+from glider_twin_protocols.mcap_recording import Ros2Recording
+from twin.errors import InputError
+
+pytest.importorskip("rosbags.rosbag2")
+FLIGHT = Flight(depth=30.0)
+START = 1_700_000_000 * 10**9
+SERVICE = (
+    "a/Set_Request[<=1] request\n" + "=" * 80 + "\nMSG: a/srv/Set\nint64 a\n---\nint64 sum\n"
+).encode()
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of dives, all of whose channels can be read."""
+    time, state = dives(FLIGHT)
+    folder = tmp_path_factory.mktemp("plain")
+    return next(write_bag(folder / "bag", state, time, "mcap").glob("*.mcap"))
+
+
+def rewritten(
+    source: Path, target: Path, add: Callable[[Any], object], *, compression: str = "ZSTD"
+) -> Path:
+    """The recording with more channels before its own."""
+    from mcap.reader import make_reader
+    from mcap.writer import CompressionType, Writer
+
+    with source.open("rb") as stream, target.open("wb") as file:
+        writer = Writer(file, compression=CompressionType[compression])
+        writer.start(profile="ros2", library="test")
+        add(writer)
+        channels: dict[int, int] = {}
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time
+            )
+        writer.finish()
+    return target
+
+
+def add_channel(
+    writer: Any, topic: str, encoding: str, schema: tuple[str, str, bytes] | None, data: bytes
+) -> None:
+    number = 0 if schema is None else writer.register_schema(*schema)
+    channel = writer.register_channel(topic, encoding, number)
+    for k in range(5):
+        writer.add_message(channel, START + k, data, START + k)
+
+
+UNREAD = {
+    "json": ("json", ("note", "jsonschema", b'{"type": "object"}'), b'{"a": 1}', "are json"),
+    "json of no schema": ("json", None, b"{}", "are json"),
+    "protobuf": ("protobuf", ("x.Y", "protobuf", b"\x0a\x01a"), b"\x08\x01", "are protobuf"),
+    "service": ("cdr", ("a/srv/Set_Event", "ros2msg", SERVICE), b"\0" * 8, "cannot be read"),
+    "broken schema": ("cdr", ("a/msg/B", "ros2msg", b"float64[ x\n{{"), b"\0" * 8, "cannot be"),
+    "no type": ("cdr", ("a/msg/C", "ros2msg", b"d/Unknown x\n"), b"\0" * 8, ""),
+    "of an Imu's name": ("json", ("sensor_msgs/msg/Imu", "jsonschema", b"{}"), b"{}", "are json"),
+    "bytes that are no schema": ("cdr", ("a/msg/D", "ros2msg", b"\xff\xfe\0"), b"\0", "cannot be"),
+    "no schema": ("cdr", None, b"\0", "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREAD)
+@pytest.mark.parametrize("bag", [False, True])
+def test_a_channel_that_cannot_be_read_is_left_out_by_name(
+    plain: Path, tmp_path: Path, kind: str, bag: bool
+) -> None:
+    encoding, schema, data, why = UNREAD[kind]
+    target = tmp_path / "bag" / "bag_0.mcap"
+    target.parent.mkdir()
+    path = rewritten(plain, target, lambda w: add_channel(w, "/other", encoding, schema, data))
+    if bag:
+        text = (plain.parent / "metadata.yaml").read_text().replace(plain.name, path.name)
+        (path.parent / "metadata.yaml").write_text(text)
+    right, _ = import_logs("mcap", [plain])
+    found, report = import_logs("rosbag2" if bag else "mcap", [path.parent if bag else path])
+    for name in ("measured_depth", "measured_pitch", "measured_heading"):
+        np.testing.assert_array_equal(found[name].values, right[name].values)
+    if why:
+        (told,) = (e for e in report.entries if e.subject == "/other" and e.action == "left out")
+        assert why in told.detail
+        assert "recover" not in told.detail
+
+
+def test_a_topic_of_two_channels_keeps_the_readable_one(plain: Path, tmp_path: Path) -> None:
+    path = rewritten(
+        plain, tmp_path / "two.mcap",
+        lambda w: add_channel(w, "/pressure", "json", ("p", "jsonschema", b"{}"), b"{}"),
+    )  # fmt: skip
+    right, _ = import_logs("mcap", [plain])
+    found, _ = import_logs("mcap", [path])
+    np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
+
+
+def test_messages_that_are_none_are_removed_and_counted(plain: Path, tmp_path: Path) -> None:
+    channel = next(c for c in Ros2Recording(plain).channels if c.topic == "/pressure")
+    schema = next(s for s in _schemas(plain) if s.name == channel.kind)
+    path = rewritten(
+        plain, tmp_path / "broken.mcap",
+        lambda w: add_channel(
+            w, "/pressure", "cdr", (schema.name, schema.encoding, schema.data), b"\0\1\0\0\1"
+        ),
+    )  # fmt: skip
+    right, _ = import_logs("mcap", [plain])
+    found, report = import_logs("mcap", [path])
+    np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
+    (told,) = (e for e in report.entries if e.subject == "/pressure" and e.action == "removed")
+    assert told.count == 5
+
+
+def _schemas(path: Path) -> list[Any]:
+    from mcap.reader import make_reader
+
+    with path.open("rb") as stream:
+        return list(make_reader(stream).get_summary().schemas.values())
+
+
+@pytest.mark.parametrize("json", [False, True])
+def test_a_recording_of_no_known_topic_says_what_it_has(tmp_path: Path, json: bool) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        text = ("std_msgs/msg/String", "ros2msg", b"string data")
+        add_channel(writer, "/chatter", "json" if json else "cdr", text, b"\0\1\0\0\0\0\0\0")
+        writer.finish()
+    with pytest.raises(InputError, match="no topic of it is known; it has /chatter") as raised:
+        import_logs("mcap", [path])
+    assert "recover" not in str(raised.value)
+    assert "reindex" not in str(raised.value)
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_a_recording_is_the_same_however_it_is_packed(
+    plain: Path, tmp_path: Path, compression: str
+) -> None:
+    path = rewritten(plain, tmp_path / "a.mcap", lambda _: None, compression=compression)
+    right, _ = import_logs("mcap", [plain])
+    found, _ = import_logs("mcap", [path])
+    np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
+
+
+@pytest.mark.parametrize("compression", ["LZ4", "ZSTD"])
+@pytest.mark.parametrize("honest", [True, False])
+def test_a_chunk_that_unpacks_to_far_too_much_is_refused(
+    plain: Path, tmp_path: Path, compression: str, honest: bool
+) -> None:
+    """Whether it says its size or not."""
+
+    def add(writer: Any) -> None:
+        zeros = ("std_msgs/msg/String", "ros2msg", b"string data")
+        for _ in range(10):
+            add_channel(writer, "/zeros", "cdr", zeros, bytes(2**20))
+
+    path = rewritten(plain, tmp_path / "a.mcap", add, compression=compression)
+    assert path.stat().st_size < 2**20
+    if not honest:
+        data = bytearray(path.read_bytes())
+        at = data.index(b"\x06", 9 + int.from_bytes(data[9:17], "little") + 8)
+        assert int.from_bytes(data[at + 25 : at + 33], "little") > 2**20
+        data[at + 25 : at + 33] = (1000).to_bytes(8, "little")
+        path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.mcap (unpacks to|is damaged: a chunk has another)"):
+        import_logs("mcap", [path])

@@ -1,0 +1,355 @@
+"""Flight: the twin on a logged dive's targets, leg by leg and depth by depth.
+
+Turns: the twin flown with the positions of the log's turning part, so that both have one input. In
+closed loop a twin in calm water hardly moves its rudder, where the log's works against waves and a
+compass' noise. There pitch and pump stay in closed loop and the heading is left to itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, SimulationUnstable
+from twin.identify.heading_leg import Turning
+from twin.identify.replayed_dive import DivePiece, ReplayedDive, Target
+from twin.mission import Mission
+from twin.mission.controller import (
+    MEMORY,
+    Command,
+    FollowedPositions,
+    MissionController,
+    Observation,
+    followed,
+)
+from twin.mission.glide_balance import steady_glide
+from twin.mission.mission_file import DONE
+from twin.mission.segments import SawTooth
+from twin.physics.lanes import fly_in_lanes
+from twin.physics.model_block import state
+from twin.physics.mujoco_model import quiet_mujoco
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import Simulation
+from twin.physics.start import Start
+from twin.physics.stiffness import file_timestep
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+from twin.water.density import DensityProfile
+
+Array = NDArray[np.float64]
+
+SHALLOWEST = 2.0
+"""[m] where a twin starts and where its climbs end: nearer the surface its hull breaks it"""
+BIN = 2.0
+"""[m] of the density profile taken from the log"""
+SAMPLE_PERIOD = 1.0
+"""[s] of the twin's samples: a roll swings within ten"""
+PATIENCE = 2.0
+"""Times the log's duration that a twin may take for a dive"""
+LOOK = 10.0
+"""[s] between looks whether a dive is flown"""
+BEYOND = 0.05
+"""Part of its travel by which a log may pump more than the vehicle file lets the pump"""
+
+
+def fly_dives(
+    vehicle: Vehicle, dives: Sequence[ReplayedDive], engine: str = "mujoco"
+) -> list[Trajectory | SimulationUnstable]:
+    """The twin's flight on each dive's targets; of an unstable one the error with what it flew.
+
+    Args:
+      engine: as of `Scenario`; in lanes the dives fly side by side.
+
+    Raises:
+      InputError: the vehicle's pump cannot do what the log's did.
+      MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
+    """
+    if engine == "lanes":
+        scenarios = [
+            dataclasses.replace(closed_loop(vehicle, dive), engine=engine) for dive in dives
+        ]
+        return fly_in_lanes(scenarios, until_flown=True)
+    flights: list[Trajectory | SimulationUnstable] = []
+    with quiet_mujoco():
+        for dive in dives:
+            try:
+                flights.append(_fly(vehicle, dive))
+            except SimulationUnstable as error:
+                flights.append(error)
+    return flights
+
+
+def _fly(vehicle: Vehicle, dive: ReplayedDive) -> Trajectory:
+    """One dive, until it is flown or the twin has taken far longer than the log."""
+    simulation = Simulation(closed_loop(vehicle, dive))
+    steps = max(1, round(LOOK / simulation.model.opt.timestep))
+    for _ in range(-(-simulation.steps // steps)):
+        if simulation.failed or state(simulation.data)["guidance"][DONE]:
+            break
+        simulation.step(steps)
+    return simulation.trajectory(dive.row)
+
+
+def closed_loop(vehicle: Vehicle, dive: ReplayedDive) -> Scenario:
+    """A dive on its targets, for as long as it may take."""
+    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
+    return scenario_of(vehicle, dive, PATIENCE * logged)
+
+
+def scenario_of(
+    vehicle: Vehicle, dive: ReplayedDive, duration: float, *, plan: bool = True
+) -> Scenario:
+    """A dive as the twin flies it, for `duration` [s]: its targets as a mission, water, start.
+
+    Without `plan` the mission is left out, for a controller that flies it.
+    """
+    first = dive.targets[0]
+    leg = first.leg
+    begin = max(leg.top, SHALLOWEST) if leg.phase == "dive" else leg.bottom
+    heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
+    pump = vehicle.steered("buoyancy")
+    assert pump is not None
+    actuators = {pump.name: _within(vehicle, first.pieces[0].pump, dive.row)}
+    slide = vehicle.steered("pitch")
+    if slide is not None:
+        # where the vehicle has it before it dives: an encoder's zero may be far from any trim
+        net = vehicle.net_mass_for_pump(actuators[pump.name])
+        place = steady_glide(vehicle, math.radians(first.pitch), net).shift
+        actuators[slide.name] = min(max(place, slide.low), slide.high)
+    timestep = file_timestep(vehicle)
+    return Scenario(
+        vehicle=vehicle,
+        mission=mission_of(vehicle, dive) if plan else None,
+        duration=duration,
+        density=water_of(dive),
+        start=Start(
+            depth=begin,
+            heading=heading,
+            pitch=math.radians(first.pitch),
+            actuators=actuators,
+        ),
+        sample_period=max(round(SAMPLE_PERIOD / timestep), 1) * timestep,
+    )
+
+
+def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
+    """A saw-tooth for each piece of a leg that has a heading target of its own, ended by depth."""
+    segments: list[SawTooth] = []
+    top, bottom = SHALLOWEST, 0.0
+    for index, target in enumerate(dive.targets):
+        diving = target.leg.phase == "dive"
+        if diving:
+            top, bottom = max(target.leg.top, SHALLOWEST), target.turn_depth
+            if index:
+                top = max(dive.targets[index - 1].turn_depth, SHALLOWEST)
+        else:
+            top = max(target.turn_depth, SHALLOWEST)
+            bottom = max(bottom, top + 1.0) if index else target.leg.bottom
+        for piece in target.pieces:
+            until = float(dive.depth[piece.last])
+            if piece is target.pieces[-1]:
+                until = bottom if diving else top
+            segments.append(
+                SawTooth(
+                    min_depth_m=top,
+                    max_depth_m=bottom,
+                    until_depth_m=min(max(until, top), bottom),
+                    heading_deg=piece.heading,
+                    **_ways(vehicle, dive, index, piece),
+                )
+            )
+    last = segments[-1]
+    return Mission(
+        name=f"logged dive {dive.row}",
+        segments=tuple(segments),
+        at_end="hold",
+        ascent_pitch_deg=last.climb_pitch_deg or last.pitch_deg,
+    )
+
+
+def segment_legs(dive: ReplayedDive) -> list[int]:
+    """Number of the leg of each segment of a dive's mission."""
+    return [k for k, target in enumerate(dive.targets) for _ in target.pieces]
+
+
+def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
+    """Number of the log's leg that the twin was flying at each of its samples, (time,).
+
+    -1 once it has flown all: a mission that holds goes on with its last segment.
+    """
+    legs = segment_legs(dive)
+    segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
+    number = np.array(legs)[np.clip(segment, 0, len(legs) - 1)]
+    last = dive.targets[-1]
+    down = last.leg.phase == "dive"
+    end = last.turn_depth if down else max(last.turn_depth, SHALLOWEST)
+    depth = trajectory["true_depth"]
+    there = (number == len(dive.targets) - 1) & ((depth >= end) if down else (depth <= end))
+    if there.any():
+        number[int(np.argmax(there)) + 1 :] = -1
+    return number
+
+
+def water_of(dive: ReplayedDive) -> DensityProfile:
+    """The water over depth: medians of the log's in bins of depth."""
+    bins = np.maximum(np.round(dive.depth / BIN), 0).astype(int)
+    used = np.unique(bins[dive.measured]) if dive.measured.any() else np.unique(bins)
+    columns = [np.array([np.median(one[bins == k]) for k in used]) for one in dive.water]
+    density, temperature, salinity = (*columns, None, None)[:3]
+    assert density is not None
+    return DensityProfile(
+        depth=used * BIN, values=density, temperature=temperature, salinity=salinity
+    )
+
+
+FlownTurn = tuple[ReplayedDive, Trajectory, Array]
+"""A dive, its flight with the log's turns, and the number of the leg at each sample, (time,)"""
+
+
+class _Turned:
+    """Guidance whose turning part follows the log's positions from the start of each leg."""
+
+    def __init__(self, vehicle: Vehicle, dive: ReplayedDive, follow: FollowedPositions):
+        self._guidance = MissionController(mission_of(vehicle, dive), vehicle)
+        self._legs = segment_legs(dive)
+        self._part = vehicle.part_names[follow.part]
+        self._table, self._memory = follow.table(), np.zeros(MEMORY)
+        self.begun: list[tuple[float, int]] = []
+        """[s] and number of each leg, -1 for the end"""
+
+    def __call__(self, observation: Observation) -> Command:
+        command = self._guidance(observation)
+        segment = self._guidance.segment
+        leg = -1
+        if not self._guidance.done:
+            leg = self._legs[min(segment, len(self._legs) - 1)]
+        if not self.begun or leg != self.begun[-1][1]:
+            self.begun.append((observation.time, leg))
+        if leg < 0:
+            return command
+        position = followed(self._table, self._memory, observation.time, segment)
+        return Command(**{**command, self._part: float(position)})
+
+    def legs(self, time: Array) -> Array:
+        """Number of the leg at each time [s], (time,); -1 where none is flown."""
+        times, numbers = zip(*self.begun, strict=True)
+        return np.array(numbers)[np.searchsorted(times, time, side="right") - 1]
+
+
+def fly_turns(
+    vehicle: Vehicle,
+    flown: Sequence[tuple[ReplayedDive, Trajectory]],
+    turning: Turning,
+    engine: str = "mujoco",
+) -> tuple[list[FlownTurn], list[SimulationUnstable]]:
+    """Dives with the log's turns, and what ended those that could not be flown.
+
+    Args:
+      flown: dives that have turns, with the twin's flight in closed loop, which says how long one
+        takes.
+      turning: whose part is of the log's kind.
+      engine: as of `Scenario`; in lanes the dives fly side by side.
+    """
+    follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
+    if engine == "lanes":
+        scenarios = [
+            dataclasses.replace(scenario_of(vehicle, d, float(f.time[-1])), engine=engine)
+            for d, f in flown
+        ]
+        runs = fly_in_lanes(scenarios, follow=follow)
+        return (
+            [
+                (dive, run, legs_flown(dive, run))
+                for (dive, _), run in zip(flown, runs, strict=True)
+                if isinstance(run, Trajectory)
+            ],
+            [run for run in runs if isinstance(run, SimulationUnstable)],
+        )
+    found: list[FlownTurn] = []
+    failed: list[SimulationUnstable] = []
+    for (dive, flight), positions in zip(flown, follow, strict=True):
+        controller = _Turned(vehicle, dive, positions)
+        scenario = scenario_of(vehicle, dive, float(flight.time[-1]), plan=False)
+        try:
+            with quiet_mujoco():
+                run = Simulation(scenario).run(controller, mission=dive.row)
+        except SimulationUnstable as error:
+            failed.append(error)
+        else:
+            found.append((dive, run, controller.legs(run.time)))
+    return found, failed
+
+
+def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
+    """What the turning part does in place of its guidance."""
+    assert dive.turning is not None
+    part = vehicle.part(turning.part)
+    legs = [dive.targets[k].leg for k in segment_legs(dive)]
+    return FollowedPositions(
+        part=vehicle.part_names.index(part.name),
+        period=dive.period,
+        positions=np.clip(turning.sense * dive.turning / part.quantity.scale, part.low, part.high),
+        legs=tuple((leg.first, leg.last) for leg in legs),
+    )
+
+
+def _ways(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
+    """Pitch and buoyancy of a piece of a leg, with those of the other way from its neighbour."""
+    mine = dive.targets[index]
+    beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
+    found: dict[str, float] = {}
+    for target in (*beside, mine):
+        way = "" if target.leg.phase == "dive" else "climb_"
+        found[f"{way}pitch_deg"] = _pitch(target, dive.row)
+        pump = piece.pump if target is mine else target.pump
+        found[f"{way}net_mass_kg"] = _net_mass(vehicle, target, pump, dive.row)
+    if "pitch_deg" not in found:
+        found["pitch_deg"] = found["climb_pitch_deg"]
+        found["net_mass_kg"] = found["climb_net_mass_kg"]
+    return found
+
+
+def _pitch(target: Target, row: int) -> float:
+    """Magnitude [deg] of a leg's pitch."""
+    signed = -target.pitch if target.leg.phase == "dive" else target.pitch
+    if signed <= 0.0:
+        raise InputError(
+            f"dive {row}: the log {_verb(target)} at a pitch of {target.pitch:.1f} deg, nose the "
+            "wrong way: its pitch is not that of a glide; leave the dive out with --missions"
+        )
+    return signed
+
+
+def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
+    """Magnitude [kg] of a leg's net mass at reference density, its pump at `pump` [cm3]."""
+    net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
+    signed = net if target.leg.phase == "dive" else -net
+    if signed <= 0.0:
+        raise InputError(
+            f"dive {row}: the log {_verb(target)} with its pump at {pump:.0f} cm3, where "
+            f"vehicle {vehicle.name!r} is {'light' if net < 0.0 else 'heavy'}: it is another "
+            "vehicle, or not trimmed as the log's; identify it first (`twin identify`)"
+        )
+    return signed
+
+
+def _verb(target: Target) -> str:
+    return "dives" if target.leg.phase == "dive" else "climbs"
+
+
+def _within(vehicle: Vehicle, position: float, row: int) -> float:
+    """A logged pump position [cm3] inside the travel of the vehicle's pump."""
+    pump = vehicle.steered("buoyancy")
+    assert pump is not None
+    slack = BEYOND * (pump.high - pump.low)
+    if not pump.low - slack <= position <= pump.high + slack:
+        raise InputError(
+            f"dive {row}: the log's pump is at {position:.0f} cm3, that of vehicle "
+            f"{vehicle.name!r} moves from {pump.low:g} to {pump.high:g}: give a vehicle file with "
+            "the logged vehicle's pump"
+        )
+    return min(max(position, float(pump.low)), float(pump.high))
