@@ -75,7 +75,7 @@ Part = tuple[str, int, NDArray[Any], ArrayMeta]
 
 @dataclasses.dataclass(kw_only=True)
 class Found:
-    """What all shards together hold."""
+    """Contents of all shards together."""
 
     files: dict[str, FileSum] = dataclasses.field(default_factory=dict)
     used: set[str] = dataclasses.field(default_factory=set)

@@ -49,7 +49,7 @@ _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 @dataclass(frozen=True)
 class ShardDone:
-    """What the task that flew a shard returns."""
+    """Result of a task that flew a shard."""
 
     number: int
     failures: tuple[int, ...]
@@ -69,7 +69,7 @@ class Marker:
     versions: Mapping[str, str]
     """of what can change a bit of a result"""
     rows: dict[str, NDArray[Any]]
-    """what there is one of for each mission, as `bookkeeping.rows` gives it"""
+    """values of each mission, as `bookkeeping.rows` gives them"""
 
     def to_bytes(self) -> bytes:
         """As it is kept: SHA-256 of the rest, a line of JSON, the rows one after the other."""
