@@ -141,7 +141,7 @@ def harm(ground: Ground, kind: str, store: Path) -> int:
         return max(wait(one, kill=True) for one in every)
     if kind == "dask":
         with_cluster = partial(factory.generate, store, scheduler=ground.address)
-        process = ground.begin(partial(with_cluster, hours=HOURS, changes=SHORT))
+        process = ground.begin(partial(with_cluster, hours=HOURS, changes=SHORT, resume=True))
         lost = ground.workers.pop(ground.draw.randrange(len(ground.workers)))
         lost.kill()
         lost.wait()
