@@ -5,8 +5,8 @@
 A history of `factory generate` has one to three killed runs and spoilt files of the unfinished
 store, then a run to the end. Kinds of kill: the parent, one of two workers, three commands with
 --shard at once, a worker of a dask cluster which another one replaces. The store must have, byte
-for byte, the tree that an undisturbed process makes, with nothing beside it, and `factory verify` must
-name the file of a flipped bit. A killed `import` leaves the old store or the new one whole, a
+for byte, the tree that an undisturbed process makes, with nothing beside it, and `factory verify`
+must name the file of a flipped bit. A killed `import` leaves the old store or the new one whole, a
 killed pass of `watch` what the next one completes.
 """
 

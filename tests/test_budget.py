@@ -26,11 +26,11 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (12591, 91493),
+    "benchmarks": (12580, 91452),
     "factory": (1755, 12768),
     "factory/commands": (1330, 7344),
     "factory/exporting": (2204, 12419),
-    "factory/generation": (2587, 15602),
+    "factory/generation": (2587, 15553),
     "factory/importing": (13553, 95412),
     "factory/sampling": (3277, 18762),
     "factory/watching": (3595, 22693),
@@ -41,15 +41,15 @@ ROOMS = {
     "learn/networks": (2600, 15232),
     "learn/report": (1884, 11499),
     "learn/training": (2447, 14829),
-    "plugins": (5354, 36440),
+    "plugins": (5343, 36431),
     "scripts": (2216, 14172),
-    "tests": (69540, 597441),
+    "tests": (69513, 597315),
     "twin": (2438, 12330),
     "twin/checks": (1333, 8733),
     "twin/cli": (1515, 8365),
     "twin/commands": (3160, 17236),
     "twin/compiled": (1390, 7481),
-    "twin/control": (4335, 25599),
+    "twin/control": (4337, 25599),
     "twin/faults": (1334, 7829),
     "twin/forecast": (4041, 27605),
     "twin/fossen": (2739, 19485),
@@ -59,7 +59,7 @@ ROOMS = {
     "twin/mission": (5300, 32878),
     "twin/navigation": (7559, 43704),
     "twin/physics": (6208, 41561),
-    "twin/records": (5345, 30418),
+    "twin/records": (5349, 30394),
     "twin/sensors": (3668, 23964),
     "twin/show": (12292, 73060),
     "twin/vehicle": (4992, 31940),
@@ -67,10 +67,10 @@ ROOMS = {
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 675
+MODULES = 676
 LONGEST_FUNCTION, USUAL_FUNCTION = 225, 40
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.29
+OWN_IMPORTS = 6.28
 """Distinct own modules that a file of the product imports, in the mean"""
 RADIUS = {"factory generate": (166, 1017), "learn fit": (264, 2032)}
 """Files and functions of the product that a job runs"""
