@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from learn.run import RUNS, checked_name, free_name
-from learn.training.settings import CHOICES, FitSettings
+from learn.training import CHOICES, FitSettings
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
