@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
     from learn.training.schedule import TrainingConfig as TrainingConfig
+    from learn.training.settings import FitSettings as FitSettings
     from twin.navigation.estimators.base import Estimate as Estimate
 
 _PLACES = places(__name__)

@@ -119,6 +119,8 @@ def variable(
     """
     told = {**TERMS["variables"][like or name], **more}
     kind, fill = told.pop("kind", "f8"), told.pop("fill", None)
+    if isinstance(fill, float) and np.isnan(fill):
+        fill = np.nan  # YAML's has another sign bit
     dimensions = () if told.pop("once", False) else (N_MEASUREMENTS,)
     if meanings := told.pop("flags", None):
         told["flag_values"] = np.array(list(meanings), np.int8)
