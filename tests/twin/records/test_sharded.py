@@ -22,8 +22,8 @@ from twin.records.storage.sharded import (
 from twin.records.storage.stored_files import Files, FileSum
 from twin.records.store import open_store
 
-MISSIONS, SAMPLES, SHARD = 70, 300, 64
-"""More than one shard, the last one not full"""
+MISSIONS, SAMPLES, SHARD = 70, 20_000, 64
+"""More than one shard, the last one not full; more than one block of Blosc in a chunk"""
 
 
 def signal() -> np.ndarray:

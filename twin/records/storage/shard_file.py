@@ -40,6 +40,9 @@ class ShardWriter:
         self._rows = 0
         self._opened = contextlib.ExitStack()
         self._signals: dict[str, _SignalFile] = {}
+        # with threads, the order of the blocks in a chunk would be one of chance
+        self._opened.callback(setattr, numcodecs.blosc, "use_threads", numcodecs.blosc.use_threads)
+        numcodecs.blosc.use_threads = False
         folder.mkdir(parents=True)
 
     def __enter__(self) -> Self:
