@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed store_writing window_reading layer_speed render_speed
+BENCHMARKS := cli_startup physics_step current_sampling sensor_cost suite_step vector_env factory_speed window_reading layer_speed render_speed
 
 .NOTPARALLEL:
 .PHONY: help setup demo test test-docs test-release quick processors lint check mutants bench gallery docs lock clean

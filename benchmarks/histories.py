@@ -141,7 +141,7 @@ def harm(ground: Ground, kind: str, store: Path) -> int:
         return max(wait(one, kill=True) for one in every)
     if kind == "dask":
         with_cluster = partial(factory.generate, store, scheduler=ground.address)
-        process = ground.begin(partial(with_cluster, hours=HOURS, changes=SHORT))
+        process = ground.begin(partial(with_cluster, hours=HOURS, changes=SHORT, resume=True))
         lost = ground.workers.pop(ground.draw.randrange(len(ground.workers)))
         lost.kill()
         lost.wait()
@@ -173,7 +173,7 @@ def history(ground: Ground, kind: str, store: Path) -> str | None:
         finish(store)
 
     code = wait(fork(complete))
-    return f"the last run ended with {code}" if code != DONE else wrong(ground, store)
+    return f"the last run ended with {code}" if code != DONE else fault_of(ground, store)
 
 
 def _spoil(ground: Ground, store: Path) -> None:
@@ -191,8 +191,8 @@ def _spoil(ground: Ground, store: Path) -> None:
             os.truncate(path, path.stat().st_size // 2)
 
 
-def wrong(ground: Ground, store: Path) -> str | None:
-    """What is wrong with a store that should be complete; None when nothing is."""
+def fault_of(ground: Ground, store: Path) -> str | None:
+    """Name the fault of a store that should be complete; None when it has none."""
     if not store.is_dir():
         return "there is no store"
     if digest(store) != ground.expected:
@@ -210,8 +210,8 @@ def wrong(ground: Ground, store: Path) -> str | None:
     return None if found else f"verify does not find a flipped bit of {name}"
 
 
-def of_generate(ground: Ground, kind: str, times: int) -> list[str]:
-    """What so many histories lost."""
+def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
+    """Losses of so many histories of `factory generate`."""
     lost = []
     with contextlib.ExitStack() as stack:
         if kind == "dask":
@@ -228,7 +228,7 @@ def of_generate(ground: Ground, kind: str, times: int) -> list[str]:
     return lost
 
 
-def of_import(ground: Ground, kind: str, times: int) -> list[str]:
+def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
     """Kill imports that are to replace a store; attributes have the date, so that values count."""
     from written_logs import Sound, write  # type: ignore[import-not-found]
 
@@ -259,8 +259,8 @@ def of_import(ground: Ground, kind: str, times: int) -> list[str]:
     return lost
 
 
-def of_watch(ground: Ground, kind: str, times: int) -> list[str]:
-    """What killed passes of `twin watch` lost."""
+def kill_passes(ground: Ground, kind: str, times: int) -> list[str]:
+    """Losses of killed passes of `twin watch`."""
     from benchmarks.watch_passes import kills
 
     found: dict[str, Any] = kills(times, ground.draw.randrange(2**31), ground.folder / kind)
@@ -268,9 +268,9 @@ def of_watch(ground: Ground, kind: str, times: int) -> list[str]:
 
 
 KINDS: dict[str, Callable[[Ground, str, int], list[str]]] = {
-    **dict.fromkeys(("parent", "worker", "parts", "dask"), of_generate),
-    "import": of_import,
-    "watch": of_watch,
+    **dict.fromkeys(("parent", "worker", "parts", "dask"), kill_runs),
+    "import": kill_imports,
+    "watch": kill_passes,
 }
 
 
@@ -281,7 +281,7 @@ def main() -> int:
     parser.add_argument("--histories", type=int, default=1000, help="of all kinds together")
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     options = parser.parse_args()
-    kinds = options.kinds or [kind for kind, make in KINDS.items() if make is of_generate]
+    kinds = options.kinds or [kind for kind, make in KINDS.items() if make is kill_runs]
     every: list[str] = []
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
         ground = Ground.prepare(Path(folder), options.seed)

@@ -75,7 +75,7 @@ Part = tuple[str, int, NDArray[Any], ArrayMeta]
 
 @dataclasses.dataclass(kw_only=True)
 class Found:
-    """What all shards together hold."""
+    """Contents of all shards together."""
 
     files: dict[str, FileSum] = dataclasses.field(default_factory=dict)
     used: set[str] = dataclasses.field(default_factory=set)
@@ -124,9 +124,9 @@ def complete(job: Job) -> int:
 
 def _survey(job: Job, table: list[Column]) -> Found:
     """A first look at all shards."""
-    found = Found()
+    found, sizes = Found(), dict(job.tree.sizes())
     for number in job.layout.shards:
-        marker = finished(job, number)
+        marker = finished(job, number, sizes)
         if marker is None:
             raise StoreError(f"shard {number} is missing; --resume makes it")
         found.files |= marker.files

@@ -161,7 +161,8 @@ def reported(store: StorePath) -> Iterator[None]:
 
 def missing_shards(job: Job, shards: Iterable[int]) -> list[int]:
     """Shards, of these, that have to be flown."""
-    return [shard for shard in shards if finished(job, shard) is None]
+    sizes = dict(job.tree.sizes())
+    return [shard for shard in shards if finished(job, shard, sizes) is None]
 
 
 def report_kept(
@@ -210,7 +211,7 @@ def _flown(pool: Executor | None, job: Job, shards: list[int], waiting: int) -> 
 
 
 def summary_of(job: Job, begun: float, flown: Iterable[int], failed: int) -> Summary:
-    """What a run did that began at `begun` [s] of the clock for durations and flew some shards."""
+    """Summary of a run that began at `begun` [s] of `perf_counter` and flew some shards."""
     plan, layout = job.recipe.plan, job.layout
     missions = [mission for shard in flown for mission in layout.missions_of(shard)]
     return Summary(

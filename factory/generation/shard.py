@@ -49,7 +49,7 @@ _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 @dataclass(frozen=True)
 class ShardDone:
-    """What the task that flew a shard returns."""
+    """Result of a task that flew a shard."""
 
     number: int
     failures: tuple[int, ...]
@@ -60,6 +60,7 @@ class ShardDone:
 class Marker:
     """Record of a finished shard, so that it is neither repeated nor mistaken."""
 
+    number: int
     recipe: str
     """hash of the recipe"""
     files: dict[str, FileSum]
@@ -69,7 +70,7 @@ class Marker:
     versions: Mapping[str, str]
     """of what can change a bit of a result"""
     rows: dict[str, NDArray[Any]]
-    """what there is one of for each mission, as `bookkeeping.rows` gives it"""
+    """values of each mission, as `bookkeeping.rows` gives them"""
 
     def to_bytes(self) -> bytes:
         """As it is kept: SHA-256 of the rest, a line of JSON, the rows one after the other."""
@@ -101,28 +102,46 @@ def read_marker(job: Job, number: int) -> Marker | None:
     """The marker of a shard; None when there is none, or a damaged one: the shard is flown again.
 
     Raises:
-      StoreError: it is that of another recipe.
+      StoreError: it is that of another shard or recipe.
     """
     key = job.marker(number)
     try:
         found = Marker.of_bytes(job.files.read_small(key, FREE_BYTES))
     except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
-    if found.recipe != job.digest:
+    if (found.number, found.recipe) != (number, job.digest):
         raise StoreError(
-            f"{job.files.name}/{key} is of recipe {found.recipe[:12]}, expected is "
-            f"{job.digest[:12]}: remove that folder, or use another --out"
+            f"{job.files.name}/{key} is of shard {found.number} of recipe {found.recipe[:12]}, "
+            f"expected is {number} of recipe {job.digest[:12]}: remove that folder, or use another "
+            "--out"
         )
     return found
 
 
-def finished(job: Job, number: int) -> Marker | None:
-    """The marker of a shard whose files are all in the tree with their sizes; else None."""
+def finished(job: Job, number: int, sizes: Mapping[str, int]) -> Marker | None:
+    """The marker of a shard whose files are all in the tree, by the `sizes` there; else None."""
     found = read_marker(job, number)
-    there = found and all(job.tree.size(key) == one.bytes for key, one in found.files.items())
+    there = found and all(sizes.get(key) == one.bytes for key, one in found.files.items())
     return found if there else None
 
 
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """One task at a time in this process, whose executor may have threads: MuJoCo's warnings,
+    numba's tables and staging folders are those of the whole process.
+
+    Afterwards what the task freed goes back to the system. glibc would keep it in pieces, and a
+    process that flies for days would hold more and more.
+    """
+    with _ALONE:
+        try:
+            yield
+        finally:
+            if _TRIM is not None:
+                _TRIM(0)
+
+
+@alone()
 def fly_shard(job: Job, number: int) -> ShardDone:
     """Fly the missions of a shard and put its files in the tree.
 
@@ -130,11 +149,6 @@ def fly_shard(job: Job, number: int) -> ShardDone:
       InputError: a mission that no attempt could fly. OSError: the disk refuses.
       StoreError: another process has made the shard with other bytes.
     """
-    with alone():
-        return _fly_shard(job, number)
-
-
-def _fly_shard(job: Job, number: int) -> ShardDone:
     if not job.files.exists(RECIPE):
         raise StoreError(
             f"{socket.gethostname()} does not see {job.files.name}: all machines that fly missions "
@@ -150,16 +164,16 @@ def _fly_shard(job: Job, number: int) -> ShardDone:
                 writer.add(signals)
         sums = {f"{name}/c/{number}/0": one for name, one in writer.finish().items()}
         marker = Marker(
+            number=number,
             recipe=job.digest,
             files=sums,
             failures=[failure for one in flown for failure in one.failures],
             versions=versions(recipe.vehicle),
             rows=rows(recipe, flown),
         )
-        before = finished(job, number)
+        before = read_marker(job, number) and finished(job, number, dict(job.tree.sizes()))
         if before is None:
-            for key in sums:
-                job.tree.take(key, folder / key.partition("/")[0])
+            job.tree.take({key: folder / key.partition("/")[0] for key in sums})
             job.tree.settle()
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
@@ -206,19 +220,3 @@ def fly_whole(recipe: Recipe, missions: Sequence[int]) -> Iterator[tuple[FlownMi
     for one, measured in made:
         place = mission_place(one.parameters, recipe.given_current)
         yield one, {**measured, **mission_coordinates(measured, place)}
-
-
-@contextlib.contextmanager
-def alone() -> Iterator[None]:
-    """One task at a time in this process, whose executor may have threads: MuJoCo's warnings,
-    numba's tables and staging folders are those of the whole process.
-
-    Afterwards what the task freed goes back to the system. glibc would keep it in pieces, and a
-    process that flies for days would hold more and more.
-    """
-    with _ALONE:
-        try:
-            yield
-        finally:
-            if _TRIM is not None:
-                _TRIM(0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.histories import DONE, KINDS, Ground, fork, generate, wait, wrong
+from benchmarks.histories import DONE, KINDS, Ground, fault_of, fork, generate, wait
 
 NEEDS_DASK = pytest.mark.skipif(find_spec("distributed") is None, reason="needs dask.distributed")
 MARKS = {"dask": NEEDS_DASK, "watch": pytest.mark.skip(reason="takes a minute")}
@@ -25,9 +25,9 @@ def test_no_kill_loses_anything(ground: Ground, kind: str) -> None:
 
 def test_a_store_that_is_not_the_same_is_noticed(ground: Ground, tmp_path: Path) -> None:
     store = tmp_path / "missions.zarr"
-    assert wrong(ground, store) == "there is no store"
+    assert fault_of(ground, store) == "there is no store"
     assert wait(fork(lambda: generate(ground.recipe, store, workers=1))) == DONE
     (tmp_path / ".missions.zarr.writing-1").mkdir()
-    assert wrong(ground, store) == "left .missions.zarr.writing-1"
+    assert fault_of(ground, store) == "left .missions.zarr.writing-1"
     (store / "zarr.json").write_bytes(b"{}")
-    assert wrong(ground, store) == "the store has other bytes"
+    assert fault_of(ground, store) == "the store has other bytes"

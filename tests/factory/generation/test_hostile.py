@@ -77,7 +77,7 @@ def test_a_damaged_count_of_parts_is_told(tmp_path: Path, recipe: Recipes, text:
 def test_a_damaged_marker_is_none(tmp_path: Path, recipe: Recipes) -> None:
     job = Job(recipe(), tmp_path / "missions.zarr")
     rows = {"attempt": np.zeros(3, np.int16), "speed": np.array([[1.5, np.nan]])}
-    marker = Marker(recipe=job.digest, files={}, failures=[], versions={}, rows=rows)
+    marker = Marker(number=0, recipe=job.digest, files={}, failures=[], versions={}, rows=rows)
     whole = marker.to_bytes()
     job.files.write(job.marker(0), whole)
     found = read_marker(job, 0)

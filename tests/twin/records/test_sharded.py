@@ -51,7 +51,7 @@ def write_shard(files: Files, number: int, signals: dict[str, np.ndarray]) -> di
                 }
             )
         for name, found in writer.finish().items():
-            files.take(f"{name}/c/{number}/0", folder / name)
+            files.take({f"{name}/c/{number}/0": folder / name})
             sums[f"{name}/c/{number}/0"] = found
     return sums
 

@@ -16,7 +16,8 @@ import functools
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -179,6 +180,8 @@ def _seconds(number: float) -> datetime.timedelta:
 
 LISTED = 1000
 """Keys that a storage tells at a time"""
+PUT_AT_ONCE = 16
+"""Files that are put at a time: each waits for the network"""
 
 
 class ObjectFiles(Files):
@@ -222,11 +225,18 @@ class ObjectFiles(Files):
         with self._told(key):
             self._obstore.put(self._objects, key, data)
 
-    def take(self, key: str, path: Path) -> None:
-        """Put the content of a file, in parts where it is large."""
-        with self._told(key):
-            self._obstore.put(self._objects, key, path)
-        path.unlink()
+    def take(self, files: Mapping[str, Path]) -> None:
+        """Put the content of files, some at a time, in parts where one is large."""
+
+        def put(key: str) -> None:
+            with self._told(key):
+                self._obstore.put(self._objects, key, files[key])
+            files[key].unlink()
+
+        _ = self._objects  # opened once, and not by each thread
+        with ThreadPoolExecutor(PUT_AT_ONCE) as threads:
+            for _ in threads.map(put, files):
+                pass
 
     def settle(self) -> None:
         """What a storage has taken, it keeps."""

@@ -10,7 +10,7 @@ import errno
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -106,11 +106,12 @@ class Files:
         self.write(key, data)
         return FileSum(len(data), hashlib.sha256(data).hexdigest())
 
-    def take(self, key: str, path: Path) -> None:
-        """Make or replace a file from one of this machine, which is moved away."""
-        target = self._parent(key)
-        path.replace(target)
-        self._fresh.add(target)
+    def take(self, files: Mapping[str, Path]) -> None:
+        """Make or replace files, by key, from some of this machine, which are moved away."""
+        for key, path in files.items():
+            target = self._parent(key)
+            path.replace(target)
+            self._fresh.add(target)
 
     def settle(self) -> None:
         """Return when all that was written through this object is safe from a loss of power."""

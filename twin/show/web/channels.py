@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.records.trajectory import Trajectory
-from twin.show.render.playback import Poses, optional, poses, signal, spins, told, turns
+from twin.show.render.playback import Poses, poses, signal, spins, told, turns
 from twin.water.floor.lookup import floor_depths
 
 Array = NDArray[np.float64]
@@ -161,9 +161,3 @@ def _part_step(part: str) -> float:
     if spins(part):
         return SPIN_STEP
     return TURN_STEP if turns(part) else SLIDE_STEP
-
-
-def current_profile(trajectory: Trajectory, shown: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Depth [m] (n,) and current north and east [m/s] (n, 2) of samples, 0 where unknown."""
-    velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
-    return signal(trajectory, "depth")[shown], np.stack(velocity, axis=-1)

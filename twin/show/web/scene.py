@@ -20,19 +20,21 @@ from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, sea
 from twin.show.render.film import known_samples
-from twin.show.render.playback import POSITION, Scale, poses, spins, track_values, turns
+from twin.show.render.playback import (
+    POSITION,
+    Scale,
+    optional,
+    poses,
+    signal,
+    spins,
+    track_values,
+    turns,
+)
 from twin.show.render.ribbon import STILL, free_place, mast_depths, profile
 from twin.show.render.scene_geometry import SceneLayout
 from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import Path, lay_out, shown_paths
-from twin.show.web.channels import (
-    COLOURS,
-    STEPS,
-    Channels,
-    current_profile,
-    read_channels,
-    thin,
-)
+from twin.show.web.channels import COLOURS, STEPS, Channels, read_channels, thin
 from twin.show.web.solid import Body, Packed, pack, read_solid
 
 Array = NDArray[np.float64]
@@ -230,8 +232,8 @@ def _profile(
     """The mean current against depth and the strongest of all samples; None in still water or where
     nobody knows it.
     """
-    depth, velocity = current_profile(trajectory, shown)
-    found = profile(depth, velocity)
+    velocity = np.stack([optional(trajectory, name, 0.0)[shown] for name in CURRENT], axis=-1)
+    found = profile(signal(trajectory, "depth")[shown], velocity)
     strongest = float(np.hypot(*velocity.T).max())
     if strongest < STILL:
         return None
