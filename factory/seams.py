@@ -1,6 +1,6 @@
 """Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
 
-Here are those of logs, exports, sources of files and drawn segments.
+Here are those of logs, exports and drawn segments.
 """
 
 from __future__ import annotations
@@ -50,25 +50,6 @@ EXPORTERS: Registry[Any] = Registry(
     check="factory.exporting.base:check_exporter",
 )
 """Formats that a store can be exported to."""
-
-SOURCES: Registry[Any] = Registry(
-    "source",
-    group="glider_twin.sources",
-    folder="factory/watching/sources",
-    base="factory.watching.Source",
-    page="howto/watch.md#a-source-of-your-own",
-    shipped={
-        "slocum": "factory.watching.sources.kinds:SLOCUM",
-        "seaglider": "factory.watching.sources.kinds:SEAGLIDER",
-        "seaexplorer": "factory.watching.sources.kinds:SEAEXPLORER",
-        "lrauv": "factory.watching.sources.kinds:LRAUV",
-        "netcdf": "factory.watching.sources.kinds:NETCDF",
-        "tables": "factory.watching.sources.kinds:TABLES",
-        "erddap": "factory.watching.sources.kinds:ERDDAP",
-    },
-    check="factory.watching.sources.base:check_source",
-)
-"""From where the files of a deployment at sea come."""
 
 MISSION_KINDS: Registry[Any] = Registry(
     "kind of mission",

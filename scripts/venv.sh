@@ -42,7 +42,7 @@ echo "setup: installing the pinned dependencies into .venv (some minutes the fir
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable '.[dev]'
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
-    --no-deps --no-build-isolation --editable plugins/hubs --editable plugins/pipelines
+    --no-deps --no-build-isolation --editable plugins/hubs --editable plugins/ops --editable plugins/pipelines
 
 # From Python 3.13 on dm-control goes in alone: labmaze, which it asks for, cannot be installed there.
 # pyproject.toml names the rest of what it needs. That labmaze is missing is then the one complaint

@@ -60,8 +60,6 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
-    "factory.commands <-> twin": "`twin watch`: what a pilot types is `twin`, what imports logs is "
-    "the factory, and the table of commands names its place, unimported",
     "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
 }
 """Folders of which one names the other only for when it is asked, and why"""
@@ -95,7 +93,6 @@ NAMES_ACTUATORS = {
     "twin.checks": "published positions",
     "twin.control": "energy of pumps and propellers, and a pilot for gliders",
     "twin.faults": "a fault is of one part",
-    "twin.health": "channels and beliefs are of a glider's parts",
     "twin.physics.electric": "the load of a pump",
     "twin.logs.energy_timeline": "what a pump moves by depth and direction",
     "twin.logs.energy_use": "a pump, drives and a propeller take unlike shares",
@@ -115,7 +112,6 @@ OTHER_MEANINGS = {
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.serve.ros_topics": "rotation is a field of a ROS transform",
     "twin.show.render.motion": "shift of a mesh",
-    "twin.show.health_page": "the pump's answer, as twin.health has it",
     "learn.networks.vector_kernels": "shift of a buffer",
     "learn.data.store_checks": "advice on what store to take",
 }

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from factory.generation.deployments import PERIODS as PERIODS
-    from factory.generation.deployments import make_deployments as make_deployments
     from factory.generation.executors import dask_executor as dask_executor
     from factory.generation.generated_store import GeneratedStore as GeneratedStore
     from factory.generation.generated_store import is_flight as is_flight

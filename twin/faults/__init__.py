@@ -2,7 +2,7 @@
 
     twin.Scenario(mission=mission, faults=twin.parse_faults("wing_lost:side=port,from=2h"))
 
-`twin.health` finds them in logs.
+`twin health` finds them in logs.
 """
 
 from typing import TYPE_CHECKING

@@ -23,7 +23,5 @@ from twin.logs.flight_estimate import Flight as Flight
 from twin.logs.flight_estimate import MissionFlight as MissionFlight
 from twin.logs.flight_estimate import estimate_flight as estimate_flight
 from twin.logs.flight_summary import FlightSummary as FlightSummary
-from twin.logs.logged_leg import DiveTime as DiveTime
-from twin.logs.logged_leg import dive_times as dive_times
 from twin.logs.logged_mission import logged_trajectory as logged_trajectory
 from twin.logs.thermal_lag import ThermalLag as ThermalLag

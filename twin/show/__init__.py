@@ -11,11 +11,6 @@ if TYPE_CHECKING:
     from twin.show.flight_figures import flight_caption as flight_caption
     from twin.show.flight_figures import read_flight as read_flight
     from twin.show.flight_figures import write_flight_figures as write_flight_figures
-    from twin.show.forecast_page import check_forecast_target as check_forecast_target
-    from twin.show.forecast_page import forecast_row as forecast_row
-    from twin.show.forecast_page import write_forecast as write_forecast
-    from twin.show.health_page import write_health as write_health
-    from twin.show.hindcast_page import write_hindcast as write_hindcast
     from twin.show.identification_figure import residual_figure as residual_figure
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -1,0 +1,124 @@
+"""Expected plan: what a vehicle is taken to do next, where its pilot does not say it.
+
+By `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and without
+one on along its last dive's way through the water. Depth, pitch and time between surfacings are
+those of its last dives.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glider_twin_ops.forecast import LoggedLeg, mission_to
+from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from twin.geodesy import position, wrap_longitude
+from twin.mission import Mission, load_mission_for
+from twin.records.logged import LogStore
+from twin.vehicle.vehicle import Vehicle
+
+LAST = 5
+"""Dives whose median depth, pitch and time it goes on with"""
+ON = 50_000.0
+"""[m] ahead: farther than a glider goes within a forecast"""
+ARRIVED = 1_000.0
+"""[m] within which a waypoint of the log counts as reached, so that the next one is not known"""
+RADIUS = 500.0
+"""[m] of arrival, as `twin forecast --goto` has it"""
+STEEP = 8.0
+"""[degree] of pitch from which it dives or climbs"""
+HOUR, MINUTE = 3600.0, 60.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExpectedPlan:
+    """A mission and why it is this one."""
+
+    mission: Mission
+    words: str
+    changes: tuple[Mapping[str, str], ...] = ()
+    """Rows of a table: what it does now, by its last dives, and in the plan"""
+    guessed: bool = False
+    """Whether nobody says where it goes: the ellipses then hold if it goes there"""
+
+
+def expected_plan(
+    deployment: WatchedDeployment, store: Path, vehicle: Vehicle, legs: Sequence[LoggedLeg]
+) -> ExpectedPlan:
+    """The plan from the last fix on.
+
+    Args:
+      legs: of the deployment, one at least.
+
+    Raises:
+      MissionError: it cannot be read, or the vehicle cannot fly it.
+    """
+    if deployment.mission:
+        path = deployment.place(deployment.mission)
+        name = str(path) if path.is_file() else deployment.mission
+        mission = load_mission_for(vehicle, name)
+        return ExpectedPlan(mission=mission, words=f"mission {mission.name}")
+    deep, pitch = _habits(store, legs, vehicle)
+    depth = deployment.depth_m or float(round(deep))
+    lasted = float(np.median([one.leg.duration for one in legs[-LAST:]]))
+    seconds = HOUR * deployment.surface_every_h or MINUTE * round(lasted / MINUTE)
+    goto, words, guessed = deployment.goto, "to the places of deployment.toml", False
+    if not goto:
+        goto, words, guessed = _onward(legs[-1])
+    mission = mission_to(goto, depth=depth, pitch_deg=pitch, surface_after_s=seconds, radius=RADIUS)
+    mission.check(vehicle)
+    words += (
+        f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
+    )
+    aims = legs[-1].targets
+    places = (_place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"), goto
+    table = {
+        "next place": (places[0], places[1].partition(";")[0]),
+        "depth [m]": (f"{deep:.0f}", f"{depth:.0f}"),
+        "pitch [degree]": (f"{pitch:.0f}", f"{pitch:.0f}"),
+        "between surfacings [h]": (f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
+    }
+    changes = tuple({"what": k, "now": now, "proposed": new} for k, (now, new) in table.items())
+    return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=changes)
+
+
+def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:
+    """Depth [m] and pitch [degree] of the last dives; the vehicle's usual pitch without any."""
+    depths, steep = [], []
+    with LogStore(store) as logs:
+        for one in legs[-LAST:]:
+            depth = logs.signal("measured_depth", one.mission)
+            pitch = np.abs(logs.signal("measured_pitch", one.mission))
+            if np.isfinite(depth).any():
+                depths.append(float(np.nanmax(depth)))
+            if (pitch > STEEP).any():
+                steep.append(float(np.median(pitch[pitch > STEEP])))
+    usual = math.degrees(vehicle.usual_glide[0])
+    return float(np.median(depths)), float(round(np.median(steep))) if steep else usual
+
+
+def _onward(last: LoggedLeg) -> tuple[str, str, bool]:
+    """A place "LAT,LON" that it is taken to go to from the end of its last dive, why, and whether
+    that is a guess."""
+    ground = np.array(last.leg.over_ground)
+    targets = [np.array(target) for target in last.targets]
+    ahead = [target for target in targets if np.hypot(*(target - ground)) > ARRIVED]
+    if targets and ahead and ahead[-1] is targets[-1]:
+        return _place(ahead[-1], last.begin), "to the waypoint of its last dive", False
+    way = np.array(last.leg.through_water)
+    length = float(np.hypot(*way))
+    course = math.degrees(math.atan2(way[1], way[0])) % 360.0
+    there = ground + ON * way / max(length, 1.0)
+    words = f"on its last dive's course through the water, {round(course) % 360:03d} degree"
+    return _place(there, last.begin), words, True
+
+
+def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:
+    north, east = (np.array([float(metres)]) for metres in moved)
+    latitude, longitude = position(north, east, *begin)
+    turned = wrap_longitude(longitude)
+    return f"{float(latitude[0]):.5f},{float(turned[0]):.5f}"
