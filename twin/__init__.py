@@ -15,7 +15,12 @@ from twin.lazy import attach, places
 from twin.version import __version__
 
 if TYPE_CHECKING:
+    from twin import bounded as bounded
     from twin import errors as errors
+    from twin import geodesy as geodesy
+    from twin import lazy as lazy
+    from twin import numbers as numbers
+    from twin import registry as registry
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
     from twin.facade import scenario_of as scenario_of

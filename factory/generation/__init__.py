@@ -6,6 +6,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from factory.generation.executors import dask_executor as dask_executor
+    from factory.generation.executors import local_pool as local_pool
     from factory.generation.generated_store import GeneratedStore as GeneratedStore
     from factory.generation.generated_store import is_flight as is_flight
     from factory.generation.generated_store import open_exportable as open_exportable

@@ -14,7 +14,13 @@ from twin.mission.segments import Spiral as Spiral
 from twin.mission.segments import Surface as Surface
 from twin.mission.segments import Transect as Transect
 from twin.mission.segments import Waypoint as Waypoint
+from twin.mission.segments.base import SURFACED_MARGIN_M as SURFACED_MARGIN_M
 from twin.mission.shipped_missions import load_mission as load_mission
 from twin.mission.shipped_missions import load_mission_for as load_mission_for
 from twin.mission.shipped_missions import mission_names as mission_names
+from twin.mission.slocum_arguments import degrees_minutes as degrees_minutes
 from twin.mission.slocum_arguments import slocum_arguments as slocum_arguments
+from twin.mission.slocum_arguments import waypoints_of as waypoints_of
+from twin.mission.slocum_behavior import degrees as degrees
+from twin.mission.slocum_mission import read_slocum as read_slocum
+from twin.mission.way import way as track_to_follow  # noqa: F401

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.show import dates as dates
+    from twin.show import style as style
     from twin.show.check_page import log_check_rows as log_check_rows
     from twin.show.check_page import write_log_check as write_log_check
     from twin.show.flight_figures import FLIGHT_FIGURES as FLIGHT_FIGURES

@@ -21,7 +21,15 @@ if TYPE_CHECKING:
     from twin.show.figures.device import sensor_figure as sensor_figure
     from twin.show.figures.device import velocity_figure as velocity_figure
     from twin.show.figures.logged_dive import log_figure as log_figure
+    from twin.show.figures.map import draw_base as draw_base
+    from twin.show.figures.map import joined as joined
+    from twin.show.figures.map_ground import NEIGHBOURS as NEIGHBOURS
+    from twin.show.figures.map_ground import box_around as box_around
+    from twin.show.figures.map_ground import rings as rings
     from twin.show.figures.overview import overview_figure as overview_figure
+    from twin.show.figures.page_layout import INDEX as INDEX
+    from twin.show.figures.page_layout import SHADED as SHADED
+    from twin.show.figures.page_layout import Page as Page
     from twin.show.figures.page_layout import add_caption as add_caption
     from twin.show.figures.page_layout import check_page_target as check_page_target
     from twin.show.figures.page_layout import mission_caption as mission_caption

@@ -7,6 +7,9 @@ subclass of `Current` with a compiled kernel, decorated with `register`. Importi
 package loads neither numba nor xarray.
 """
 
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
 from twin.water.current.axes import Origin as Origin
 from twin.water.current.base import Current as Current
 from twin.water.current.base import CurrentSum as CurrentSum
@@ -28,3 +31,8 @@ from twin.water.current.series import Series as Series
 from twin.water.current.tide import TidalEllipse as TidalEllipse
 from twin.water.current.tide import Tide as Tide
 from twin.water.current.uniform import Uniform as Uniform
+
+if TYPE_CHECKING:
+    from twin.water.current.sampler import sample_track as sample_track
+
+__getattr__, _ = attach(__name__, places(__name__))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Hours
+from twin.cli import Console, Hours, JsonOption
 
 if TYPE_CHECKING:
     from glider_twin_ops.forecast import Forecast as Found

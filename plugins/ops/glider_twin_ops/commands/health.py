@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
+from twin.cli import Console, JsonOption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
-from twin.cli.text_table import counted
+from twin.cli import Console, JsonOption, counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
+from twin.cli import Console, JsonOption
 
 if TYPE_CHECKING:
     from glider_twin_ops.forecast import Known, Request

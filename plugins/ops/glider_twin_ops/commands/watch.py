@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
+from twin.cli import Console, JsonOption
 
 if TYPE_CHECKING:
     import datetime
@@ -231,8 +231,7 @@ class WatchDeployment(JsonOption):
         import time
 
         from glider_twin_ops.watching import WatchedDeployment
-        from twin.cli.endings import interruption
-        from twin.cli.program import describe_error
+        from twin.cli import describe_error, interruption
 
         console.note(f"watching {self.deployment}; Ctrl-C ends it")
         while True:

@@ -21,13 +21,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from glider_twin_ops.files.seaglider_targets import SeagliderTarget, radius_of
+from twin import Vehicle
 from twin.bounded import read_text
 from twin.errors import MissionError, unknown_name
-from twin.mission.glide_balance import SteadyGlide, steady_glide
-from twin.mission.plan import Mission
+from twin.mission import Mission, SteadyGlide, steady_glide, waypoints_of
 from twin.mission.segments import Waypoint
-from twin.mission.slocum_arguments import waypoints_of
-from twin.vehicle.vehicle import Vehicle
 
 CMDFILE = "cmdfile"
 GO = "$GO"

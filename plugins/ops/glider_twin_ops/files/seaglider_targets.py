@@ -14,9 +14,7 @@ from pathlib import Path
 
 from twin.bounded import read_text
 from twin.errors import MissionError
-from twin.mission.plan import Mission
-from twin.mission.slocum_arguments import degrees_minutes, waypoints_of
-from twin.mission.slocum_behavior import degrees
+from twin.mission import Mission, degrees, degrees_minutes, waypoints_of
 
 TARGETS = "targets"
 KEYS = ("lat", "lon", "radius", "goto")

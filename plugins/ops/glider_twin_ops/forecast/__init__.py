@@ -40,4 +40,4 @@ from glider_twin_ops.forecast.walk import HindcastSurfacing as HindcastSurfacing
 from glider_twin_ops.forecast.walk import Judged as Judged
 from glider_twin_ops.forecast.walk import Priors as Priors
 from glider_twin_ops.forecast.walk import walk as walk
-from twin.navigation.dead_reckoning import Ellipse as Ellipse
+from twin.navigation import Ellipse as Ellipse

@@ -15,9 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
-from twin.navigation.current.current_parameters import CONSTITUENTS, CurrentParameters
-from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg, begin_leg, pass_leg
+from twin.navigation.current import (
+    CONSTITUENTS,
+    CurrentFilter,
+    CurrentParameters,
+    Leg,
+    begin_leg,
+    pass_leg,
+)
 
 Array = NDArray[np.float64]
 

@@ -26,15 +26,14 @@ from glider_twin_ops.forecast.walk import (
     Walked,
     walk,
 )
-from twin.checks.agreement import EndsApart
+from twin import Origin, load_vehicle
+from twin.checks import EndsApart
 from twin.errors import InputError, StoreError
 from twin.geodesy import to_tangent_plane
 from twin.identify import start_vehicle
-from twin.physics.start import utc_text
-from twin.records.logged import LogStore
-from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.axes import Origin
-from twin.water.current.base import Current
+from twin.physics import utc_text
+from twin.records import LogStore
+from twin.water.current import Current
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.current_models import FILTER, CurrentPool
 from glider_twin_ops.forecast.pool import Mixture
-from twin.identify.vehicle_draws import normal_draws
-from twin.navigation.current.current_parameters import CALIBRATION, DIVE, MODES
-from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg
-from twin.navigation.current.modes import passage
-from twin.vehicle.vehicle import Vehicle
+from twin import Vehicle
+from twin.identify import normal_draws
+from twin.navigation.current import CALIBRATION, DIVE, MODES, CurrentFilter, Leg, passage
 
 Array = NDArray[np.float64]
 

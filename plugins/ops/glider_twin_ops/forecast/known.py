@@ -25,15 +25,15 @@ from glider_twin_ops.forecast.logged_leg import (
 from glider_twin_ops.forecast.surfacing_schedule import Rhythm
 from glider_twin_ops.forecast.walk import walk
 from glider_twin_ops.forecast.way_pool import WayPool
-from twin.cli.text_table import counted
+from twin import Origin
+from twin.cli import counted
 from twin.errors import InputError, StoreError
 from twin.geodesy import great_circle, position
+from twin.navigation import chi_squared
 from twin.navigation.current import CurrentFilter
-from twin.navigation.dead_reckoning import chi_squared
-from twin.physics.start import parse_place, utc_text
+from twin.physics import parse_place, utc_text
+from twin.records import LogStore
 from twin.records.coordinates import unix_seconds, utc_minute
-from twin.records.logged import LogStore
-from twin.water.current.axes import Origin
 
 DAY, KILO = 86400.0, 1e3
 OLD, FAR = 2.0, 30.0

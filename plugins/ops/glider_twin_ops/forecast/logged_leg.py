@@ -21,13 +21,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.cli.text_table import counted
-from twin.logs.corrected_track import track_velocity
-from twin.logs.fix import fixes_at
+from twin.cli import counted
+from twin.logs import fixes_at, track_velocity
 from twin.navigation.current import Leg
+from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import utc_clock, utc_minute
-from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]
 
@@ -278,7 +277,7 @@ def flown_velocities(
     Raises:
       TwinError: the vehicle cannot be flown on this store.
     """
-    from twin.logs.flight_estimate import estimate_flight
+    from twin.logs import estimate_flight
 
     flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
     return {

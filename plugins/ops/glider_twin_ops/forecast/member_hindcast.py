@@ -22,14 +22,12 @@ from glider_twin_ops.forecast.members import MemberFlight, fly, members_of
 from glider_twin_ops.forecast.request import Request
 from glider_twin_ops.forecast.surfacing import surfacings_of
 from glider_twin_ops.forecast.way_pool import WayPool
-from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
+from twin import Origin, Scenario, Vehicle
+from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import MissionError
 from twin.mission import Mission, Waypoint
-from twin.physics.scenario import Scenario
-from twin.physics.start import utc_text
-from twin.records.logged import LogStore
-from twin.vehicle.vehicle import Vehicle
-from twin.water.current.axes import Origin
+from twin.physics import utc_text
+from twin.records import LogStore
 
 Array = NDArray[np.float64]
 

@@ -30,27 +30,18 @@ from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.request import Request, believing, longest_dive
 from glider_twin_ops.forecast.surfacing_schedule import SHORTEST, Delays
 from glider_twin_ops.forecast.way_pool import GUIDED, WayPool
-from twin.checks.agreement import state_at
+from twin import Scenario, Trajectory, Vehicle, scenario_of
+from twin.checks import state_at
 from twin.errors import InaccurateStep, SimulationUnstable
-from twin.facade import in_water
-from twin.fossen.lane_block import LANES
-from twin.identify.vehicle_draws import SPEED, draw_vehicles, known_compass
-from twin.mission import Mission, Waypoint
-from twin.mission.segments.base import SURFACED_MARGIN_M
+from twin.fossen import LANES
+from twin.identify import SPEED, draw_vehicles, known_compass
+from twin.mission import SURFACED_MARGIN_M, Mission, Waypoint
+from twin.navigation import chi_squared
 from twin.navigation.current import CurrentParameters
-from twin.navigation.dead_reckoning import chi_squared
-from twin.physics.fleet import Fleet
-from twin.physics.lanes import fly_in_lanes
-from twin.physics.mujoco_model import quiet_mujoco
-from twin.physics.scenario import Scenario
-from twin.physics.stiffness import file_timestep, stiffness_of
+from twin.physics import Fleet, file_timestep, fly_in_lanes, quiet_mujoco, stiffness_of
 from twin.records.coordinates import unix_seconds
-from twin.records.trajectory import Trajectory
-from twin.vehicle.consumption import ENERGY
-from twin.vehicle.vehicle import Vehicle
-from twin.water.current import Series
-from twin.water.current.base import Current
-from twin.water.current.sampler import sample_track
+from twin.vehicle import ENERGY
+from twin.water.current import Current, Series, sample_track
 
 Array = NDArray[np.float64]
 
@@ -228,7 +219,7 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
     duration = request.flown
     flown = dataclasses.replace(mission, duration_s=duration)
     place = request.place
-    scenario = Scenario(
+    return scenario_of(
         vehicle=request.vehicle,
         mission=flown,
         duration=duration,
@@ -242,8 +233,8 @@ def _scenario(request: Request, mission: Mission) -> Scenario:
         engine=request.engine,
         timestep=_step(request.vehicle),
         sample_period=SAMPLE_PERIOD,
+        density=request.density,
     )
-    return in_water(scenario, request.density)
 
 
 def _step(vehicle: Vehicle) -> float:

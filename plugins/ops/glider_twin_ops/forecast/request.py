@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from twin import Origin, Vehicle
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, Waypoint
-from twin.physics.scenario import ENGINES
-from twin.vehicle.vehicle import Vehicle
-from twin.water.current.axes import Origin
-from twin.water.current.base import Current
+from twin.physics import ENGINES
+from twin.water.current import Current
 
 HOUR, DAY = 3600.0, 86400.0
 FIELD_ERROR = 0.1

@@ -16,9 +16,7 @@ from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.request import Request, longest_dive
 from twin.errors import InputError
 from twin.geodesy import to_tangent_plane
-from twin.water.current import Grid
-from twin.water.current.base import Current
-from twin.water.current.sampler import sample_track
+from twin.water.current import Current, Grid, sample_track
 
 Array = NDArray[np.float64]
 

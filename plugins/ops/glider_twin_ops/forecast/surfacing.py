@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.members import MemberFlight
+from twin import Origin
 from twin.geodesy import from_tangent_plane, wrap_longitude
-from twin.navigation.dead_reckoning import Ellipse, chi_squared, outline
-from twin.water.current.axes import Origin
+from twin.navigation import Ellipse, chi_squared, outline
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from glider_twin_ops.forecast.surfacing import (
     over,
     surfacings_of,
 )
-from twin.checks.agreement import EndsApart, ends_apart, flown_in_mujoco
+from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.records.coordinates import utc_clock, utc_minute
 

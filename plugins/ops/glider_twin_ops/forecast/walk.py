@@ -29,8 +29,9 @@ from glider_twin_ops.forecast.pool import Mixture, Prior
 from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle
 from glider_twin_ops.forecast.way_pool import WayPool, plain_velocity
 from twin.geodesy import position
+from twin.navigation import chi_squared
 from twin.navigation.current import Leg, Reaches
-from twin.navigation.dead_reckoning import Array, chi_squared
+from twin.numbers import Array
 
 Pair = tuple[float, float]
 FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]

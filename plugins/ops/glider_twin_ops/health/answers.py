@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from glider_twin_ops.health.dive_signals import strokes_of
+from twin import Vehicle, load_vehicle
 from twin.errors import TwinError
 from twin.identify import load_calibration, load_logs, start_vehicle
 from twin.logs import energy_used
+from twin.records import LogStore
 from twin.records.attributes import DIVE
-from twin.records.logged import LogStore
-from twin.records.storage.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.records.storage import StorePath
 
 Array = NDArray[np.float64]
 

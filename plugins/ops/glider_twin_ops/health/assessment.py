@@ -33,12 +33,12 @@ from glider_twin_ops.health.signatures import (
     signatures_of,
 )
 from glider_twin_ops.health.thresholds import threshold_of
+from twin import Vehicle, load_vehicle
 from twin.errors import InputError
-from twin.faults.base import FAULTS, Fault
-from twin.identify.start_values import start_vehicle
-from twin.records.logged import LogStore
-from twin.records.storage.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.faults import FAULTS, Fault
+from twin.identify import start_vehicle
+from twin.records import LogStore
+from twin.records.storage import StorePath
 
 Array = NDArray[np.float64]
 

@@ -21,11 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.identify.calibration import Calibration
-from twin.identify.depth_rates import DepthRates
-from twin.identify.fit import centred
-from twin.identify.logged_missions import Log, gliding
-from twin.identify.unknowns import UnknownParameter, choose
+from twin.identify import Calibration, DepthRates, Log, UnknownParameter, centred, choose, gliding
 
 Array = NDArray[np.float64]
 

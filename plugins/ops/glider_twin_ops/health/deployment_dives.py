@@ -16,11 +16,11 @@ from glider_twin_ops.health.dive_channels import channels_of, flight_model
 from glider_twin_ops.health.dive_signals import DiveSignals, Settings
 from glider_twin_ops.health.echoes import Echoes
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
-from twin.identify.calibration import Calibration
+from twin import Vehicle
+from twin.identify import Calibration
+from twin.records import LogStore, log_rows
 from twin.records.attributes import DIVE, DIVE_DURATION
-from twin.records.logged import LogStore, log_rows
-from twin.records.storage.store_path import StorePath
-from twin.vehicle.vehicle import Vehicle
+from twin.records.storage import StorePath
 
 Array = NDArray[np.float64]
 

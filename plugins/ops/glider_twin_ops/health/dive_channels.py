@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.dive_signals import DiveSignals, binned, filled, strokes_of
-from twin.faults.ctd_faults import MILLISIEMENS_PER_CM
-from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.start_values import balance
+from twin import Vehicle
+from twin.identify import Calibration, balance, load_calibration
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
-from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -296,7 +294,7 @@ def _conductivity(dive: DiveSignals, depth: Array) -> Array | None:
     pressure = dive.get("pressure")
     deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
     made = gsw.C_from_SP(salinity, temperature, deep)
-    return np.asarray(made / MILLISIEMENS_PER_CM)
+    return np.asarray(made / 10.0)  # from mS/cm
 
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:

@@ -24,15 +24,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.health.signatures import TypicalDive, dive_scenario, told
+from twin import Trajectory
 from twin.errors import InputError, MissionError
-from twin.identify.calibration import Calibration
-from twin.identify.comparison import ResidualNoise
-from twin.identify.depth_rates import FIRST_DEVIATION, DepthRates
-from twin.identify.logged_missions import Log, gliding, log_of
-from twin.identify.speed import horizontal, motion_of
-from twin.identify.unknowns import UnknownParameter, choose
-from twin.physics.lanes import Lane, flown_abreast
-from twin.records.trajectory import Trajectory
+from twin.identify import (
+    FIRST_DEVIATION,
+    Calibration,
+    DepthRates,
+    Log,
+    ResidualNoise,
+    UnknownParameter,
+    choose,
+    gliding,
+    horizontal,
+    log_of,
+    motion_of,
+)
+from twin.physics import Lane, flown_abreast
 
 Array = NDArray[np.float64]
 

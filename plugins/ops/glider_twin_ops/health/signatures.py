@@ -17,19 +17,14 @@ from numpy.typing import NDArray
 from glider_twin_ops.health.channels import FLOWN, NAMES, PLACE
 from glider_twin_ops.health.dive_channels import channels_of, flight_model
 from glider_twin_ops.health.dive_signals import DiveSignals
+from twin import DensityProfile, Scenario, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
-from twin.faults.base import DAY, FAULTS, Fault, faults_of, read_by
+from twin.faults import DAY, FAULTS, Fault, faults_of, read_by
 from twin.mission import Mission, SawTooth, Surface
-from twin.physics.condition import BODY, differs, healthy
-from twin.physics.electric import electric
-from twin.physics.lanes import Lane, flown_abreast
-from twin.physics.scenario import Scenario
-from twin.records.trajectory import Trajectory
+from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, healthy
 from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
-from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Profile
-from twin.water.density import DensityProfile
 from twin.water.floor import FlatFloor
 
 Array = NDArray[np.float64]
@@ -282,7 +277,7 @@ def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
             bottom_depth=floor.depth_m if isinstance(floor, FlatFloor) else None,
         )
     )  # fmt: skip
-    signals |= electric(scenario, flown)
+    signals |= electric_signals(scenario, flown)
     signals["commanded_heading"] = flown["commanded_heading"]
     signals |= read_by(
         scenario.faults, signals, flown.time, np.random.default_rng(0),

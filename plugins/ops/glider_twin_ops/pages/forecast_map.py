@@ -129,7 +129,7 @@ def _points(points: Array) -> str:
 
 def _land(frame: MapFrame) -> list[str]:
     """The coast in and around the view."""
-    from twin.show.figures.map_ground import NEIGHBOURS, rings
+    from twin.show.figures import NEIGHBOURS, rings
 
     reach = WIDER * frame.span * max(1.0, WIDTH / HEIGHT / frame.shrink)
     low = np.array(frame.middle) - reach

@@ -10,10 +10,9 @@ from pathlib import Path
 from glider_twin_ops.forecast.surfacing import HALF, NINETY, Surfacing
 from glider_twin_ops.forecast.surfacing_forecast import Forecast
 from glider_twin_ops.pages.forecast_map import draw_map
-from twin.cli.text_table import printable
-from twin.navigation.dead_reckoning import Ellipse
-from twin.records.storage.checksums import LIST
-from twin.records.storage.whole import check_folder_target, whole_folder
+from twin.cli import printable
+from twin.navigation import Ellipse
+from twin.records.storage import LIST, check_folder_target, whole_folder
 
 INDEX, DOCUMENT, GEOJSON = "index.html", "forecast.json", "forecast.geojson"
 FILES = (INDEX, DOCUMENT, GEOJSON)
@@ -107,7 +106,7 @@ def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = No
 
 def page(found: Forecast, *, reload_s: float | None = None) -> str:
     """The HTML text."""
-    from twin.show.figures.page_layout import SHADED
+    from twin.show.figures import SHADED
 
     request, place = found.request, found.request.place
     title = f"{request.vehicle.name}: the next surfacings"

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from glider_twin_ops.health.answers import Answers
 from glider_twin_ops.health.channels import CHANNELS, Channel
 from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdict
-from twin.cli.text_table import format_number
+from twin.cli import format_number
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
-from twin.show.figures.page_layout import Page
+from twin.show.figures import Page
 
 Array = NDArray[np.float64]
 

@@ -17,12 +17,10 @@ from glider_twin_ops.forecast.deployment_hindcast import DeploymentHindcast, Hin
 from glider_twin_ops.forecast.scores import METHODS, Scores
 from glider_twin_ops.forecast.walk import HindcastSurfacing
 from twin.geodesy import position
-from twin.navigation.dead_reckoning import Ellipse, outline
+from twin.navigation import Ellipse, outline
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates, moment_of
-from twin.show.figures.map import draw_base, joined
-from twin.show.figures.map_ground import box_around
-from twin.show.figures.page_layout import Page
+from twin.show.figures import Page, box_around, draw_base, joined
 
 Array = NDArray[np.float64]
 

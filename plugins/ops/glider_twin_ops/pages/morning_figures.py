@@ -14,8 +14,7 @@ from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
 from glider_twin_ops.watching.last_fix import end_of
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
-from twin.show.figures.map import draw_base, joined
-from twin.show.figures.map_ground import box_around
+from twin.show.figures import box_around, draw_base, joined
 
 Array = NDArray[np.float64]
 

@@ -22,12 +22,11 @@ from glider_twin_ops.pages.morning_figures import (
 )
 from glider_twin_ops.watching.morning import Morning
 from glider_twin_ops.watching.proposed_files import NAMES, ProposedFiles
-from twin.cli.console import one_line
-from twin.cli.text_table import counted, printable
+from twin.cli import counted, one_line, printable
 from twin.errors import StoreError
 from twin.records.coordinates import utc_minute
-from twin.records.storage.checksums import damaged_files
-from twin.show.figures.page_layout import Page
+from twin.records.storage import damaged_files
+from twin.show.figures import Page
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"

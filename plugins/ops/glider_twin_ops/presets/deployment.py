@@ -15,27 +15,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.sampling.distribution import Distribution, number
-from factory.sampling.draw import Parameters, draw_values
-from factory.sampling.fly import Impossible, check_possible
-from factory.sampling.mission_water import build_current, build_density, origin
-from factory.sampling.parameters import Table
-from factory.sampling.vehicle_errors import (
+from factory.sampling import (
+    Distribution,
+    Impossible,
+    Parameters,
+    Table,
     ballast_of,
     believed_vehicle,
+    build_current,
+    build_density,
+    check_possible,
+    draw_values,
     encoder_zeros,
+    number,
+    origin,
     spread_vehicle,
 )
+from twin import Scenario, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
-from twin.faults.base import FAULTS, Fault, faults_of, read_by
-from twin.mission import Mission, SawTooth, Surface
-from twin.mission.way import way
-from twin.physics.electric import electric
-from twin.physics.lanes import Lane, flown_abreast
-from twin.physics.scenario import Scenario
-from twin.records.trajectory import Trajectory
+from twin.faults import FAULTS, Fault, faults_of, read_by
+from twin.mission import Mission, SawTooth, Surface, track_to_follow
+from twin.physics import Lane, electric_signals, flown_abreast
 from twin.sensors import Dvl, SensorSuite
-from twin.vehicle.vehicle import Vehicle
 from twin.water.floor import FlatFloor
 
 Array = NDArray[np.float64]
@@ -253,7 +254,7 @@ def _yo_time(drawn: dict[str, Any], vehicle: Vehicle) -> float:
     total = 0.0
     for sign, pitch, mass in ((1.0, "pitch_deg", "net_mass_kg"),
                               (-1.0, "climb_pitch_deg", "climb_net_mass_kg")):  # fmt: skip
-        steady = way(
+        steady = track_to_follow(
             vehicle, "deployment", pitch, -sign * number(drawn, f"mission.{pitch}"),
             sign * number(drawn, f"mission.{mass}"), None, within_travel=True,
         )  # fmt: skip
@@ -350,7 +351,7 @@ def measured(
             density=scenario.density,
         )
     )
-    found |= electric(scenario, flown, rng)
+    found |= electric_signals(scenario, flown, rng)
     found |= {name: flown[name] for name in flown.signals if name.startswith("commanded_")}
     found |= read_by(scenario.faults, found, flown.time, rng, period=period)
     return {name: np.asarray(values, float) for name, values in found.items()} | {

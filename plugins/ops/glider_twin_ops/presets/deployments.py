@@ -19,14 +19,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.executors import local_pool
-from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.dive_store import build
-from factory.importing.plausibility import DiveRules
-from factory.importing.tally import Tally
-from factory.sampling.distribution import Distribution
-from factory.sampling.mission_kind import propelled
-from factory.sampling.parameters import Table, declared, override, parameter_table
+from factory.generation import local_pool
+from factory.importing import (
+    EMPTY,
+    Channel,
+    DeploymentLog,
+    DiveRules,
+    LoggedFixes,
+    Tally,
+    dives_dataset,
+)
+from factory.sampling import Distribution, Table, declared, override, parameter_table, propelled
 from glider_twin_ops.presets.deployment import (
     DeploymentDraw,
     draw_deployment,
@@ -34,17 +37,16 @@ from glider_twin_ops.presets.deployment import (
     faulty_of,
     fly_deployments,
 )
+from twin import Vehicle, load_vehicle
 from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
 from twin.numbers import processors
+from twin.records import check_target, is_store, read_zarr, write_zarr
 from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
-from twin.records.presence import is_store
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.storage.whole import whole_folder
-from twin.records.store import check_target, read_zarr, write_zarr
+from twin.records.storage import whole_folder
 from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
-from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -292,7 +294,7 @@ def dataset_of_logs(
 
     parts = []
     for _, log in flown:  # one by one: a store is sorted by time, and these by their number
-        one, _ = build(
+        one, _ = dives_dataset(
             [log], kind=KIND, period=plan.period, rules=DiveRules(), tally=Tally(),
             files=[log.deployment],
         )  # fmt: skip

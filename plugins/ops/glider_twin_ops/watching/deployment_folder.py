@@ -20,10 +20,11 @@ from factory.importing import IMPORTERS
 from glider_twin_ops.forecast import check_hours, check_members, mission_to
 from glider_twin_ops.health import threshold_of
 from glider_twin_ops.watching.sources.base import source_of
+from twin import Vehicle, load_vehicle
 from twin.bounded import read_toml
 from twin.errors import InputError, TwinError, WriteError, quoted, shown, unknown_name
-from twin.records.storage.whole import check_folder_target, whole_file
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.records import whole_file
+from twin.records.storage import check_folder_target
 from twin.water.current import check_field
 
 SETTINGS = "deployment.toml"

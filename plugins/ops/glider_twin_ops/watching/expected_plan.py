@@ -16,10 +16,10 @@ import numpy as np
 
 from glider_twin_ops.forecast import LoggedLeg, mission_to
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from twin import Vehicle
 from twin.geodesy import position, wrap_longitude
 from twin.mission import Mission, load_mission_for
-from twin.records.logged import LogStore
-from twin.vehicle.vehicle import Vehicle
+from twin.records import LogStore
 
 LAST = 5
 """Dives whose median depth, pitch and time it goes on with"""

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth
-from twin.records.presence import is_derived
-from twin.records.storage.whole import whole_folder
-from twin.records.store import write_zarr
+from twin.records import is_derived, write_zarr
+from twin.records.storage import whole_folder
 
 if TYPE_CHECKING:
     import xarray as xr

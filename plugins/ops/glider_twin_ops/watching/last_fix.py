@@ -11,8 +11,8 @@ import numpy as np
 
 from glider_twin_ops.forecast import LoggedLeg
 from twin.geodesy import position
+from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
-from twin.records.logged import LogStore
 from twin.show.dates import moment_of
 
 

@@ -22,15 +22,14 @@ from glider_twin_ops.watching.last_fix import end_of
 from glider_twin_ops.watching.log_of_files import LOG
 from glider_twin_ops.watching.morning import vehicle_of_log
 from glider_twin_ops.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
-from twin.cli.text_table import format_table
+from twin import Vehicle
+from twin.cli import format_table
 from twin.errors import InputError, SimulationUnstable
 from twin.geodesy import position
 from twin.identify import load_calibration, load_logs
 from twin.mission import Mission, Waypoint
-from twin.records.logged import LogStore
-from twin.records.presence import is_store
-from twin.records.storage.whole import whole_folder
-from twin.vehicle.vehicle import Vehicle
+from twin.records import LogStore, is_store
+from twin.records.storage import whole_folder
 from twin.water.current import Origin
 
 LEARN, DIVE, SAID = "learn", "dive.txt", "proposed.json"

@@ -29,12 +29,10 @@ from glider_twin_ops.watching.sources.arrived_files import (
     arrived,
 )
 from twin.errors import InputError, StoreError
+from twin.records import is_store, read_attributes, write_store
 from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
-from twin.records.presence import is_store, read_attributes
 from twin.records.schema import MISSION
-from twin.records.storage.disk import lock, remove, temporary_name
-from twin.records.storage.whole import clean
-from twin.records.store import write_store
+from twin.records.storage import clean, lock, remove, temporary_name
 
 if TYPE_CHECKING:
     import xarray as xr

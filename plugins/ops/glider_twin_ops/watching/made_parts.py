@@ -10,8 +10,7 @@ import re
 from pathlib import Path
 
 from twin.errors import StoreError
-from twin.records.storage.checksums import damaged_files
-from twin.records.storage.disk import files_below
+from twin.records.storage import damaged_files, files_below
 
 ZARR = re.compile(r"(.+/)?(zarr\.json|c(/\d+)*)")
 """Names of the files in a zarr store, version 3"""

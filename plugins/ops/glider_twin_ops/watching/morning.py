@@ -34,7 +34,8 @@ from glider_twin_ops.watching.log_of_files import LogOfFiles
 from glider_twin_ops.watching.proposed_files import ProposedFiles, flown_files, proposed_files
 from glider_twin_ops.watching.sources.arrived_files import folder_of
 from glider_twin_ops.watching.sources.base import SurfaceDialogue
-from twin.cli.text_table import counted
+from twin import Vehicle
+from twin.cli import counted
 from twin.errors import TwinError
 from twin.identify import (
     identified,
@@ -46,12 +47,11 @@ from twin.identify import (
 )
 from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
 from twin.mission import Waypoint
-from twin.physics.start import utc_text
+from twin.physics import utc_text
+from twin.records import LogStore
 from twin.records.attributes import DIVE
 from twin.records.coordinates import utc_minute
-from twin.records.logged import LogStore
 from twin.show.dates import moment_of
-from twin.vehicle.vehicle import Vehicle
 from twin.water.current import Origin, parse_field
 
 Told = TypeVar("Told")

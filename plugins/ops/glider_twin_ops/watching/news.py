@@ -13,7 +13,7 @@ from glider_twin_ops.forecast import LoggedLeg
 from glider_twin_ops.health import CHANNELS
 from glider_twin_ops.watching.last_fix import end_of
 from glider_twin_ops.watching.morning import Morning
-from twin.cli.text_table import counted
+from twin.cli import counted
 from twin.geodesy import great_circle, offset
 from twin.records.coordinates import utc_minute
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from glider_twin_ops.health import DeploymentHealth
 from glider_twin_ops.watching.log_of_files import LogOfFiles
-from twin.records.storage.whole import whole_file
+from twin.records import whole_file
 from twin.show.dates import moment_of
 
 EVENTS = "events.jsonl"

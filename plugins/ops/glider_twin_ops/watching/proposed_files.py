@@ -21,10 +21,9 @@ from glider_twin_ops.files.seaglider_commands import (
 )
 from glider_twin_ops.files.seaglider_science import SCIENCE, read_science, science_text, sparser
 from glider_twin_ops.files.seaglider_targets import TARGETS, read_targets, targets_of, targets_text
+from twin import Vehicle
 from twin.errors import MissionError
-from twin.mission import Mission, Waypoint, slocum_arguments
-from twin.mission.slocum_mission import read_slocum
-from twin.vehicle.vehicle import Vehicle
+from twin.mission import Mission, Waypoint, read_slocum, slocum_arguments
 
 NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", TARGETS, CMDFILE, SCIENCE)
 """Every name that a proposed file can have"""

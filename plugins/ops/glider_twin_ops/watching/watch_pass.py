@@ -28,11 +28,10 @@ from glider_twin_ops.watching.noticed import EVENTS, noticed, write_events
 from glider_twin_ops.watching.proposed_files import flown_files
 from glider_twin_ops.watching.sources.arrived_files import folder_of
 from glider_twin_ops.watching.sources.base import SurfaceDialogue, newest_dialogue
-from twin.records.logged import LogStore
-from twin.records.presence import is_store
-from twin.records.storage.disk import lock, remove, sweep
-from twin.show.figures.page_layout import INDEX
-from twin.version import __version__
+from twin import __version__
+from twin.records import LogStore, is_store
+from twin.records.storage import lock, remove, sweep
+from twin.show.figures import INDEX
 
 PAST = "as-of"
 """Folder of what was known at moments before the newest dive"""

@@ -15,17 +15,14 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from factory.importing import IMPORTERS, Importer, sniff
-from factory.importing.deployment_log import OF_THE_MACHINE
-from factory.importing.formats.base import TABLES
-from factory.importing.import_run import METADATA
+from factory.importing import IMPORTERS, METADATA, OF_THE_MACHINE, TABLES, Importer, sniff
 from glider_twin_ops.watching.deployment_folder import AUTO, WatchedDeployment
 from glider_twin_ops.watching.sources.base import Source, source_of
+from twin import __version__
 from twin.bounded import check_regular
-from twin.cli.text_table import counted
+from twin.cli import counted
 from twin.errors import InputError, OddFile
-from twin.plugins import imported
-from twin.version import __version__
+from twin.lazy import resolve
 
 BLOCK = 2**20
 """[byte] read at once"""
@@ -105,7 +102,7 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     refused: dict[str, str] = {}
     if way.fetch:
         try:
-            imported(way.fetch)(deployment.source, source)
+            resolve(way.fetch)(deployment.source, source)
         except InputError as error:
             refused["source"] = str(error)
         except OF_THE_MACHINE:

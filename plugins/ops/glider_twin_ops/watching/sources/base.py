@@ -8,9 +8,9 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from factory.importing.deployment_log import OF_THE_MACHINE
+from factory.importing import OF_THE_MACHINE
 from twin.errors import InputError
-from twin.plugins import imported
+from twin.lazy import resolve
 from twin.registry import Registry, instance_of
 
 
@@ -142,7 +142,7 @@ def newest_dialogue(
     for source in SOURCES.values():
         if source.dialogues and (not kind or kind in source.logs):
             fits = re.compile(source.dialogues, re.IGNORECASE).fullmatch
-            read: Dialogues = imported(source.read_dialogues)
+            read: Dialogues = resolve(source.read_dialogues)
             for path in sorted(one for one in names if fits(one.name)):
                 try:
                     found = read([path])

@@ -16,7 +16,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from factory.importing.gps_fixes import NO_DILUTION
 from glider_twin_ops.watching.sources.base import SurfaceDialogue
 from glider_twin_ops.watching.sources.surface_dialogue import degrees_of, last_text, number_of
 
@@ -25,6 +24,8 @@ VEHICLE = re.compile(r"[(\[](sg\d+)[)\]]", re.IGNORECASE)
 COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
 FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
 """Behind the place: seconds to the first fix, and the dilution of precision"""
+NO_DILUTION = 99.0
+"""Receivers write it, and 99.9, without a fix"""
 CODES = {
     "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
     "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),

@@ -18,9 +18,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from twin.cli import require
 from twin.errors import InputError
-from twin.extras import require
-from twin.records.storage.whole import whole_file
+from twin.records import whole_file
 
 NEWEST = 3
 """Days at the end that are asked for at every pass: rows of them may still come"""
