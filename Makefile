@@ -19,7 +19,7 @@ setup: .venv/.installed .venv-s3/.installed .venv-hub/.installed ## virtual envi
 	@test -e .venv/.compiled || $(BIN)/twin compile
 	@touch .venv/.compiled
 
-.venv/.installed: pyproject.toml plugins/hubs/pyproject.toml plugins/ops/pyproject.toml plugins/pipelines/pyproject.toml constraints.txt scripts/venv.sh
+.venv/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml) constraints.txt scripts/venv.sh
 	@scripts/venv.sh "$(PYTHON)"
 
 .venv-s3/.installed: scripts/s3_server.sh | .venv/.installed

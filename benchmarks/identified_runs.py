@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from factory.exporting.mcap_file import export_mcap
 from factory.importing import import_logs
+from glider_twin_protocols.mcap_file import export_mcap
 from twin import load_vehicle, parse_current, parse_floor, simulate
 from twin.identify import identify_driven, load_runs
 from twin.identify.calibration import Calibration

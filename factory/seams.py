@@ -9,6 +9,8 @@ from typing import Any
 
 from twin.registry import Registry
 
+PROTOCOLS = "plugins/protocols"
+
 IMPORTERS: Registry[Any] = Registry(
     "kind of log",
     group="glider_twin.importers",
@@ -22,14 +24,9 @@ IMPORTERS: Registry[Any] = Registry(
         "og1": "factory.importing.formats.kinds:OG1",
         "ngdac": "factory.importing.formats.kinds:NGDAC",
         "spray": "factory.importing.formats.kinds:SPRAY",
-        "lrauv": "factory.importing.formats.kinds:LRAUV",
-        "mcap": "factory.importing.formats.kinds:MCAP",
-        "rosbag2": "factory.importing.formats.kinds:ROSBAG2",
-        "ardusub": "factory.importing.formats.kinds:ARDUSUB",
-        "dorado": "factory.importing.formats.kinds:DORADO",
-        "lsf": "factory.importing.formats.kinds:LSF",
         "csv": "factory.importing.formats.kinds:CSV",
     },
+    apart=dict.fromkeys(("lrauv", "mcap", "rosbag2", "ardusub", "dorado", "lsf"), PROTOCOLS),
     check="factory.importing.formats.base:check_importer",
 )
 """Logs that can be imported."""
@@ -42,11 +39,10 @@ EXPORTERS: Registry[Any] = Registry(
     page="reference/factory.md#exports",
     shipped={
         "erddap": "factory.exporting.erddap:ERDDAP",
-        "mcap": "factory.exporting.formats:MCAP",
         "og1": "factory.exporting.og1:OG1",
-        "parquet": "factory.exporting.formats:PARQUET",
+        "parquet": "factory.exporting.base:PARQUET",
     },
-    apart=dict.fromkeys(("huggingface", "lerobot"), "pip install ./plugins/hubs"),
+    apart=dict.fromkeys(("huggingface", "lerobot"), "plugins/hubs") | {"mcap": PROTOCOLS},
     check="factory.exporting.base:check_exporter",
 )
 """Formats that a store can be exported to."""

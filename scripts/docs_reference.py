@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import re
 import sys
 import warnings
@@ -46,6 +47,10 @@ AREAS = {
     "twin.show.figures": "Figures",
     "twin.checks": "Checks",
     "twin.errors": "Errors",
+    "twin.bounded": "For plugins",
+    "twin.frames": "For plugins",
+    "twin.geodesy": "For plugins",
+    "twin.lazy": "For plugins",
     "twin.seams": "Kinds of your own",
     "twin.control.registry": "Tasks",
     "twin.control": "Environments",
@@ -198,7 +203,7 @@ def public_names(face: str) -> dict[str, str]:
     places: Mapping[str, str] = module._PLACES
     return {
         name: place.replace(":", ".")
-        if ":" in place or place == "twin.errors"
+        if ":" in place or inspect.ismodule(getattr(module, name))
         else f"{place}.{name}"
         for name, place in places.items()
     }

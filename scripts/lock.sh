@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes constraints.txt from a fresh environment: the newest versions that pyproject.toml allows.
+# Writes constraints.txt from a fresh environment: the newest versions that each pyproject.toml allows.
 # Usage: scripts/lock.sh [PYTHON]; run it with the oldest supported Python, since its pins
 # must also install on the newer ones.
 set -euo pipefail
@@ -12,7 +12,7 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "$python" -m venv "$scratch/venv"
 "$scratch/venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-    -e '.[dev]' "torch==$torch"
+    -e '.[dev]' -e plugins/hubs -e plugins/pipelines -e 'plugins/protocols[test]' "torch==$torch"
 
 {
     echo "# Exact versions of everything that \`make setup\` installs. Written by scripts/lock.sh; do not edit."

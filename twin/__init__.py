@@ -17,6 +17,7 @@ from twin.version import __version__
 if TYPE_CHECKING:
     from twin import bounded as bounded
     from twin import errors as errors
+    from twin import frames as frames
     from twin import geodesy as geodesy
     from twin import lazy as lazy
     from twin import numbers as numbers
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from twin.physics.settle import trim as trim
     from twin.physics.simulation import Simulation as Simulation
     from twin.physics.simulation import simulate_many as simulate_many
+    from twin.physics.stepped_vehicle import SteppedVehicle as SteppedVehicle
     from twin.records.store import open_store as open_store
     from twin.records.timeseries import resample as resample
     from twin.records.timeseries import timeseries as timeseries

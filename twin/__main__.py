@@ -16,7 +16,10 @@ PROGRAM = Program(
             ),
             "trim": ("TrimVehicle", "steady glide or spiral of fixed actuator positions"),
             "simulate": ("Simulate", "fly one mission: summary, store, plot"),
-            "serve": ("Serve", "one vehicle for ArduPilot's SITL, or what speaks its protocol"),
+            "serve": (
+                "plugins/protocols",
+                "one vehicle for ArduPilot's SITL, what speaks its protocol, or ROS 2",
+            ),
             "check": ("CheckModels", "MuJoCo against Fossen and against the published figures"),
             "identify": (
                 "Identify",

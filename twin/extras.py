@@ -21,6 +21,7 @@ from importlib import metadata
 from pathlib import Path
 
 from twin.errors import InputError
+from twin.plugins import installation
 
 _LIBRARY = Path("_C") / "libtriton.so"
 _MESA_LLVM = "libLLVM"
@@ -61,7 +62,7 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True, then: 
 
     Args:
       package: what will be imported.
-      extra: the extra of this project that brings it.
+      extra: the extra of this project that brings it, or `plugins/NAME`.
       purpose: what it is for, the start of the message.
       load: import it; without, only look for it, which is quick.
       then: what the command that installs it goes on with.
@@ -77,7 +78,7 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True, then: 
     except ImportError as error:
         raise InputError(
             f"{purpose} needs the package {package}, which cannot be imported ({error}): "
-            f'pip install "glider-twin[{extra}]"{then}'
+            f"{installation(extra)}{then}"
         ) from error
 
 

@@ -103,8 +103,21 @@ def importable(kind: Any) -> bool:
         return False
 
 
+PLUGIN_FOLDER = "plugins/"
+"""Start of the names of this project's plugins as folders of a clone"""
 OWN_PLUGINS = "glider-twin-"
 """Start of the names of this project's plugins as distributions"""
+
+
+def installation(source: str) -> str:
+    """Command that installs a plugin of this project, or an extra.
+
+    Args:
+      source: `plugins/NAME`, or the name of an extra.
+    """
+    if source.startswith(PLUGIN_FOLDER):
+        return f"`pip install ./{source}` in a clone"
+    return f'pip install "glider-twin[{source}]"'
 
 
 def entry_point(group: str, name: str) -> importlib.metadata.EntryPoint | None:

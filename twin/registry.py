@@ -27,6 +27,7 @@ from twin.plugins import (
     from_plugin,
     importable,
     imported,
+    installation,
     load_entry_point,
     origin_of,
     place_of,
@@ -66,7 +67,7 @@ class Registry(Mapping[str, Kind]):
           base: the public class that a kind is derived from, or an object of.
           page: of docs/ that shows one of your own, with its anchor.
           shipped: `package.module:attribute` by name.
-          apart: by name, the line that installs a kind of this project's `plugins/` in a clone.
+          apart: by name, the folder of this project's `plugins/` that brings a kind.
           check: returns the kind, or raises InputError that says what it lacks. A text
             `package.module:function` is imported when the first kind is checked.
           check_shipped: whether shipped kinds are checked when they are loaded; without it only
@@ -181,7 +182,7 @@ class Registry(Mapping[str, Kind]):
           place: where a file says that the kind was, as `place` gave it.
         """
         if name in self._apart:
-            hint = f"; {name} is a plug-in of its own: `{self._apart[name]}` in a clone"
+            hint = f"; {name} {self.source(name)}"
             return UnknownName(self.noun, name, self, hint=hint)
         module = place.partition(":")[0]
         if module.startswith(PLUGIN_MODULE):
@@ -191,6 +192,10 @@ class Registry(Mapping[str, Kind]):
         else:
             ways = f"name its file in {PLUGINS}, or install it with the entry point {self.group}"
         return UnknownName(self.noun, name, self, hint=f"; for one of your own, {ways}")
+
+    def source(self, name: str) -> str:
+        """Which plugin of this project brings a kind that is not here, in words."""
+        return f"comes with a plugin: {installation(self._apart[name])}"
 
     def shipped(self) -> tuple[str, ...]:
         """Names of the kinds that come with the package."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from factory import seams
 from twin.errors import InputError
-from twin.plugins import imported
+from twin.plugins import imported, installation
 from twin.records.storage.checksums import is_listed
 from twin.records.storage.store_path import StorePath, named
 from twin.records.storage.whole import whole_file, whole_folder
@@ -79,7 +79,7 @@ class Exporter:
     takes: tuple[str, ...] = ()
     """Names of the `ExportOptions` that it takes; with any, they are `write`'s fifth argument."""
     extra: str | None = None
-    """Extra of this project that brings the packages which writing needs."""
+    """Extra of this project, or `plugins/NAME`, with the packages which writing needs."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
@@ -157,7 +157,7 @@ class Exporter:
                 raise
             raise InputError(
                 f"the {self.name} export needs the package {error.name}, which is not installed: "
-                f'pip install "glider-twin[{self.extra}]"'
+                f"{installation(self.extra)}"
             ) from error
         return [path / one.relative_to(place) for one in written]
 
@@ -171,6 +171,15 @@ def _is_export(folder: Path) -> bool:
 
 check_exporter = instance_of("export format", Exporter)
 """Make sure that a kind is whole; the table of seams names it."""
+
+PARQUET = Exporter(
+    name="parquet",
+    title="one flat Parquet table, a row for every sample",
+    ending=".parquet",
+    write="factory.exporting.flat_table:export_parquet",
+    extra="parquet",
+)
+"""For tools that know no arrays."""
 
 EXPORTERS: Registry[Exporter] = seams.EXPORTERS
 """Every format that a store can be exported to, by name."""

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from factory.generation.executors import dask_executor as dask_executor
     from factory.generation.executors import local_pool as local_pool
     from factory.generation.generated_store import GeneratedStore as GeneratedStore
+    from factory.generation.generated_store import StoredFlight as StoredFlight
     from factory.generation.generated_store import is_flight as is_flight
     from factory.generation.generated_store import open_exportable as open_exportable
     from factory.generation.generated_store import open_missions as open_missions

@@ -13,7 +13,9 @@ from factory.importing.formats.base import (
     IMPORTERS,
     TABLES,
     Importer,
+    NeedsPlugin,
     WrongFormat,
+    check_plugin,
     kind_that_takes,
     kinds_by_bytes,
     likely_kinds,
@@ -155,6 +157,8 @@ def _looks_like(files: Sequence[Path]) -> str:
     for path in files:
         try:
             kind = sniff(path) if path.stat().st_size else None
+        except NeedsPlugin as error:
+            return f"; {error}"
         except (InputError, OSError):
             continue  # a file that cannot be read says nothing
         if kind is not None:
@@ -173,6 +177,7 @@ def _check_contents(importer: Importer, path: Path) -> None:
         raise WrongFormat(path, (), kind=begins[0])
     if begins:
         return
+    check_plugin(path)
     if holds_arrays(path):
         names, endings = variable_names(path), ARRAYS
     elif path.suffix.lower() in TABLES:

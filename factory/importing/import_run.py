@@ -20,6 +20,7 @@ from factory.importing.formats.base import (
     Reader,
     ReadOptions,
     WrongFormat,
+    check_plugin,
     kind_that_takes,
 )
 from factory.importing.given_files import expand
@@ -29,7 +30,7 @@ from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import ImportReport, OtherKind, Tally, summarise
 from twin.errors import InputError
-from twin.plugins import imported
+from twin.plugins import imported, installation
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY, made_at
 
 if TYPE_CHECKING:
@@ -193,7 +194,7 @@ def _read(
             raise
         raise InputError(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
-            f'pip install "glider-twin[{importer.extra}]"'
+            f"{installation(importer.extra)}"
         ) from error
 
 
@@ -279,6 +280,7 @@ def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:
     """The error with the kind of log that the file looks like."""
+    check_plugin(error.path, error.names)
     kind = error.kind
     if kind is None and error.names:
         kind = kind_that_takes(

@@ -51,8 +51,8 @@ RUN = {
     "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_messages.md": {
-        "tests/factory/importing/test_dorado.py": 1,
-        "tests/factory/importing/test_messages.py": 1,
+        "plugins/protocols/tests/test_dorado.py": 1,
+        "plugins/protocols/tests/test_messages.py": 1,
     },
     "docs/howto/import_tables.md": {
         "tests/factory/importing/test_csv.py": 1,
@@ -69,8 +69,8 @@ RUN = {
         "tests/twin/show/render/test_gallery.py": 2,
         "tests/test_registry.py": 1,
     },
-    "docs/howto/serve.md": {"tests/twin/serve/test_serve.py": 2},
-    "docs/howto/xarray.md": {"tests/factory/test_accessor.py": 1},
+    "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
+    "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
     "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 1},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {"tests/twin/water/test_current_docs.py": 2},

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from twin.cli.console import JsonOption as JsonOption
     from twin.cli.console import one_line as one_line
     from twin.cli.durations import Hours as Hours
+    from twin.cli.durations import Seconds as Seconds
+    from twin.cli.endings import Ended as Ended
     from twin.cli.endings import interruption as interruption
     from twin.cli.program import describe_error as describe_error
     from twin.cli.text_table import counted as counted

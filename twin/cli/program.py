@@ -34,7 +34,13 @@ from pathlib import Path
 from twin.cli.console import Console, discard, one_line
 from twin.cli.endings import Endings, Runnable, interruption
 from twin.errors import InputError, OddFile, TwinError, shortened, unknown_name
-from twin.plugins import entry_point, imported, load_entry_point
+from twin.plugins import (
+    PLUGIN_FOLDER,
+    entry_point,
+    imported,
+    installation,
+    load_entry_point,
+)
 from twin.version import __version__
 
 EXIT_OK = 0
@@ -43,8 +49,6 @@ EXIT_BAD_INPUT = 2
 
 COMMANDS = "glider_twin.commands"
 """Group of the entry points that bring subcommands"""
-PLUGIN = "plugins/"
-"""Folder of this project's plugins in a clone"""
 
 TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 """Environment variable that, when set to 1, adds the traceback to every error."""
@@ -78,7 +82,7 @@ class ProgramCommand:
         if point is None:
             raise InputError(
                 f"`{typed}` comes with a plugin that is not installed: "
-                f"`pip install ./{PLUGIN}{self.plugin}` in a clone"
+                f"{installation(PLUGIN_FOLDER + self.plugin)}"
             )
         command = load_entry_point(point, f"command `{typed}`")
         return command
@@ -98,7 +102,7 @@ def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[Pro
     found = []
     for name, (place, summary) in table.items():
         loader = place if ":" in place else f"{package}.{name}:{place}"
-        plugin = place.removeprefix(PLUGIN) if place.startswith(PLUGIN) else ""
+        plugin = place.removeprefix(PLUGIN_FOLDER) if place.startswith(PLUGIN_FOLDER) else ""
         if plugin:
             loader = f"{program}.{name}"
         found.append(ProgramCommand(name=name, summary=summary, loader=loader, plugin=plugin))
@@ -123,7 +127,7 @@ class Program:
         width = max((len(command.name) for command in self.commands), default=0)
         listing = ""
         for plugin in dict.fromkeys(command.plugin for command in self.commands):
-            listing += f"commands of {PLUGIN}{plugin}:\n" if plugin else "commands:\n"
+            listing += f"commands of {PLUGIN_FOLDER}{plugin}:\n" if plugin else "commands:\n"
             for command in self.commands:
                 if command.plugin == plugin:
                     listing += f"  {command.name:<{width}}  {command.summary}\n"

@@ -18,6 +18,11 @@ from twin.logs.energy_use import energy_used as energy_used
 from twin.logs.energy_use import second_half as second_half
 from twin.logs.fix import Fixes as Fixes
 from twin.logs.fix import fixes_at as fixes_at
+from twin.logs.fix import place_of as place_of
+from twin.logs.flight_dataset import DAC as DAC
+from twin.logs.flight_dataset import EPOCH as EPOCH
+from twin.logs.flight_dataset import OF_DIVES as OF_DIVES
+from twin.logs.flight_dataset import PER_DIVE as PER_DIVE
 from twin.logs.flight_dataset import check_target as check_target
 from twin.logs.flight_dataset import flight_dataset as flight_dataset
 from twin.logs.flight_dataset import write_flight as write_flight
@@ -25,5 +30,6 @@ from twin.logs.flight_estimate import Flight as Flight
 from twin.logs.flight_estimate import MissionFlight as MissionFlight
 from twin.logs.flight_estimate import estimate_flight as estimate_flight
 from twin.logs.flight_summary import FlightSummary as FlightSummary
+from twin.logs.flight_summary import summarise as summarise
 from twin.logs.logged_mission import logged_trajectory as logged_trajectory
 from twin.logs.thermal_lag import ThermalLag as ThermalLag

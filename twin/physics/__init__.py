@@ -20,5 +20,6 @@ if TYPE_CHECKING:
     from twin.physics.start import utc_text as utc_text
     from twin.physics.stiffness import file_timestep as file_timestep
     from twin.physics.stiffness import stiffness_of as stiffness_of
+    from twin.physics.true_signals import declare_parts as declare_parts
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

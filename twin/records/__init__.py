@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from twin.records.store import read_zarr as read_zarr
     from twin.records.store import write_store as write_store
     from twin.records.store import write_zarr as write_zarr
+    from twin.records.timeseries import FIXES as FIXES
+    from twin.records.timeseries import sample_coordinates as sample_coordinates
     from twin.records.tracks import NamedTrack as NamedTrack
     from twin.records.tracks import choose_tracks as choose_tracks
     from twin.records.tracks import read_tracks as read_tracks

@@ -13,6 +13,7 @@ from twin.sensors.base import register as register
 from twin.sensors.compass import COMPASS_PRESETS as COMPASS_PRESETS
 from twin.sensors.compass import Compass as Compass
 from twin.sensors.ctd import Ctd as Ctd
+from twin.sensors.dvl import MODES as DVL_MODES  # noqa: F401
 from twin.sensors.dvl import Dvl as Dvl
 from twin.sensors.encoders import Encoders as Encoders
 from twin.sensors.gps import Gps as Gps

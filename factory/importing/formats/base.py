@@ -84,7 +84,7 @@ class Importer:
     first_bytes: tuple[bytes, ...] = ()
     """How the vehicle's own binary files begin."""
     extra: str | None = None
-    """Extra of this project that brings the packages which reading may need."""
+    """Extra of this project, or `plugins/NAME`, with the packages which reading may need."""
     takes_cache: bool = False
     """Whether the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
@@ -202,13 +202,19 @@ def takes(importer: Importer, path: Path) -> bool | None:
         return None
 
 
-def kinds_by_bytes(path: Path) -> list[str]:
-    """The kinds whose own binary files begin as this one does, packed by gzip or not."""
+def _start(path: Path) -> bytes:
+    """First bytes of a file, or of what gzip packed into it."""
     with path.open("rb") as file:
         start = file.read(64)
     if start.startswith(b"\x1f\x8b"):
         with contextlib.suppress(EOFError, OSError, zlib.error), gzip.open(path, "rb") as packed:
             start = packed.read(64)
+    return start
+
+
+def kinds_by_bytes(path: Path) -> list[str]:
+    """The kinds whose own binary files begin as this one does, packed by gzip or not."""
+    start = _start(path)
     return [
         importer.name
         for importer in IMPORTERS.values()
@@ -216,11 +222,45 @@ def kinds_by_bytes(path: Path) -> list[str]:
     ]
 
 
+LOOKS: dict[str, tuple[bytes | str, ...]] = {
+    "mcap": (b"\x89MCAP0\r\n",),
+    "rosbag2": (b"SQLite format 3\0",),
+    "ardusub": (b"\xa3\x95\x80",),
+    "lsf": (b"\x54\xfe", b"\xfe\x54"),
+    "dorado": (b"# binary ", "mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites",
+               "dvlBotVelx", "navigation_roll", "navigation_pitch", "navigation_yaw"),
+    "lrauv": ("EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",
+              "platform_buoyancy_position", "platform_mass_position"),
+}  # fmt: skip
+"""First bytes and marks of the logs that plugins of this project read"""
+
+
+class NeedsPlugin(OtherKind):
+    """A file looks like a kind of log whose plugin is not installed; the message names it."""
+
+
+def check_plugin(path: Path, names: Iterable[str] = ()) -> None:
+    """Refuse a file that looks like a kind of log whose plugin is not installed.
+
+    Args:
+      names: of its columns or variables.
+
+    Raises:
+      NeedsPlugin: it does.
+    """
+    start, found = _start(path), set(names)
+    own = max(len(importer.marks & found) for importer in IMPORTERS.values())
+    for kind, looks in LOOKS.items():
+        begins = any(isinstance(one, bytes) and start.startswith(one) for one in looks)
+        if kind not in IMPORTERS and (begins or len(found & set(looks)) > own):
+            raise NeedsPlugin(f"{path.name} looks like {kind}, which {IMPORTERS.source(kind)}")
+
+
 def sniff(path: str | Path) -> str | None:
     """The kind of log that a file looks like, whose reader takes it; None when it looks like none.
 
     Raises:
-      InputError: the file cannot be read.
+      InputError: the file cannot be read, or its plugin is not installed.
     """
     from factory.importing.columns import column_names
     from factory.importing.netcdf import holds_arrays, variable_names
@@ -233,6 +273,8 @@ def sniff(path: str | Path) -> str | None:
     begins = kinds_by_bytes(path)
     if begins:
         return begins[0]
+    check_plugin(path)  # before it is read as a table
     arrays = holds_arrays(path)
     names = variable_names(path) if arrays else column_names(path)
+    check_plugin(path, names)
     return kind_that_takes(path, names, arrays=arrays)

@@ -10,15 +10,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from factory.exporting.metadata import Metadata
-from factory.generation.generated_store import GeneratedStore
-from twin.cli.text_table import counted
-from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SPLITS, TITLE
+from factory.exporting import Metadata
+from factory.generation import GeneratedStore
+from twin import __version__
+from twin.cli import counted
+from twin.records import SPLITS, LogStore, MissionStore
+from twin.records.attributes import COMMENT, HISTORY, PLATFORM, TITLE
 from twin.records.coordinates import NOMINAL, NOMINAL_WORDS
-from twin.records.logged import LogStore
-from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
-from twin.version import __version__
 
 UNKNOWN, OTHER = "unknown", "other"
 """Identifiers for data of which nobody said a licence, and for one that hubs do not list"""

@@ -7,12 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from factory.exporting.base import Advance, ExportOptions
-from factory.exporting.flat_table import FlatTable
-from factory.exporting.metadata import metadata_for
+from factory.exporting import Advance, ExportOptions, FlatTable, metadata_for
 from glider_twin_hubs.data_card import split_name, write_card
-from twin.records.attributes import SPLITS
-from twin.records.reader import MissionStore
+from twin.records import SPLITS, MissionStore
 
 LARGEST_FILE = 400_000_000
 """[bytes] after which a split goes on in a further file; hubs ask for less than 500 MB"""

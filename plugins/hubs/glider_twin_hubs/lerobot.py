@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from factory.exporting.base import Advance, ExportOptions
-from factory.exporting.metadata import metadata_for
-from factory.generation.generated_store import GeneratedStore, StoredFlight
+from factory.exporting import Advance, ExportOptions, metadata_for
+from factory.generation import GeneratedStore, StoredFlight
 from glider_twin_hubs.data_card import split_name, write_card
 from glider_twin_hubs.lerobot_features import (
     INDICES,
@@ -26,8 +25,7 @@ from glider_twin_hubs.lerobot_features import (
     choose_features,
     episode_statistics,
 )
-from twin.records.attributes import SPLITS
-from twin.records.reader import MissionStore
+from twin.records import SPLITS, MissionStore
 
 VERSION = "v3.0"
 CHUNK, FILE_MB, VIDEO_MB = 1000, 100, 200

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import StoreError
-from twin.records.reader import MissionStore
+from twin.records import MissionStore
 from twin.records.schema import VARIABLES
 
 Floats = NDArray[np.float32]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from factory.importing import sniff
-from factory.modelled_log import modelled
+from glider_twin_pipelines.modelled_log import modelled
 from glider_twin_pipelines.own_file import add_variables, times_of
 from twin.errors import InputError
 

@@ -15,11 +15,11 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.variables import Og1Variable
+from factory.exporting.og1 import Og1Variable
+from factory.importing import Tally
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of
-from factory.importing.tally import Tally
 from twin.errors import InputError
-from twin.records.storage.whole import whole_file
+from twin.records import whole_file
 
 CLOCK = "time"
 """Name of the times of the samples, with pyglider and with basestation3"""

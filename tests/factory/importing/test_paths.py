@@ -8,8 +8,8 @@ import pytest
 from logs import Flight, pack, write_dbd, write_slocum
 
 from factory.exporting import EXPORTERS
-from factory.exporting.mcap_file import files
 from factory.importing import import_logs
+from glider_twin_protocols.mcap_file import files
 from twin.bounded import MOST_STEM, file_names
 from twin.errors import InputError
 from twin.records.logged import LogStore

@@ -16,9 +16,9 @@ from message_logs import write_mcap
 
 from factory.importing import import_logs, netcdf
 from factory.importing.columns import unix_seconds
-from factory.importing.formats.mcap_reader import _unit_quaternions
 from factory.importing.netcdf import open_netcdf
 from factory.importing.tally import ImportReport, Tally
+from glider_twin_protocols.ros_messages import unit_quaternions
 from twin.errors import InputError
 
 FLIGHT = Flight()
@@ -265,11 +265,11 @@ def test_a_quaternion_is_an_attitude_only_at_length_one() -> None:
         [[1.0, 0, 0, 0], [0.0, 0, 0, 0], [1.4, 0.2, 0, 0], [-9999.0] * 4, [0.999, 0, 0, 0]]
     )
     found = {f"orientation.{axis}": rows[:, k] for k, axis in enumerate("wxyz")}
-    _unit_quaternions(found, "/imu", tally)
+    unit_quaternions(found, "/imu", tally)
     (entry,) = tally.entries()
     assert (entry.action, entry.subject, entry.count) == ("removed", "/imu", 3)
     np.testing.assert_array_equal(found["orientation.w"], [1.0, np.nan, np.nan, np.nan, 1.0])
     found = {f"orientation.{axis}": np.zeros(2) for axis in "wxyz"}
     found["orientation_covariance.0"] = np.full(2, -1.0)
-    _unit_quaternions(found, "/imu", quiet := Tally())
+    unit_quaternions(found, "/imu", quiet := Tally())
     assert not quiet.entries()  # the message says itself that it has none

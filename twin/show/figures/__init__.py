@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from twin.show.figures.device import sensor_figure as sensor_figure
     from twin.show.figures.device import velocity_figure as velocity_figure
     from twin.show.figures.logged_dive import log_figure as log_figure
+    from twin.show.figures.map import Currents as MapCurrents  # noqa: F401
+    from twin.show.figures.map import MapContent as MapContent
     from twin.show.figures.map import draw_base as draw_base
-    from twin.show.figures.map import joined as joined
+    from twin.show.figures.map import draw_content as draw_map  # noqa: F401
+    from twin.show.figures.map import joined as joined_longitude  # noqa: F401
     from twin.show.figures.map_ground import NEIGHBOURS as NEIGHBOURS
     from twin.show.figures.map_ground import box_around as box_around
     from twin.show.figures.map_ground import rings as rings

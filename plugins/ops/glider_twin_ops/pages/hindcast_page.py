@@ -20,7 +20,7 @@ from twin.geodesy import position
 from twin.navigation import Ellipse, outline
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates, moment_of
-from twin.show.figures import Page, box_around, draw_base, joined
+from twin.show.figures import Page, box_around, draw_base, joined_longitude
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def _draw_map(
     every = np.concatenate(
         [begins, fixes, *(np.array(p) for p in named.values() if p), *(ring.T for ring in outlines)]
     )
-    unrolled = joined(every[:, 1])
+    unrolled = joined_longitude(every[:, 1])
     unroll = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
 
     def along(longitude: Array) -> Array:

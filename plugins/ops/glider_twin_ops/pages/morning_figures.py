@@ -14,7 +14,7 @@ from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
 from glider_twin_ops.watching.last_fix import end_of
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
-from twin.show.figures import box_around, draw_base, joined
+from twin.show.figures import box_around, draw_base, joined_longitude
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
         if len(found.track):
             rings.append(found.track[:, ::-1])
     every = np.concatenate([begins, ends, *rings])
-    longitude = joined(every[:, 1])
+    longitude = joined_longitude(every[:, 1])
     draw_base(axes, box_around(every[:, 0], longitude, 0.95))
     count = len(legs)
     west, east = longitude[:count], longitude[count : 2 * count]

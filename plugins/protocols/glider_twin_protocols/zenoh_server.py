@@ -9,6 +9,7 @@ Messages are those of `factory export --to mcap`.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import math
@@ -23,13 +24,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from glider_twin_protocols.ardupilot import own_machine
+from glider_twin_protocols.cdr import HEADER, encode
+from glider_twin_protocols.ros_topics import Topic, in_si, topics
+from twin import Command, SteppedVehicle
 from twin.errors import InputError
-from twin.mission.controller import Command
-from twin.serve.ardupilot import own_machine
-from twin.serve.cdr import HEADER, encode
-from twin.serve.live_samples import LiveSamples
-from twin.serve.ros_topics import Topic, in_si, topics
-from twin.serve.stepped_vehicle import SteppedVehicle
+from twin.geodesy import from_tangent_plane
+from twin.physics import declare_parts
+from twin.sensors import Imu
+
+Array = NDArray[np.float64]
 
 PORT = 7447
 """Zenoh's"""
@@ -297,3 +304,51 @@ def _opened(zenoh: Any, endpoint: str, router: bool, token: str | None) -> Any:
     finally:
         if users is not None:
             Path(users).unlink()
+
+
+@dataclasses.dataclass
+class LiveSamples:
+    """One sample of now, as `ros_topics.Samples`.
+
+    It has the truth alone: what was commanded comes from others, by topics of the same names.
+    """
+
+    flown: SteppedVehicle
+    start: tuple[float, float]
+    """Latitude and longitude [degree] of the flight's start, the origin of `map`"""
+    gps_deviation: float | None = None
+    imu: Imu | None = None
+    logged: bool = False
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        declare_parts(self.flown.vehicle)
+        self.imu_position = self.flown.vehicle.imu_position
+        self.period = self.flown.timestep
+        self.names: list[str] = []
+        self.take(0)
+
+    def take(self, moment: int) -> None:
+        """Look at the vehicle.
+
+        Args:
+          moment: [ns] unix time of the sample.
+        """
+        now = self.flown.state()
+        self._now = {name: value for name, value in now.items() if name.startswith("true_")}
+        self.names = list(self._now)
+        self.time: NDArray[np.int64] = np.array([moment])
+        north, east = self.signal("true_north"), self.signal("true_east")
+        self.latitude, self.longitude = from_tangent_plane(north, east, *self.start)
+
+    def signal(self, name: str) -> Array:
+        """A signal in a store's units, (1,)."""
+        return np.array([self._now[name]])
+
+    def track(self) -> tuple[Array, Array]:
+        """North and east [m] from the start."""
+        return self.signal("true_north"), self.signal("true_east")
+
+    def fixes(self) -> tuple[Array, Array]:
+        """The places: there are no fixes among truths."""
+        return self.latitude, self.longitude

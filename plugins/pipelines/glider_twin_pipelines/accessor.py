@@ -1,6 +1,6 @@
 """Accessor: flight, currents, track and map of a glider's data set in xarray.
 
-    import factory.accessor  # registers `ds.glider`
+    import glider_twin_pipelines.accessor  # registers `ds.glider`
     import xarray as xr
 
     ds = xr.open_dataset("deployment.nc")
@@ -21,12 +21,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from factory.importing import sniff
+from factory.importing import Tally, sniff
 from factory.importing.netcdf import as_array, seconds_of
-from factory.importing.tally import Tally
-from factory.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
+from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError
-from twin.logs.flight_dataset import DAC, EPOCH, OF_DIVES, PER_DIVE
+from twin.logs import DAC, EPOCH, OF_DIVES, PER_DIVE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,11 +97,11 @@ class GliderAccessor:
 
     def map(self, vehicle: str | None = None) -> Figure:
         """The corrected track on a map, with fixes and depth-averaged currents."""
-        from twin.show.figures.map import Currents, MapContent, draw_content, joined
+        from twin.show.figures import MapContent, MapCurrents, draw_map, joined_longitude
 
         log, found = self.log(vehicle), self.currents(vehicle)
         latitude, longitude = (np.asarray(log.variables[n].values) for n in POSITIONS[:2])
-        currents = Currents(
+        currents = MapCurrents(
             latitude=found["dac_latitude"].values,
             longitude=found["dac_longitude"].values,
             north=found["dac_north"].values,
@@ -110,12 +109,12 @@ class GliderAccessor:
             name="depth-averaged current of each dive",
         )
         content = MapContent(
-            tracks=((latitude, joined(longitude)),),
+            tracks=((latitude, joined_longitude(longitude)),),
             name="corrected track",
-            fixes=(log.fixes[0], joined(log.fixes[1])),
+            fixes=(log.fixes[0], joined_longitude(log.fixes[1])),
             currents=(currents,) if found.sizes[DAC] else (),
         )
-        return draw_content(content)
+        return draw_map(content)
 
     def log(self, vehicle: str | None = None) -> ModelledLog:
         """What all of these are made of; computed once for each vehicle."""

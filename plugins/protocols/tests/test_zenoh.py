@@ -17,9 +17,10 @@ import pytest
 from patience import HANG_S
 
 import twin
-from twin.commands.serve import Serve
+from glider_twin_protocols import ZenohServer
+from glider_twin_protocols.serve_command import Serve
+from twin import SteppedVehicle
 from twin.errors import InputError
-from twin.serve import SteppedVehicle, ZenohServer
 
 zenoh = pytest.importorskip("zenoh")
 typesys = pytest.importorskip("rosbags.typesys")

@@ -10,20 +10,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.base import Advance, no_progress
-from factory.exporting.mcap_samples import McapSamples
+from factory.exporting import Advance, no_progress
+from factory.generation import GeneratedStore, StoredFlight
+from glider_twin_protocols.cdr import encode
+from glider_twin_protocols.ros_topics import Topic, topics
+from twin import __version__
 from twin.bounded import file_names
+from twin.errors import StoreError
+from twin.geodesy import from_tangent_plane, offset, position
+from twin.records import FIXES, LogStore, MissionStore, sample_coordinates
 from twin.records.attributes import COMMENT, HISTORY, PLATFORM, SAMPLE_PERIOD, SOURCE, TITLE
-from twin.records.coordinates import NOMINAL
-from twin.records.logged import LogStore
-from twin.records.reader import MissionStore
-from twin.records.schema import VARIABLES
-from twin.serve.cdr import encode
-from twin.serve.ros_topics import Topic, topics
-from twin.version import __version__
+from twin.records.coordinates import (
+    DATETIME,
+    LATITUDE,
+    LONGITUDE,
+    NOMINAL,
+    START_LATITUDE,
+    START_LONGITUDE,
+    read_place,
+)
+from twin.records.schema import MISSION, VARIABLES
+from twin.sensors import Imu
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
+
+Array = NDArray[np.float64]
 
 DISTRIBUTION = "ROS2_HUMBLE"
 """Whose definitions of the standard messages are in the files; those used here are the same in all
@@ -189,3 +201,67 @@ def _rows(values: Any, block: slice, known: NDArray[np.bool_]) -> Any:
     if isinstance(values, list):
         return [_rows(value, block, known) for value in values]
     return values
+
+
+NANOSECONDS = 1_000_000
+"""In a millisecond"""
+
+
+class McapSamples:
+    """Signals, moments and places of a mission of a store, as `ros_topics.Samples`.
+
+    Raises:
+      StoreError: it is damaged, or does not say when the mission began.
+    """
+
+    def __init__(self, run: MissionStore, mission: int, origin: tuple[float, float] | None) -> None:
+        """Read the moments; signals are read when they are asked for.
+
+        Args:
+          origin: latitude and longitude [degree] of the frame `map`; None: the mission's start.
+        """
+        self.run, self.mission = run, mission
+        self.count = int(run.samples[mission])
+        self.names = run.signals()
+        self.logged, self.period = run.logged, run.period
+        self.imu_position = run.vehicle.imu_position
+        self.gps_deviation: float | None = None
+        if isinstance(run, GeneratedStore):
+            self.gps_deviation = run.sensor_constants(mission).get("gps_sigma") or None
+        imu = run.suite.get("imu") if isinstance(run, GeneratedStore | StoredFlight) else None
+        self.imu = imu if isinstance(imu, Imu) else None
+        where = sample_coordinates(run, mission)
+        moments = where[DATETIME].astype("datetime64[ms]")
+        if np.isnat(moments).any():
+            raise StoreError(
+                f"store {run.path} lacks the start time of mission {mission}, and messages have "
+                "dates: make it again with a start time"
+            )
+        self.time: NDArray[np.int64] = moments.astype(np.int64) * NANOSECONDS
+        """[ns] unix time of each sample"""
+        self.latitude, self.longitude = where[LATITUDE], where[LONGITUDE]
+        self.place = read_place(run.dataset.isel({MISSION: mission}))
+        start = (self.place.get(START_LATITUDE, np.nan), self.place.get(START_LONGITUDE, np.nan))
+        self.start = float(start[0]), float(start[1])
+        self.origin = self.start if origin is None else origin
+        self._read: dict[str, Array] = {}
+
+    def signal(self, name: str) -> Array:
+        """A signal as the store has it, (samples,)."""
+        if name not in self._read:
+            row = self.run.row(name, self.mission)[: self.count]
+            self._read[name] = row.astype(float)
+        return self._read[name]
+
+    def track(self) -> tuple[Array, Array]:
+        """North and east [m] from the origin of `map` of the places that the store holds.
+
+        For logs, metres along the meridian and the parallel, as everywhere with them.
+        """
+        return offset(self.latitude, self.longitude, *self.origin)
+
+    def fixes(self) -> tuple[Array, Array]:
+        """Latitude and longitude [degree] of the GPS fixes, (samples,); NaN without one."""
+        degrees = position if self.run.logged else from_tangent_plane
+        north, east = (self.signal(name) for name in FIXES)
+        return degrees(north, east, *self.start)

@@ -12,7 +12,7 @@ from logs import Flight
 from message_logs import dives, write_bag
 
 from factory.importing import import_logs
-from factory.importing.formats.mcap_recording import Ros2Recording
+from glider_twin_protocols.mcap_recording import Ros2Recording
 from twin.errors import InputError
 
 pytest.importorskip("rosbags.rosbag2")

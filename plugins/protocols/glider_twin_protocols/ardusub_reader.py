@@ -16,9 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from factory.importing.deployment_log import DeploymentLog, each_file
-from factory.importing.formats.base import ReadOptions
-from factory.importing.formats.csv.mapping import Signal
+from factory.importing import (
+    DeploymentLog,
+    ReadOptions,
+    Signal,
+    Tally,
+    each_file,
+    note_unread,
+    unit_to_take,
+)
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -26,8 +32,6 @@ from factory.importing.messages import (
     wanted_fields,
     with_standard,
 )
-from factory.importing.tally import Tally, note_unread
-from factory.importing.units import unit_to_take
 from twin.errors import InputError
 
 GAP = 10.0

@@ -14,11 +14,11 @@ from logs import Flight, write_slocum
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
+from glider_twin_protocols.cdr import body, encode, orientation, to_body, world
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.timeseries import sample_coordinates
-from twin.serve.cdr import body, encode, orientation, to_body, world
 
 pytest.importorskip("mcap")
 rosbags = pytest.importorskip("rosbags.highlevel")
@@ -169,7 +169,7 @@ def test_long_missions_are_written_piece_by_piece(
 ) -> None:
     from mcap.reader import make_reader
 
-    monkeypatch.setattr("factory.exporting.mcap_file.AT_A_TIME", 100)
+    monkeypatch.setattr("glider_twin_protocols.mcap_file.AT_A_TIME", 100)
     run = GeneratedStore(field_store)
     (pieces,) = EXPORTERS["mcap"].export(run, [MISSION], tmp_path / "bags")
     found = []
@@ -258,7 +258,7 @@ def test_what_has_no_date_or_takes_no_option_is_told(
         EXPORTERS["mcap"].export(run, [0], tmp_path / "a", options=ExportOptions(vehicle="glider"))
     nowhere = sample_coordinates(run, 0)
     nowhere["datetime"] = np.full(len(nowhere["datetime"]), np.datetime64("NaT"))
-    monkeypatch.setattr("factory.exporting.mcap_samples.sample_coordinates", lambda *_: nowhere)
+    monkeypatch.setattr("glider_twin_protocols.mcap_file.sample_coordinates", lambda *_: nowhere)
     with pytest.raises(StoreError, match="lacks the start time of mission 0"):
         EXPORTERS["mcap"].export(run, [0], tmp_path / "b")
     assert list(tmp_path.iterdir()) == []

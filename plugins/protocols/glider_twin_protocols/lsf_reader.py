@@ -17,10 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import DeploymentLog, each_file
-from factory.importing.formats.base import ReadOptions
-from factory.importing.formats.csv.mapping import Signal
-from factory.importing.formats.lsf_packets import Packets, Source, read_packets
+from factory.importing import DeploymentLog, ReadOptions, Signal, Tally, each_file, note_unread
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -29,9 +26,9 @@ from factory.importing.messages import (
     wanted_fields,
     with_standard,
 )
-from factory.importing.tally import Tally, note_unread
+from glider_twin_protocols.lsf_packets import Packets, Source, read_packets
 from twin.geodesy import from_tangent_plane
-from twin.sensors.dvl import MODES
+from twin.sensors import DVL_MODES
 
 Array = NDArray[np.float64]
 
@@ -235,14 +232,14 @@ def _places(columns: Dict[str, Array]) -> dict[str, Array]:
 def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
     """Velocities over ground where the log has them, else through the water, and what they are."""
     parts = []
-    for name, mode in (("GroundVelocity", MODES["bottom"]), ("WaterVelocity", MODES["water"])):
+    for name, mode in {"GroundVelocity": "bottom", "WaterVelocity": "water"}.items():
         topic = _source(name, tables)
         if topic is None:
             parts.append((np.zeros(0), np.zeros((4, 0))))
             continue
         table = tables[topic]
         speeds = np.stack([table.columns[axis] for axis in VELOCITY])
-        modes = np.where(np.isfinite(speeds[0]), mode, MODES["none"])
+        modes = np.where(np.isfinite(speeds[0]), DVL_MODES[mode], DVL_MODES["none"])
         parts.append((table.time, np.vstack([speeds, modes])))
     (time, ground), (other, water) = parts
     locked, through = np.isfinite(ground[0]), np.isfinite(water[0])

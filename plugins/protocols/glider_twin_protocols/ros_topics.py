@@ -15,10 +15,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glider_twin_protocols.cdr import body, orientation, to_body, world
+from twin.records import FIXES
 from twin.records.schema import VARIABLES
-from twin.records.timeseries import FIXES
-from twin.sensors.imu import Imu
-from twin.serve.cdr import body, orientation, to_body, world
+from twin.sensors import Imu
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,10 @@ import pytest
 from examples import blocks
 
 import twin
+from glider_twin_protocols import ArduPilotServer, Channels
+from twin import SteppedVehicle
 from twin.errors import InputError
 from twin.mission.controller import Command, Observation
-from twin.serve import ArduPilotServer, Channels, SteppedVehicle
 
 SECONDS = 1000.0
 QUICK = 100.0
@@ -309,7 +310,7 @@ def test_a_stepped_vehicle_has_no_other_master() -> None:
 
 def test_telemetry_is_what_a_ground_station_reads(tmp_path: Path) -> None:
     mavutil = pytest.importorskip("pymavlink.mavutil")
-    from twin.serve import MavlinkTelemetry
+    from glider_twin_protocols import MavlinkTelemetry
 
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0")
     port = station.port.getsockname()[1]

@@ -25,7 +25,7 @@ from logs import (
     write_slocum,
 )
 
-import factory.accessor  # noqa: F401 (registers ds.glider)
+import glider_twin_pipelines.accessor  # noqa: F401 (registers ds.glider)
 from factory.exporting import EXPORTERS
 from factory.exporting.og1.variables import Og1Variable
 from factory.importing import import_logs
@@ -34,7 +34,7 @@ from factory.importing.cleaning import degrees_minutes
 from factory.importing.columns import parse_stamps, read_table
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.tally import Tally
-from factory.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
+from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store

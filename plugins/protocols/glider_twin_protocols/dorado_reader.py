@@ -21,10 +21,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import TRUNCATED, DeploymentLog, each_file
-from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.formats.csv.mapping import Signal
-from factory.importing.gps_fixes import RECEIVER, has_fix
+from factory.importing import (
+    RECEIVER,
+    TRUNCATED,
+    DeploymentLog,
+    ReadOptions,
+    Signal,
+    Tally,
+    WrongFormat,
+    each_file,
+    expect_going,
+    has_fix,
+    note_unread,
+    unit_to_take,
+)
 from factory.importing.messages import (
     MessageTable,
     log_of_messages,
@@ -34,9 +44,6 @@ from factory.importing.messages import (
     with_standard,
 )
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, seconds_of, unit_in
-from factory.importing.sample_clock import expect_going
-from factory.importing.tally import Tally, note_unread
-from factory.importing.units import unit_to_take
 from twin.errors import InputError
 
 Array = NDArray[np.float64]

@@ -16,8 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from factory.importing.deployment_log import TRUNCATED
-from factory.importing.tally import Tally
+from factory.importing import TRUNCATED, Tally
 from twin.bounded import unpacked_file
 from twin.errors import InputError
 

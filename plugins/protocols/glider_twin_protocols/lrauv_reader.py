@@ -18,32 +18,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.batteries import used_of_left
-from factory.importing.cleaning import clean, positions
-from factory.importing.columns import parse_stamps, read_table, tidy, unix_seconds
-from factory.importing.deployment_log import (
+from factory.importing import (
     EMPTY,
     NO_FIXES,
+    PRACTICAL,
     Channel,
     DeploymentLog,
     LoggedFixes,
+    ReadOptions,
+    Tally,
+    WrongFormat,
+    clean,
+    ctd_channels,
+    declared,
     each_file,
+    expect_going,
+    note_empty,
+    note_unread,
+    parse_stamps,
+    payload_channels,
+    payload_names,
+    positions,
+    read_table,
+    tidy,
+    unit_of,
+    unix_seconds,
+    used_of_left,
+    with_dbar_by_depth,
 )
-from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.netcdf import as_array, attributes_of, open_netcdf, unit_in
-from factory.importing.payload import payload_channels, payload_names
-from factory.importing.pressures import with_dbar_by_depth
-from factory.importing.sample_clock import expect_going
-from factory.importing.seawater import ctd_channels
-from factory.importing.tally import Tally, note_empty, note_unread
-from factory.importing.units import PRACTICAL, declared, unit_of
+from twin import load_vehicle
 from twin.errors import InputError
-from twin.physics.true_signals import declare_parts
-from twin.vehicle.vehicle import load_vehicle
+from twin.physics import declare_parts
 
 if TYPE_CHECKING:
-    from factory.importing.deployment_log import DeploymentLog
-    from factory.importing.tally import Tally
+    from factory.importing import DeploymentLog, Tally
 
 
 Array = NDArray[np.float64]

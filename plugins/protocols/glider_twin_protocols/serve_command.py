@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Seconds
-from twin.cli.endings import Ended
+from glider_twin_protocols.kinds import PLUGIN
+from twin.cli import Console, Ended, JsonOption, Seconds, require
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from twin.serve import SteppedVehicle
+    from twin import SteppedVehicle
 
 LOOPBACK = "127.0.0.1"
 OF_ARDUPILOT = ("channels", "exposed_to")
@@ -82,18 +81,18 @@ class Serve(JsonOption):
     def run(self, console: Console) -> int:
         """Serve, and store what was flown."""
         import twin
-        from twin.extras import require
+        from glider_twin_protocols import MavlinkTelemetry
+        from twin import SteppedVehicle
         from twin.records import check_target, dataset_of, write_store
-        from twin.serve import MavlinkTelemetry, SteppedVehicle
 
         self._check_options()
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
         if self.mavlink is not None:
-            require("pymavlink", extra="ardupilot", purpose="--mavlink")
+            require("pymavlink", extra=PLUGIN, purpose="--mavlink")
         if self.protocol == "ros2":
             for package in ("zenoh", "rosbags"):
-                require(package, extra="zenoh", purpose="--protocol ros2")
+                require(package, extra=PLUGIN, purpose="--protocol ros2")
         scenario = twin.scenario_of(
             vehicle=self.vehicle,
             current=self.current,
@@ -138,7 +137,7 @@ class Serve(JsonOption):
     def _ardupilot(
         self, console: Console, flown: SteppedVehicle, _: tuple[float, float], telemetry: Any
     ) -> Any:
-        from twin.serve import ArduPilotServer, Channels
+        from glider_twin_protocols import ArduPilotServer, Channels
 
         named = [] if self.channels is None else self.channels.split(",")
         channels = Channels.of(flown.vehicle, named)
@@ -155,7 +154,7 @@ class Serve(JsonOption):
     def _ros2(
         self, console: Console, flown: SteppedVehicle, start: tuple[float, float], telemetry: Any
     ) -> Any:
-        from twin.serve import ZenohServer
+        from glider_twin_protocols import ZenohServer
 
         port = 7447 if self.port is None else self.port
         with ZenohServer(

@@ -17,19 +17,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.flight_terms import JoinedDives, flight_terms
-from factory.exporting.og1.flown_track import FlownTracks, flown
-from factory.exporting.og1.missions import corrected_places
-from factory.exporting.og1.variables import Og1Variable
-from factory.importing.import_run import import_logs
+from factory.exporting.og1 import (
+    FlownTracks,
+    JoinedDives,
+    Og1Variable,
+    corrected_places,
+    flight_variables,
+    flown,
+)
+from factory.importing import import_logs
+from twin import __version__
 from twin.errors import TwinError
-from twin.identify.start_values import start_vehicle
-from twin.logs.depth_averaged_current import DiveCurrent
-from twin.logs.fix import place_of
-from twin.logs.flight_summary import summarise
-from twin.records.logged import LogStore
-from twin.records.store import write_store
-from twin.version import __version__
+from twin.identify import start_vehicle
+from twin.logs import DiveCurrent, place_of, summarise
+from twin.records import LogStore, write_store
 
 Array = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ def _modelled(
     order = len(time) - 1 - np.unique(time[::-1], return_index=True)[1]
     joined = JoinedDives(logs, tuple(missions), order)
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}
-    variables |= dict(flight_terms(joined, found))
+    variables |= dict(flight_variables(joined, found))
     latitudes, longitudes, currents = [], [], []
     dives = [dive for m in missions if (dive := found.tracks[m].dive) is not None]
     for mission in missions:

@@ -1,0 +1,13 @@
+"""Protocols: a vehicle that ArduPilot or ROS 2 drives, and recordings of robots as stores."""
+
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from glider_twin_protocols.ardupilot import ArduPilotServer as ArduPilotServer
+    from glider_twin_protocols.ardupilot import Channels as Channels
+    from glider_twin_protocols.ardupilot import MavlinkTelemetry as MavlinkTelemetry
+    from glider_twin_protocols.zenoh_server import ZenohServer as ZenohServer
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

@@ -1,0 +1,130 @@
+"""Kinds: what the import and the export know of the formats of this plugin.
+
+Readers and writers are imported when they work: help texts and documents need these rows alone.
+"""
+
+from factory.exporting import Exporter
+from factory.importing import Importer
+
+PLUGIN = "plugins/protocols"
+"""Where the packages come from that readers and writers need"""
+
+DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
+"""What gliders have and most other vehicles lack."""
+
+LRAUV = Importer(
+    name="lrauv",
+    vehicle="long-range AUV",
+    files=".mat (v7.3), .nc4, simulator csv",
+    channels="depth, attitude, temperature, fixes, on-board track, batteries; buoyancy, mass, "
+    "rudder, elevator, propeller and their commands by the names of the parts of `tethys`",
+    suffixes=frozenset({".mat", ".nc", ".nc4", ".csv", ".gz"}),
+    marks=frozenset(
+        {"EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",
+         "platform_buoyancy_position", "platform_mass_position"}
+    ),
+    period=2.0,
+    read="glider_twin_protocols.lrauv_reader:read_lrauv",
+    lacks=frozenset({"measured_rotation"}),
+)  # fmt: skip
+"""MBARI's long-range AUVs."""
+
+MCAP = Importer(
+    name="mcap",
+    vehicle="any vehicle with ROS 2",
+    files="MCAP files with ROS 2 messages, also what `factory export --to mcap` writes",
+    channels="of standard messages: attitude, rates and accelerations (Imu), depth and track "
+    "(Odometry), pressure, temperature, fixes, DVL by its topic; of other topics what a --mapping "
+    "file names",
+    suffixes=frozenset({".mcap"}),
+    marks=frozenset(),
+    first_bytes=(b"\x89MCAP0\r\n",),
+    period=0.2,
+    read="glider_twin_protocols.mcap_reader:read_mcap",
+    extra=PLUGIN,
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Recordings of ROS 2 in one file."""
+
+ROSBAG2 = Importer(
+    name="rosbag2",
+    vehicle="any vehicle with ROS 2",
+    files="folders of rosbag2: metadata.yaml with .db3 or .mcap",
+    channels="as `mcap`",
+    suffixes=frozenset({".db3", ".mcap"}),
+    marks=frozenset(),
+    beside=frozenset({"metadata.yaml"}),
+    first_bytes=(b"SQLite format 3\0", b"\x89MCAP0\r\n"),
+    period=0.2,
+    read="glider_twin_protocols.mcap_reader:read_rosbag2",
+    extra=PLUGIN,
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Recordings of ROS 2 as its own tools write them."""
+
+ARDUSUB = Importer(
+    name="ardusub",
+    vehicle="vehicles with ArduSub",
+    files="dataflash logs .BIN of ArduPilot",
+    channels="attitude, rates and accelerations, depth, the filter's track, fixes, battery; of "
+    "other messages, such as RCOU, what a --mapping file names",
+    suffixes=frozenset({".bin"}),
+    marks=frozenset(),
+    first_bytes=(b"\xa3\x95\x80",),
+    period=0.1,
+    read="glider_twin_protocols.ardusub_reader:read_ardusub",
+    extra=PLUGIN,
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""ArduPilot's logs of vehicles under water."""
+
+LSF = Importer(
+    name="lsf",
+    vehicle="LAUV and other vehicles with DUNE",
+    files="logs .lsf and .lsf.gz of IMC, the messages of LSTS",
+    channels="attitude, rates, accelerations, depth, the filter's track, DVL over ground "
+    "and through the water, propeller, rudder and elevator of the four fins, CTD, fixes, battery; "
+    "of other messages what a --mapping file names",
+    suffixes=frozenset({".lsf"}),
+    name_words=frozenset({"lsf"}),
+    marks=frozenset(),
+    first_bytes=(b"\x54\xfe", b"\xfe\x54"),
+    period=0.2,
+    read="glider_twin_protocols.lsf_reader:read_lsf",
+    extra=PLUGIN,
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Logs of the vehicles of LSTS, Porto."""
+
+DORADO = Importer(
+    name="dorado",
+    vehicle="Dorado AUV",
+    files="the vehicle's own .log of each instrument, netCDF of these, and products (`*_1S.nc`) by "
+    "MBARI's auv-python; a folder is a mission",
+    channels="attitude, rates, depth, track, fixes, propeller, CTD; of products attitude, depth, "
+    "track, propeller, CTD; rudder, elevator, DVL and others by a --mapping file",
+    suffixes=frozenset({".log", ".nc"}),
+    marks=frozenset(
+        {"mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites", "dvlBotVelx",
+         "navigation_roll", "navigation_pitch", "navigation_yaw"}
+    ),
+    first_bytes=(b"# binary ",),
+    period=0.2,
+    read="glider_twin_protocols.dorado_reader:read_dorado",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)  # fmt: skip
+"""MBARI's Dorado vehicles."""
+
+MCAP_FILES = Exporter(
+    name="mcap",
+    title="MCAP recordings with standard ROS 2 messages, for Foxglove and rosbag tools",
+    ending="-mcap",
+    write="glider_twin_protocols.mcap_file:export_mcap",
+    extra=PLUGIN,
+)
+"""Recordings of missions and logs."""

@@ -1,0 +1,174 @@
+"""Plugins of this project: public faces only, one version, a README of one screen, entry points."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+from examples import ROOT
+from packaging.requirements import Requirement
+
+import twin.lazy
+from factory.importing import IMPORTERS, sniff
+from factory.importing.formats.base import LOOKS, NeedsPlugin
+from twin.plugins import OWN_PLUGINS, load_entry_point
+from twin.version import __version__
+
+PACKAGES = ("twin", "factory", "learn")
+PLUGINS = sorted((ROOT / "plugins").glob("*/pyproject.toml"))
+SCREEN = 40
+"""Lines of a README"""
+every_plugin = pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.parent.name)
+
+
+def project(plugin: Path) -> dict[str, Any]:
+    """The table [project] of a plugin."""
+    found: dict[str, Any] = tomllib.loads(plugin.read_text(encoding="utf-8"))["project"]
+    return found
+
+
+def points(plugin: Path) -> list[metadata.EntryPoint]:
+    groups = project(plugin).get("entry-points", {})
+    return [
+        metadata.EntryPoint(name, value, group)
+        for group, each in groups.items()
+        for name, value in each.items()
+    ]
+
+
+@cache
+def face(package: str) -> frozenset[str] | None:
+    """Public names of a package; None for what is no package."""
+    module = ROOT / package.replace(".", "/")
+    if not (module / "__init__.py").is_file():
+        return None
+    written = getattr(importlib.import_module(package), "__all__", ())
+    tree = ast.parse((module / "__init__.py").read_text(encoding="utf-8"))
+    own = {n.name for n in tree.body if isinstance(n, ast.ClassDef | ast.FunctionDef)}
+    own |= {t.id for n in tree.body if isinstance(n, ast.Assign)
+            for t in n.targets if isinstance(t, ast.Name)}  # fmt: skip
+    shown = {a.asname for n in tree.body if isinstance(n, ast.ImportFrom)
+             for a in n.names if a.asname}  # fmt: skip
+    names = {*own, *shown, *written, *twin.lazy.places(package), "__version__"}
+    return frozenset(n for n in names if not n.startswith("_") or n == "__version__")
+
+
+def below_the_faces(source: str) -> list[str]:
+    """Names that a text imports from below the public faces.
+
+    A module that a face shows is public: `from twin.errors import InputError`.
+    """
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [one.name for one in node.names]
+            found += [n for n in names if n.split(".")[0] in PACKAGES and n not in PACKAGES]
+        elif isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] in PACKAGES:
+            module = str(node.module)
+            public = face(module)
+            package, _, last = module.rpartition(".")
+            if public is None and last in (face(package) or ()):
+                continue
+            found += [f"{module}.{a.name}" for a in node.names if a.name not in (public or ())]
+    return found
+
+
+@every_plugin
+def test_a_plugin_imports_public_names_only(plugin: Path) -> None:
+    files = [p for p in plugin.parent.rglob("*.py") if "tests" not in p.parts]
+    assert files
+    deep = {path.name: below_the_faces(path.read_text(encoding="utf-8")) for path in files}
+    assert {name: found for name, found in deep.items() if found} == {}
+
+
+def test_what_is_below_a_face_is_noticed() -> None:
+    text = "from twin.records.reader import MissionStore\nimport twin.facade\nimport twin\n"
+    assert below_the_faces(text) == ["twin.records.reader.MissionStore", "twin.facade"]
+    assert below_the_faces("from twin.records import nothing") == ["twin.records.nothing"]
+    assert below_the_faces("from twin.errors import InputError\nfrom twin import Vehicle") == []
+
+
+@every_plugin
+def test_a_plugin_has_the_version_of_the_core_and_asks_for_what_is_pinned(plugin: Path) -> None:
+    about = project(plugin)
+    name = plugin.parent.name
+    assert about["name"] == f"{OWN_PLUGINS}{name}"
+    assert about["version"] == metadata.version(about["name"]) == __version__
+    pins = dict(
+        line.split("==")
+        for line in (ROOT / "constraints.txt").read_text().splitlines()
+        if "==" in line and not line.startswith("#")
+    )
+    tests = about.get("optional-dependencies", {}).get("test", [])
+    for wanted in map(Requirement, [*about["dependencies"], *tests]):
+        if wanted.name != "glider-twin":
+            assert wanted.specifier.contains(pins[wanted.name]), wanted
+    setup = (ROOT / "scripts" / "venv.sh").read_text(encoding="utf-8")
+    assert f"--editable plugins/{name}" in setup.replace("'", "")
+
+
+@every_plugin
+def test_a_readme_is_one_screen_with_the_install_and_three_commands(plugin: Path) -> None:
+    text = (plugin.parent / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= SCREEN
+    install, *commands = re.findall(r"^ {4}(\S.*)$", text, re.MULTILINE)
+    assert install == f"pip install ./plugins/{plugin.parent.name}"
+    assert len(commands) == 3
+
+
+@every_plugin
+def test_every_entry_point_is_installed_and_loads(plugin: Path) -> None:
+    for point in points(plugin):
+        (found,) = metadata.entry_points(group=point.group, name=point.name)
+        assert found.value == point.value
+        assert load_entry_point(found, point.name) is not None
+
+
+@every_plugin
+def test_its_wheel_holds_the_package_alone(plugin: Path, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    shutil.copytree(plugin.parent, source, ignore=shutil.ignore_patterns("tests", "__pycache__"))
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=source, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    package = f"glider_twin_{plugin.parent.name}"
+    assert f"{package}/__init__.py" in names
+    assert all(name.startswith((f"{package}/", f"{package}-{__version__}")) for name in names)
+
+
+def test_looks_are_those_of_the_readers_of_plugins() -> None:
+    for kind, looks in LOOKS.items():
+        importer = IMPORTERS[kind]
+        assert set(looks) <= {*importer.first_bytes, *importer.marks}
+        assert importer.marks <= set(looks)
+        assert kind not in IMPORTERS.shipped()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "kind"),
+    [
+        ("run.mcap", b"\x89MCAP0\r\n", "mcap"),
+        ("log.csv", b"EpochSeconds,depth\n1,2\n3,4\n", "lrauv"),
+    ],
+)
+def test_a_file_whose_plugin_is_not_installed_names_it(
+    name: str, content: bytes, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = {n: point for n, point in IMPORTERS._offered.items() if n not in LOOKS}
+    monkeypatch.setitem(vars(IMPORTERS), "_offered", others)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(NeedsPlugin, match=rf"looks like {kind}.*pip install ./plugins/protocols"):
+        sniff(tmp_path / name)
