@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.figures import measured
-from learn.networks.context_delay import ContextDelay, pack_sequences
+from learn.networks.context_delay import ContextDelay
 
 SAMPLES = 80_000
 INPUTS = 12
@@ -50,13 +50,11 @@ def naive_context_delay(
 class Stack(nn.Module):
     """Three context-delay layers and a linear output in the layer's own layout."""
 
-    def __init__(self, engine: str, naive: bool = False) -> None:
+    def __init__(self, naive: bool = False) -> None:
         super().__init__()
-        self.engine, self.naive = engine, naive
+        self.naive = naive
         sizes = [INPUTS, *[HIDDEN] * LAYERS]
-        self.layers = nn.ModuleList(
-            ContextDelay(a, HIDDEN, DELAYS, engine=engine) for a in sizes[:-1]
-        )
+        self.layers = nn.ModuleList(ContextDelay(a, HIDDEN, DELAYS) for a in sizes[:-1])
         self.out = nn.Linear(HIDDEN, 1)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -129,18 +127,12 @@ def main() -> None:
     batch = options.sequences
     x = torch.randn(SAMPLES // batch, batch, INPUTS)
     contenders: dict[str, tuple[Callable[[], nn.Module], Tensor, float, int]] = {
-        "naive autograd": (lambda: Stack("torch", naive=True), x, operations(1, DELAYS), 1),
+        "naive autograd": (lambda: Stack(naive=True), x, operations(1, DELAYS), 1),
         "torch.nn.RNN (one delay)": (lambda: Torch(nn.RNN), x, operations(1, 1), 2),
         "torch.nn.LSTM": (lambda: Torch(nn.LSTM), x, operations(4, 1), 2),
-        "context delay, torch": (
-            lambda: Stack("torch"),
-            pack_sequences(x, batch),
-            operations(1, DELAYS),
-            options.repeats,
-        ),
-        "context delay, kernels": (
-            lambda: Stack("kernels"),
-            pack_sequences(x, 16),
+        "context delay": (
+            Stack,
+            x.transpose(1, 2).contiguous(),
             operations(1, DELAYS),
             options.repeats,
         ),
@@ -161,7 +153,7 @@ def main() -> None:
             }
         )
     shares = {str(row["layer"]): float(row["share"]) for row in rows}
-    measured("layer_speed", kernels=shares["context delay, kernels"])
+    measured("layer_speed", context_delay=shares["context delay"])
     if options.json:
         figures = {"samples": SAMPLES, "sequences": batch, "threads": options.threads}
         print(json.dumps({**figures, "product_gflops": rate / 1e9, "rows": rows}))

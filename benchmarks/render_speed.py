@@ -27,9 +27,8 @@ import mujoco  # noqa: E402
 from twin.mission import load_mission  # noqa: E402
 from twin.physics.scenario import Scenario  # noqa: E402
 from twin.physics.simulation import simulate  # noqa: E402
-from twin.show.render.graphics import aim  # noqa: E402
-from twin.show.render.painter import Painter  # noqa: E402
-from twin.show.render.shot import CAMERAS, Shot  # noqa: E402
+from twin.show.render.painter import Painter, aim  # noqa: E402
+from twin.show.render.shot import CAMERAS, Shot, Subject  # noqa: E402
 from twin.vehicle.vehicle import load_vehicle  # noqa: E402
 from twin.water.current.profile import Profile  # noqa: E402
 
@@ -64,7 +63,8 @@ def measure(camera: str) -> tuple[float, float, float]:
     shot = Shot(camera=camera, speed_up=30.0)
     times = shot.frame_times(trajectory.time)
     ours, bare = [], []
-    with Painter(trajectory, scenario.vehicle, shot, times, title="benchmark") as painter:
+    subject = Subject(trajectory=trajectory, vehicle=scenario.vehicle, title="benchmark")
+    with Painter(subject, shot, times) as painter:
         painter.paint(0)
         renderer, draw = bare_renderer(painter)
         with renderer:

@@ -29,7 +29,6 @@ import os
 import random
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -99,7 +98,7 @@ def measure(dives: int, place: Path) -> dict[str, object]:
 
 def kills(times: int, seed: int, place: Path) -> dict[str, object]:
     """Kill passes at random moments, and let the next one go on."""
-    from benchmarks.kills.processes import DONE, fork, send, wait
+    from benchmarks.histories import DONE, fork, wait
     from glider_twin_ops.watching.watch_pass import PARTS
 
     names = (*PARTS, FORECAST, "what lies beside them")
@@ -122,8 +121,7 @@ def kills(times: int, seed: int, place: Path) -> dict[str, object]:
             shutil.copy(path, made.parent / "arrived")
         process = fork(lambda made=made: _pass(made))  # type: ignore[misc]
         time.sleep(draw.uniform(0.0, seconds))
-        send(process, signal.SIGKILL)
-        ended += wait(process) == DONE
+        ended += wait(process, kill=True) == DONE
         code = wait(fork(lambda made=made: _pass(made)))  # type: ignore[misc]
         if code != DONE:
             lost.append(f"{number}: the next pass ended with {code}")
@@ -138,7 +136,7 @@ def kills(times: int, seed: int, place: Path) -> dict[str, object]:
 
 def orders(times: int, seed: int, place: Path) -> dict[str, object]:
     """Let files arrive in random orders, some twice, by halves, or with wrong content first."""
-    from benchmarks.kills.processes import DONE, fork, wait
+    from benchmarks.histories import DONE, fork, wait
 
     files = _files(place)
     every = _deployment(place / "at-once", files)
@@ -341,7 +339,7 @@ def _pass(folder: Path) -> None:
 
 def _between(folder: Path) -> bool:
     """The part of a pass that files in any order could harm."""
-    from benchmarks.kills.processes import DONE, fork, wait
+    from benchmarks.histories import DONE, fork, wait
     from glider_twin_ops.watching import WatchedDeployment
     from glider_twin_ops.watching.log_of_files import log_of_files
 

@@ -25,9 +25,10 @@ PROGRAM = Program(
                 "Info",
                 "what a store holds: preset, missions, splits, drawn values, failures",
             ),
-            "verify": ("Verify", "read every chunk; check padding, ranges and kinematics"),
-            "repair": ("Repair", "make a damaged store whole again, bit for bit"),
-            "replay": ("ReplayMission", "fly stored missions again and compare every byte"),
+            "verify": (
+                "Verify",
+                "read every chunk; check padding, ranges and kinematics; fly missions again",
+            ),
             "export": ("ExportStore", "OceanGliders OG1.0 netCDF files or a flat Parquet table"),
             "import": (
                 "factory.commands.import_logs:ImportLogs",

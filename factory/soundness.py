@@ -1,22 +1,27 @@
 """Verify: read every chunk of a store and check that it says something possible.
 
 The limits are wide: what they catch is damage, wrong units and wrong signs, not unusual missions.
+
+Replay: fly a stored mission again, from what the store says, and compare every byte.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.generation.attempts import reason
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.draw import Parameters, sensor_seed
 from factory.sampling.drawn_plan import HOUR
+from factory.sampling.fly import REPLACED, FlownSignals, fly
 from factory.sampling.presets import PRESETS
-from factory.sampling.recipe import VERSIONS, Recipe, sha256, versions
+from factory.sampling.recipe import VERSIONS, Recipe, differences, sha256, versions
 from factory.sampling.surveys import SURFACE
 from factory.store_check import (
     Block,
@@ -28,8 +33,9 @@ from factory.store_check import (
     check_padding,
     kinematic_problems,
 )
-from twin.errors import TwinError
+from twin.errors import StoreError, TwinError
 from twin.geodesy import offset
+from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.true_signals import simulated_signals
 from twin.records.attributes import (
     ATTEMPT,
@@ -49,6 +55,8 @@ from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.schema.limits import depth_faults, recorded_limits, simulated_limits
+from twin.records.storage.sharded import DTYPE, stored_values
+from twin.version import __version__
 
 Array = NDArray[np.float64]
 Watch = Callable[[int], None]
@@ -300,3 +308,107 @@ def _check_dive(
     faults = depth_faults(depth, pressure, logs.period)
     said = "; ".join(f"{fault}: {found}" for fault, found in faults)
     checks["depth"].expect(not faults, f"{what}: {said}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayComparison:
+    """A replayed mission against the stored one."""
+
+    mission: int
+    signals: int
+    """signals compared"""
+    samples: int
+    bytes_compared: int
+    different: dict[str, float]
+    """signal: largest difference, of those whose bytes differ"""
+    other_versions: tuple[str, ...]
+    """libraries whose version is not the store's: they may change the last bits"""
+
+    @property
+    def identical(self) -> bool:
+        """Whether every byte is the same."""
+        return not self.different
+
+
+def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
+    """Fly a mission of the store again and compare.
+
+    Raises:
+      StoreError: no such mission, its data cannot be read, or it flew by another physics.
+    """
+    _check_physics(run)
+    run.check_mission(mission)
+    recipe, attempt = run.recipe, run.attempt(mission)
+    other = drawn_otherwise(run, recipe, mission, run.parameters(mission))
+    if other:
+        raise StoreError(
+            f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
+            "finds all such missions"
+        )
+    constants = run.sensor_constants(mission)
+    flight = _flown(run, recipe, mission, attempt, drawn=constants)
+    samples, again = int(run.samples[mission]), len(flight.trajectory.time)
+    if again != samples:
+        raise StoreError(
+            f"mission {mission} has {samples} samples in the store and {again} in the replay: it "
+            "was made by other code"
+        )
+    different: dict[str, float] = {}
+    names = run.signals()
+    for name in names:
+        stored = run.row(name, mission)[:samples]
+        now = stored_values(flight.signals[name], VARIABLES[name].decimals)
+        if stored.astype(DTYPE).tobytes() != now.tobytes():
+            gap = np.abs(stored.astype(float) - now)
+            only_one = np.isnan(stored) != np.isnan(now)
+            different[name] = float("inf") if only_one.any() else float(np.nanmax(gap))
+    return ReplayComparison(
+        mission=mission,
+        signals=len(names),
+        samples=samples,
+        bytes_compared=len(names) * samples * DTYPE.itemsize,
+        different=different,
+        other_versions=tuple(differences(run.settings[VERSIONS], versions(run.vehicle))),
+    )
+
+
+def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
+    """Fly a failed attempt again; returns its error then and its error now.
+
+    Raises:
+      StoreError: the store knows no such failure, or it flew by another physics.
+    """
+    _check_physics(run)
+    known = {(one.mission, one.attempt): one.reason for one in run.failures()}
+    if (mission, attempt) not in known:
+        listing = ", ".join(f"{m} ({a})" for m, a in sorted(known)) or "none"
+        raise StoreError(
+            f"attempt {attempt} of mission {mission} did not fail; failures in the store as "
+            f"mission (attempt): {listing}"
+        )
+    try:
+        with quiet_mujoco():
+            _flown(run, run.recipe, mission, attempt)
+    except REPLACED as error:
+        return known[mission, attempt], reason(error)
+    return known[mission, attempt], "flew to its end"
+
+
+def _flown(
+    run: GeneratedStore, recipe: Recipe, mission: int, attempt: int, **options: Any
+) -> FlownSignals:
+    parameters, seed = recipe.parameters(mission, attempt), sensor_seed(run.seed, mission, attempt)
+    options |= {"current": run.given_current, "engine": recipe.engine}
+    return fly(parameters, run.vehicle, run.suite, seed, **options)
+
+
+def _check_physics(run: GeneratedStore) -> None:
+    """Raise StoreError when the store's missions flew by another physics."""
+    theirs, ours = str(run.settings[VERSIONS].get("physics", 1)), run.vehicle.physics_version
+    if theirs != str(ours):
+        raise StoreError(
+            f"the missions of {run.path} flew by version {theirs} of the physics, and this "
+            f"glider-twin {__version__} flies version {ours} with this vehicle: they cannot fly "
+            "again the same. The store stays readable; to replay it, install the program that made "
+            "it"
+        )

@@ -13,6 +13,7 @@ PROGRAM = Program(
         "learn.commands",
         {
             "fit": ("Fit", "train both networks, judge them, write runs/NAME/ with a report"),
+            "report": ("Report", "judge a run that was trained without, and draw its page"),
             "evaluate": (
                 "Evaluate",
                 "dead reckoning of a run on any store, beside floor and baselines",

@@ -5,7 +5,7 @@ They return values and print nothing. The command line calls the same functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,9 +17,9 @@ from learn.run import RUNS, Run, free_name, open_run
 from learn.run_evaluation import evaluate_run
 from learn.run_folder import training_folder
 from learn.training import fitting
-from learn.training.fit_config import FitConfig, fit_settings
+from learn.training.fit_config import fit_settings
 from learn.training.fitting import Watch
-from learn.training.resources import Resources, training_resources
+from learn.training.resources import training_resources
 from twin.errors import InputError, unknown_name
 from twin.extras import require
 from twin.records.storage.store_path import StorePath
@@ -41,6 +41,7 @@ def fit(
     watch: Watch | None = None,
     say: Say = lambda _: None,
     history: str = "",
+    report: bool = True,
     **settings: Any,
 ) -> Run:
     """Train networks for surge and sway on a store, evaluate them and write a report.
@@ -61,6 +62,7 @@ def fit(
       watch: called as watch(job, report) at every validation of every network.
       say: told warnings, and what is being done after the training.
       history: a line for the record, such as the command.
+      report: evaluate the networks and write the report; else `learn.finishing.finish` does later.
       settings: as of `fit_settings`, which names and explains them.
 
     Returns:
@@ -73,52 +75,15 @@ def fit(
     path = RUNS / free_name() if folder is None else Path(folder)
     place = training_folder(path, replace=overwrite)
     config = fit_settings(store, resumed=place if resume else None, **settings)
-    return train_and_finish(
-        config,
-        path,
-        resume=resume,
-        overwrite=overwrite,
-        workers=1 if workers is None and executor is None else workers,
-        executor=executor,
-        memory=memory,
-        watch=watch,
-        warn=say,
-        say=say,
-        history=history,
-    )
-
-
-def train_and_finish(
-    config: FitConfig,
-    folder: Path,
-    *,
-    resume: bool = False,
-    overwrite: bool = False,
-    workers: int | None = None,
-    executor: Executor | None = None,
-    memory: float | None = None,
-    watch: Watch | None = None,
-    studies: Callable[[Run, Resources], None] = lambda *_: None,
-    warn: Say = lambda _: None,
-    say: Say = lambda _: None,
-    history: str = "",
-) -> Run:
-    """As `fit`, with all settings decided.
-
-    Args:
-      workers: None is as many as this process may use CPUs.
-      studies: called with the trained run, and what trains more, before it is evaluated; what it
-        writes into the run's folder, such as an ablation, goes into the report.
-    """
-    for store in config.stores:
-        check_finish(store)
+    for one in config.stores if report else ():
+        check_finish(one)
+    workers = 1 if workers is None and executor is None else workers
     with training_resources(workers, executor, memory) as resources:
         run = fitting.fit(
-            config, folder, resources, resume=resume, replace=overwrite, watch=watch, warn=warn,
+            config, path, resources, resume=resume, replace=overwrite, watch=watch, warn=say,
             say=say, history=history,
         )  # fmt: skip
-        studies(run, resources)
-    return finish(run, history=history, say=say)
+    return finish(run, history=history, say=say) if report else run
 
 
 def evaluate(

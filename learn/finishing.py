@@ -13,17 +13,14 @@ from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.store_checks import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
 from learn.evaluation.score import NETWORK, ReferenceVelocity
-from learn.files import read_sealed, write_sealed
-from learn.folds import Folds, read_folds
+from learn.files import write_sealed
 from learn.networks.familiarity import MISSIONS, Familiarity, training_flights
 from learn.networks.tether import HELD_TO, Tether
-from learn.repeated_fits import read_seeds
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.run_page import build_log_page, build_page
 from learn.report.training_data import LABELS, TRAINING_PANELS
 from learn.run import (
-    ABLATION,
     CARD,
     EVALUATION,
     FAMILIARITY,
@@ -41,7 +38,6 @@ from learn.run_evaluation import (
     judge,
 )
 from twin.cli.text_table import counted
-from twin.errors import quoted
 from twin.navigation.estimators.baseline import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.settings import ESTIMATED
@@ -117,8 +113,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
     settings = run.description["settings"]
     if is_log_store(run.stores[0]):
         folder = (run.folder / REPORT).parent
-        folds = [_left_out(found) for found in read_folds(run)]
-        return build_log_page(folder, run, test, provenance(run), history, [*folds, *_seeds(run)])
+        return build_log_page(folder, run, test, provenance(run), history)
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
         lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
@@ -129,8 +124,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         error_model=run.error_model(),
         metrics=run.metrics(),
         training=_training_mission(run),
-        ablation=_ablation(run),
-        studies=[*_each_store(run, test), *_seeds(run)],
+        studies=_each_store(run, test),
         provenance=provenance(run),
         command=history or str(run.description.get("history", "")),
     )
@@ -152,16 +146,6 @@ def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, histo
         command=history,
     )
     return build_page(folder, contents)
-
-
-def _left_out(found: Folds) -> Study:
-    return Study(
-        title=f"Leave one {found.unit} out",
-        rows=found.rows(),
-        caption=f"RMSE in m/s of each {found.unit}: of networks that never saw it, of the mean of "
-        "the others, and of the best constant, which nobody can know before.",
-        sentence=found.sentence(),
-    )
 
 
 def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
@@ -188,28 +172,6 @@ def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
         f"training mission are of {run.stores[0]}.",
     )
     return [study]
-
-
-def _seeds(run: Run) -> list[Study]:
-    """The study of seeds, where the run has one."""
-    found = read_seeds(run)
-    if found is None:
-        return []
-    study = Study(
-        title="Other seeds",
-        rows=found.rows(),
-        caption="The same training with other initial weights and another order of the windows.",
-        sentence=f"Differences between runs that are not large against the standard deviations "
-        f"over these {len(found.figures)} seeds may be chance.",
-    )
-    return [study]
-
-
-def _ablation(run: Run) -> dict[str, Any]:
-    """What `ablation.json` holds; empty without one."""
-    path = run.folder / ABLATION
-    remedy = f"`learn fit --name {quoted(run.name)} --resume --ablation` writes it again"
-    return read_sealed(path, remedy) if path.is_file() else {}
 
 
 def provenance(run: Run) -> dict[str, object]:

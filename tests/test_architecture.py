@@ -23,12 +23,12 @@ TOP_LEVEL = {
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {
-        "__init__", "__main__", "description", "facade", "flown_again", "logs_page",
+        "__init__", "__main__", "description", "facade", "logs_page",
         "missions_page", "seams", "soundness", "store_check",
     },
     "learn": {
-        "__init__", "__main__", "adaptation", "api", "files", "finishing", "folds",
-        "repeated_fits", "run", "run_evaluation", "run_folder", "seams",
+        "__init__", "__main__", "adaptation", "api", "files", "finishing",
+        "run", "run_evaluation", "run_folder", "seams",
     },
 }  # fmt: skip
 """Modules beside the folders of each package; everything else goes into a folder."""
@@ -66,7 +66,7 @@ LAZY_BOTH_WAYS = {
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
 """File names and public classes that stand at two places are fewer"""
 SHARED_COMMANDS = {
-    "factory.commands.generate": "finish, repair and reference show what they made as it does",
+    "factory.commands.generate": "finish and reference show what they made as it does",
 }
 """Commands that others import, and why"""
 COMPUTED_IMPORTS = {
@@ -111,7 +111,6 @@ OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.show.render.motion": "shift of a mesh",
-    "learn.networks.vector_kernels": "shift of a buffer",
     "learn.data.store_checks": "advice on what store to take",
 }
 

@@ -22,7 +22,7 @@ NOT_JUDGED = {
     "lrauv": "a propelled vehicle without attitude in its shore logs: "
     "benchmarks/real_logs/yo_yos.py sets its depth rates beside its twin's",
     "auv": "tables of a propelled vehicle: `factory import csv --mapping` and "
-    "`learn fit --labels dvl --leave-out-each-deployment` judge them",
+    "`learn fit --labels dvl` judge them",
     "currents": "model fields, no logs",
 }
 TABLES = frozenset({".csv", ".gz", ".parquet"})

@@ -1,4 +1,4 @@
-"""`factory verify`: every chunk of a store read and checked."""
+"""`factory verify`: every chunk of a store read and checked, or missions of it flown again."""
 
 from __future__ import annotations
 
@@ -23,9 +23,13 @@ class Verify(JsonOption):
     values and ranges; of simulated missions also parameters and kinematics, of logs the order of
     dives, fixes and depth.
 
-    Example:
+    With --replay, missions of `factory generate` are flown again instead, from what the store
+    holds, and every byte is compared.
+
+    Examples:
 
         factory verify data/missions.zarr
+        factory verify data/missions.zarr --replay 0 4
     """
 
     store: Annotated[StoreArgument, tyro.conf.Positional]
@@ -33,11 +37,19 @@ class Verify(JsonOption):
     workers: int = 1
     """processes that read; every call reads all bytes again, since a changed disk does not change
     the size or the time of a file"""
+    replay: tuple[int, ...] = ()
+    """missions to fly again"""
+    attempt: int | None = None
+    """with --replay: fly this failed attempt at the mission instead, to see it fail"""
 
     def run(self, console: Console) -> int:
         """Verify; exit code 1 when something is wrong."""
         if self.workers < 1:
             raise InputError(f"--workers {self.workers} must be at least 1")
+        if self.attempt is not None and not self.replay:
+            raise InputError("--attempt is of a mission: give --replay MISSION too")
+        if self.replay:
+            return self._replay(console)
         from factory.store_check import MAX_NAMED, StoreReport, check_files
         from twin.records.storage import LIST, files_at
 
@@ -86,3 +98,34 @@ class Verify(JsonOption):
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
             return what, verify_missions(run, progress.update, workers=self.workers)
+
+    def _replay(self, console: Console) -> int:
+        """Fly missions again; exit code 1 when a byte differs."""
+        from factory.generation import GeneratedStore
+        from factory.soundness import replay_failure, replay_mission
+
+        run = GeneratedStore(self.store)
+        if self.attempt is not None:
+            then, now = replay_failure(run, self.replay[0], self.attempt)
+            console.say(f"then: {then}\nnow:  {now}")
+            console.answer(then=then, now=now, identical=then == now)
+            return 0 if then == now else 1
+        results = [replay_mission(run, mission) for mission in self.replay]
+        for other in results[0].other_versions:
+            console.warn(f"the store was made with another version, bits may differ: {other}")
+        for one in results:
+            worst = sorted(one.different.items(), key=lambda item: -item[1])
+            text = ", ".join(f"{name} (up to {gap:.3g})" for name, gap in worst)
+            console.say(
+                f"mission {one.mission}: identical, {one.signals} signals of {one.samples} "
+                f"samples, {one.bytes_compared} bytes"
+                if one.identical
+                else f"mission {one.mission}: DIFFERENT in {len(worst)} signals: {text}"
+            )
+        identical = all(one.identical for one in results)
+        missions = [
+            {"mission": one.mission, "identical": one.identical, "different": one.different}
+            for one in results
+        ]
+        console.answer(store=self.store, identical=identical, missions=missions)
+        return 0 if identical else 1

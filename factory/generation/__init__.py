@@ -21,7 +21,5 @@ if TYPE_CHECKING:
     from factory.generation.parts import hours_of as hours_of
     from factory.generation.parts import parse_part as parse_part
     from factory.generation.parts import slurm_part as slurm_part
-    from factory.generation.rebuild import lost as lost
-    from factory.generation.rebuild import repair as repair
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -8,24 +8,18 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
 from learn import NETWORKS, OPTIMISERS
 from learn.run import RUNS, checked_name, free_name
-from learn.training import Shares, Watcher, event_writer_type
+from learn.training import Watcher, event_writer_type
 from twin.cli.console import Console, JsonOption
 from twin.cli.durations import Seconds
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
-from twin.cli.text_table import counted
 from twin.errors import InputError, unknown_name
-
-if TYPE_CHECKING:
-    from learn import FitConfig, Run
-    from learn.folds import Unit
-    from learn.training import Resources, TrainingJob, TrainingReport
 
 CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
     "network": NETWORKS,
@@ -118,10 +112,6 @@ class Fit(JsonOption):
     start: Path | None = None
     """run whose networks the training starts from, with their inputs, scales and period:
     simulation then real"""
-    leave_out_each_dive: bool = False
-    """real logs: train once per dive with truth, without it, and judge it; then go on as usual"""
-    leave_out_each_deployment: bool = False
-    """the same per deployment, such as one run of a vehicle"""
     device: Annotated[str | None, DEVICE] = None
     """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
@@ -134,10 +124,8 @@ class Fit(JsonOption):
     --scheduler it is for each network [default: half of the memory that is free]"""
     buffer: int | None = None
     """samples of the missions that are shuffled together [default: 1048576]"""
-    seeds: int = 1
-    """train so many runs that differ by their seed alone, for a table of what chance does"""
-    ablation: bool = False
-    """train again without IMU, attitude and controls, for a table in the report (takes longer)"""
+    no_report: bool = False
+    """train alone: `learn report` judges the networks and draws the page later"""
     tensorboard: bool = False
     """write TensorBoard events into the run too (needs the package tensorboard)"""
     resume: bool = False
@@ -148,9 +136,10 @@ class Fit(JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, judge, report."""
-        from learn.api import train_and_finish
+        from learn.finishing import check_finish, finish
+        from learn.report import tell_report
         from learn.run_folder import training_folder
-        from learn.training import fit_settings
+        from learn.training import fit, fit_settings, training_resources
 
         if self.resume and self.name is None:
             raise InputError("--resume needs the --name of the run to continue")
@@ -163,14 +152,10 @@ class Fit(JsonOption):
         )
         if self.tensorboard:
             event_writer_type()
-        units = [unit for unit in UNITS if getattr(self, f"leave_out_each_{unit}")]
-        if units:
-            from learn.folds import folds_with_labels
-
-            for unit in units:
-                folds_with_labels(config, unit)
-        if self.seeds < 1:
-            raise InputError(f"--seeds {self.seeds} must be at least 1")
+        if not self.no_report:
+            for store in config.stores:
+                check_finish(store)
+        history = shlex.join(["learn", *sys.argv[1:]])
         with contextlib.ExitStack() as stack:
             executor = None
             if self.scheduler is not None:
@@ -178,31 +163,17 @@ class Fit(JsonOption):
 
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
-
-            def studies(run: Run, resources: Resources) -> None:
-                watcher.close()
-                for unit in units:
-                    self._leave_out(console, run, config, unit, resources)
-                if self.seeds > 1:
-                    self._seeds(console, run, config, resources)
-                if self.ablation:
-                    self._ablate(console, run, config, resources)
-
-            run = train_and_finish(
-                config,
-                folder,
-                resume=self.resume,
-                overwrite=self.overwrite,
-                workers=self.workers,
-                executor=executor,
-                memory=self.memory,
-                watch=watcher.see,
-                studies=studies,
-                warn=watcher.warn,
-                say=watcher.say,
-                history=shlex.join(["learn", *sys.argv[1:]]),
-            )
-        self._report(console, run)
+            resources = stack.enter_context(training_resources(self.workers, executor, self.memory))
+            run = fit(
+                config, folder, resources, resume=self.resume, replace=self.overwrite,
+                watch=watcher.see, warn=watcher.warn, say=watcher.say, history=history,
+            )  # fmt: skip
+        if self.no_report:
+            found = {name: run.description[name] for name in ("settings", "networks")}
+            console.answer(run=run.folder, **found)
+            console.say(f"run:    {run.folder}")
+        else:
+            tell_report(console, finish(run, history=history, say=console.note))
         return EXIT_OK
 
     def _check_choices(self) -> None:
@@ -217,88 +188,7 @@ class Fit(JsonOption):
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
 
-    def _ablate(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
-        from learn.repeated_fits import ablate, masked
 
-        jobs = len(masked(config)) * len(config.jobs())
-        with console.progress(total=jobs, label="ablation", unit="networks") as progress:
-            shares = Shares(progress)
-
-            def see(job: TrainingJob, report: TrainingReport) -> None:
-                shares.reach((*job.config.features, job.name), report.share)
-
-            ablate(run, config, resources, watch=see, say=progress.note)
-
-    def _seeds(self, console: Console, run: Run, config: FitConfig, resources: Resources) -> None:
-        from learn.repeated_fits import other_seeds, train_seeds
-
-        jobs = len(other_seeds(config, self.seeds)) * len(config.jobs())
-        with console.progress(total=jobs, label="seeds", unit="networks") as progress:
-            shares = Shares(progress)
-
-            def see(job: TrainingJob, report: TrainingReport) -> None:
-                shares.reach((job.config.training.seed, job.name), report.share)
-
-            found = train_seeds(run, config, self.seeds, resources, watch=see)
-        console.answer(seeds=found.to_json())
-        console.table(found.rows(), title="what chance does: runs of other seeds", digits=3)
-        console.say()
-
-    def _leave_out(
-        self, console: Console, run: Run, config: FitConfig, unit: Unit, resources: Resources
-    ) -> None:
-        from learn.folds import folds_with_labels, leave_out_each
-
-        folds = folds_with_labels(config, unit)
-        jobs = len(folds) * len(config.jobs())
-        with console.progress(total=jobs, label="leave one out", unit="networks") as progress:
-            shares = Shares(progress)
-
-            def see(job: TrainingJob, report: TrainingReport) -> None:
-                shares.reach((job.config.held_out, job.name), report.share)
-
-            found = leave_out_each(run, config, folds, resources, unit=unit, watch=see)
-        console.answer(**{f"leave_out_each_{unit}": found.to_json()})
-        console.table(
-            found.rows(),
-            title=f"each {unit} by networks that never saw it, RMSE in m/s",
-            digits=3,
-        )
-        console.say(found.sentence())
-        console.say()
-
-    def _report(self, console: Console, run: Run) -> None:
-        from learn.report import paper_sentence, summary_rows, verdicts
-
-        figures, paper = run.figures, run.paper_figures
-        assert figures is not None
-        console.answer(
-            **figures,
-            report=run.report,
-            settings=run.description["settings"],
-            networks=run.description["networks"],
-            label_counts=run.description.get("label_counts"),
-        )
-        console.table(
-            summary_rows(figures),
-            title=f"{counted(figures['missions'], figures['split'] + ' mission')} of "
-            f"{figures['store']}: "
-            "MSE in (m/s)², dead reckoning in % of the distance through the water",
-            digits=3,
-        )
-        console.say()
-        if paper is not None:
-            console.answer(paper_test=paper)
-            console.item(paper_sentence(paper))
-        for sentence in (*run.label_sentences(), *verdicts(figures)):
-            console.item(sentence)
-        console.say()
-        console.say(f"run:    {run.folder}")
-        console.say(f"report: {run.report}")
-
-
-UNITS: tuple[Unit, ...] = ("dive", "deployment")
-"""What `--leave-out-each-...` leaves out."""
 SETTINGS = (
     *(
         "store",

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from learn.networks.base import Network
 from learn.networks.c_step import CStep, transposed
 from learn.networks.config import NetworkConfig
-from learn.networks.context_delay import ContextDelay, lanes_for, pack_sequences, unpack_sequences
+from learn.networks.context_delay import ContextDelay
 
 
 class Elman(Network):
@@ -32,32 +32,23 @@ class Elman(Network):
 
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """See `Network.forward`."""
-        batch = x.shape[1]
-        lanes = lanes_for(x, batch)
-        h = pack_sequences(x, lanes)
-        histories = self._histories(state, lanes)
+        h = x.transpose(1, 2).contiguous()
         ends = []
-        for layer, history in zip(self.hidden, histories, strict=True):
+        for layer, history in zip(self.hidden, self._histories(x, state), strict=True):
             h = layer(h, history)
-            ends.append(self._last(h, history, batch))
+            ends.append(self._last(history, h))
         y = torch.matmul(self.out.weight, h) + self.out.bias
-        return unpack_sequences(y, batch), torch.cat(ends, 1)
+        return y.transpose(1, 2), torch.cat(ends, 1)
 
-    def _histories(self, state: Tensor | None, lanes: int) -> list[Tensor | None]:
-        if state is None:
-            return [None] * self.config.layers
-        parts = state.view(-1, self.config.layers, self.config.delays, self.config.hidden)
-        return [pack_sequences(part.transpose(0, 1), lanes) for part in parts.unbind(1)]
-
-    def _last(self, h: Tensor, history: Tensor | None, batch: int) -> Tensor:
+    def _last(self, history: Tensor, h: Tensor) -> Tensor:
         delays = self.config.delays
-        last = h[:, -delays:]
-        missing = delays - last.shape[1]
-        if missing:
-            tiles, _, hidden, lanes = h.shape
-            before = h.new_zeros(tiles, delays, hidden, lanes) if history is None else history
-            last = torch.cat([before[:, -missing:], last], 1)
-        return unpack_sequences(last, batch).transpose(0, 1).reshape(batch, -1)
+        return torch.cat([history, h[-delays:]])[-delays:].permute(2, 0, 1).flatten(1)
+
+    def _histories(self, x: Tensor, state: Tensor | None) -> tuple[Tensor, ...]:
+        """Of each layer: (delays, hidden, batch)."""
+        shape = (x.shape[1], self.config.layers, self.config.delays, self.config.hidden)
+        parts = x.new_zeros(shape) if state is None else state.view(shape)
+        return parts.permute(1, 2, 3, 0).unbind()
 
     def step(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `Network.step`."""

@@ -7,8 +7,8 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from learn.report.result_tables import comparison_rows as comparison_rows
     from learn.report.result_tables import dive_rows as dive_rows
-    from learn.report.result_tables import paper_sentence as paper_sentence
     from learn.report.result_tables import summary_rows as summary_rows
+    from learn.report.result_tables import tell_report as tell_report
     from learn.report.result_tables import verdicts as verdicts
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -116,7 +116,7 @@ class RunEvaluation:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Study:
-    """A table of a page about further networks of the run."""
+    """A table of a page with what it says."""
 
     title: str
     rows: Sequence[Mapping[str, object]]
@@ -139,10 +139,8 @@ class Contents:
     error_model: ErrorModel | None = None
     metrics: Sequence[Mapping[str, Any]] = ()
     training: MissionSequence | None = None
-    ablation: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
-    """Figures of networks without some inputs, by what they lack."""
     studies: Sequence[Study] = ()
-    """Further networks of the run."""
+    """Tables of its own, such as one of each store."""
     provenance: Mapping[str, object] = dataclasses.field(default_factory=dict)
     command: str = ""
 

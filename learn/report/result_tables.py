@@ -6,11 +6,15 @@ They read the JSON object of `learn evaluate`, so that a run's tables can be mad
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from learn.report.contents import KNOWLEDGE_TITLES, title_of
 from twin.cli.text_table import counted
 from twin.seams import BASELINES
+
+if TYPE_CHECKING:
+    from learn.run import Run
+    from twin.cli.console import Console
 
 Figures = Mapping[str, Any]
 Row = dict[str, object]
@@ -165,20 +169,6 @@ def comparison_rows(evaluations: Mapping[str, Figures]) -> list[Row]:
     for row in summary_rows(next(iter(evaluations.values())))[1:]:
         rows.append({"run or baseline": row["method"]} | row)
     return [{k: v for k, v in row.items() if k != "method"} for row in rows]
-
-
-def ablation_rows(full: Figures, ablation: Mapping[str, Figures]) -> list[Row]:
-    """The networks without some inputs, beside those with all."""
-    return [
-        {
-            "inputs": name,
-            "surge MSE [(m/s)²]": figures["surge_mse"],
-            "sway MSE [(m/s)²]": figures["sway_mse"],
-            "through the water, mean [%]": figures["dr_water_percent_mean"],
-            "true attitude, mean [%]": figures["dr_velocity_percent_mean"],
-        }
-        for name, figures in {"all": full, **ablation}.items()
-    ]
 
 
 JUDGED = {
@@ -336,3 +326,32 @@ def _list(words: Sequence[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def tell_report(console: Console, run: Run) -> None:
+    """Answer with the figures of a run that is judged, and say where its page is."""
+    figures, paper = run.figures, run.paper_figures
+    assert figures is not None
+    console.answer(
+        **figures,
+        report=run.report,
+        settings=run.description["settings"],
+        networks=run.description["networks"],
+        label_counts=run.description.get("label_counts"),
+    )
+    console.table(
+        summary_rows(figures),
+        title=f"{counted(figures['missions'], figures['split'] + ' mission')} of "
+        f"{figures['store']}: "
+        "MSE in (m/s)², dead reckoning in % of the distance through the water",
+        digits=3,
+    )
+    console.say()
+    if paper is not None:
+        console.answer(paper_test=paper)
+        console.item(paper_sentence(paper))
+    for sentence in (*run.label_sentences(), *verdicts(figures)):
+        console.item(sentence)
+    console.say()
+    console.say(f"run:    {run.folder}")
+    console.say(f"report: {run.report}")

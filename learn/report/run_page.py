@@ -77,12 +77,6 @@ def build_page(folder: Path, contents: Contents) -> Path:
         _paper_test(page, contents.paper_test)
     drawn.place("tracks")
     drawn.place("uncertainty", "Uncertainty")
-    if contents.ablation:
-        page.section("Ablation over inputs")
-        page.table(
-            result_tables.ablation_rows(test.figures, contents.ablation),
-            "Networks of the same kind and training budget, for a vehicle without that sensor.",
-        )
     _studies(page, contents.studies)
     drawn.place("training", "Training")
     return _signed(page, contents.provenance, contents.command)

@@ -7,9 +7,10 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from learn.training.fit_config import TrainingJob as TrainingJob
     from learn.training.fit_config import fit_settings as fit_settings
+    from learn.training.fitting import fit as fit
     from learn.training.resources import Resources as Resources
+    from learn.training.resources import training_resources as training_resources
     from learn.training.trainer import TrainingReport as TrainingReport
-    from learn.training.training_progress import Shares as Shares
     from learn.training.training_progress import Watcher as Watcher
     from learn.training.training_progress import event_writer_type as event_writer_type
 

@@ -185,6 +185,7 @@ def fit_settings(
     labels: str | None = None,
     known_current: str | None = None,
     smoothing: str | None = None,
+    held_out: Sequence[int] = (),
 ) -> FitConfig:
     """The settings of a training: those given here, a resumed run's own, and the defaults.
 
@@ -222,6 +223,7 @@ def fit_settings(
         track is learned from, `store` for the current that the store holds, or "NORTH,EAST" in
         m/s, "0,0" in still water [none].
       smoothing: with `dvl`, after outliers are removed: `gaussian`, `causal` or `none` [gaussian].
+      held_out: rows of the store that are not trained on, to be judged by.
 
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
@@ -283,6 +285,7 @@ def fit_settings(
         period=period,
         start=None if start is None else str(start),
         labels=LabelConfig(**{**dataclasses.asdict(base.labels), **learned}),
+        held_out=tuple(held_out) or base.held_out,
         hulls=base.hulls,
     )
     if continued is None:

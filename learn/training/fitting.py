@@ -1,10 +1,8 @@
-"""Fitting: train the networks of a run, the networks of one run or of many side by side."""
+"""Fitting: train the networks of a run side by side, and describe it."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import functools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -72,19 +70,6 @@ Watch = Callable[[TrainingJob, TrainingReport], None]
 """Called at every validation of every network."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class TrainingStart:
-    """A run that is begun, continued or replaced."""
-
-    config: FitConfig
-    folder: Path
-    resume: bool = False
-    """Continue an unfinished run of the same settings; start it if there is none. With `replace`
-    this is one that was begun with `replace`."""
-    replace: bool = False
-    """Put the new run in the place of an old one once all of it is trained."""
-
-
 IN_THIS_PROCESS = Resources()
 
 
@@ -100,105 +85,107 @@ def fit(
     say: Callable[[str], None] = lambda _: None,
     history: str = "",
 ) -> Run:
-    """Train what is missing of one run; arguments as of `Start`, the rest as of `fit_each`."""
-    start = TrainingStart(config=config, folder=folder, resume=resume, replace=replace)
-    (run,) = fit_each([start], resources, watch=watch, warn=warn, say=say, history=history)
-    return run
-
-
-def fit_each(
-    starts: Sequence[TrainingStart],
-    resources: Resources,
-    *,
-    watch: Watch | None = None,
-    warn: Callable[[str], None] = lambda _: None,
-    say: Callable[[str], None] = lambda _: None,
-    history: str = "",
-) -> list[Run]:
-    """Train what is missing of runs and describe them, the networks of all of them side by side.
+    """Train what is missing of a run and describe it, its networks side by side.
 
     The evaluation is a step of its own. A start that fails, or is interrupted before anything is
     trained, leaves what was there.
 
     Args:
+      resume: continue an unfinished run of the same settings; start it if there is none. With
+        `replace` this is one that was begun with `replace`.
+      replace: put the new run in the place of an old one once all of it is trained.
       watch: sees every validation.
       warn: told what is no error and makes poor networks.
       say: told where the training data are kept.
       history: command line for the record.
 
     Raises:
-      InputError: a folder is in use, or holds a run of other settings or of another store; or the
+      InputError: the folder is in use, or holds a run of other settings or of another store; or the
         memory is too small.
       StoreError: a store cannot be used (see `learn.data.dataset`).
       WriteError: the disk refuses.
     """
-    begun = [_begin(start, resources, warn, history) for start in starts]
-    waiting = [one for one in begun if one.jobs]
-    together = max(1, min(resources.workers, sum(len(one.jobs) for one in waiting)))
+    there = _run_to_continue(folder, resume=resume, replace=replace)
+    description = _checked(config, folder, there, resources, warn, history)
+    place = RunFolder(folder, replace=replace, fresh=there is None)
+    jobs = [
+        job
+        for job in config.jobs()
+        if place.fresh or not (place.folder / f"{job.name}.json").is_file()
+    ]
     resident = True
-    if waiting:
-        configs = [one.start.config for one in waiting]
-        residence = choose_residence(configs, together, resources.memory)
+    if jobs:
+        together = max(1, min(resources.workers, len(jobs)))
+        residence = choose_residence(config, together, resources.memory)
         resident = residence.resident
         say(residence.told)
     try:
-        with contextlib.ExitStack() as stack:
-            for one in begun:
-                stack.enter_context(one.place)
-                repair_metrics(one.folder)
-                write_description(one.folder, one.description)
-            _train(begun, resources, watch, resident=resident)
-            for one in begun:
-                one.place.complete()
+        with place:
+            repair_metrics(place.folder)
+            write_description(place.folder, description)
+            _train(jobs, place.folder, description, resources, watch, resident=resident)
+            description |= {"complete": True, "finished": now()}
+            write_description(place.folder, description)
+            place.complete()
     except (KeyboardInterrupt, SystemError) as error:
         if interruption(error) is None:
             raise
-        raise KeyboardInterrupt(begun[0].place.outcome()) from None
+        raise KeyboardInterrupt(place.outcome()) from None
     except OSError as error:
-        at = Path(error.filename) if error.filename is not None else begun[0].folder
-        for one in begun:
-            if at.is_relative_to(one.folder) or one.folder.is_relative_to(at):
-                raise WriteError(
-                    f"cannot write {one.folder}: {error.strerror or error}; {one.place.outcome()}"
-                ) from error
+        at = Path(error.filename) if error.filename is not None else place.folder
+        if at.is_relative_to(place.folder) or place.folder.is_relative_to(at):
+            raise WriteError(
+                f"cannot write {place.folder}: {error.strerror or error}; {place.outcome()}"
+            ) from error
         raise
-    return [Run(one.start.folder, one.description) for one in begun]
+    return Run(folder, description)
 
 
-@dataclasses.dataclass
-class _Begun:
-    """A run whose sources are checked."""
+def _train(
+    jobs: Sequence[TrainingJob],
+    folder: Path,
+    description: dict[str, Any],
+    resources: Resources,
+    watch: Watch | None,
+    *,
+    resident: bool,
+) -> None:
+    """Train networks in a folder; the description has the figures of each when it is saved."""
 
-    start: TrainingStart
-    place: RunFolder
-    description: dict[str, Any]
+    def finished(task: Task, report: TrainingReport | None) -> None:
+        results = {**description.get("networks", {}), task.job.name: _figures(task.job, report)}
+        description["networks"] = results
+        write_description(folder, description)
 
-    @property
-    def folder(self) -> Path:
-        """Where it is trained."""
-        return self.place.folder
+    def seen(task: Task, report: TrainingReport) -> None:
+        record = {"network": task.job.name, **dataclasses.asdict(report)}
+        with (folder / METRICS).open("a") as file:
+            file.write(json.dumps(to_json(record)) + "\n")
+        if watch is not None:
+            watch(task.job, report)
 
-    @functools.cached_property
-    def jobs(self) -> list[TrainingJob]:
-        """Networks that are not trained yet."""
-        return [
-            job
-            for job in self.start.config.jobs()
-            if self.place.fresh or not (self.folder / f"{job.name}.json").is_file()
-        ]
+    train_tasks([Task(job, folder, resident) for job in jobs], resources, seen, finished)
 
 
-def _begin(
-    start: TrainingStart, resources: Resources, warn: Callable[[str], None], history: str
-) -> _Begun:
-    """Check everything before anything is written."""
-    config, folder = start.config, start.folder
-    if _run_there(folder) is not None and not (start.resume or start.replace):
+def _run_to_continue(folder: Path, *, resume: bool, replace: bool) -> dict[str, Any] | None:
+    """The description of the run that is continued; None starts a new one."""
+    if _run_there(folder) is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
-    training = training_folder(folder, replace=start.replace)
+    training = training_folder(folder, replace=replace)
     # beside the run lies only what a fit left: without a description it was being removed
-    left = not start.replace or _described(training)
-    there = _run_there(training) if start.resume and left else None
+    left = not replace or _described(training)
+    return _run_there(training) if resume and left else None
+
+
+def _checked(
+    config: FitConfig,
+    folder: Path,
+    there: dict[str, Any] | None,
+    resources: Resources,
+    warn: Callable[[str], None],
+    history: str,
+) -> dict[str, Any]:
+    """The description of the run, once everything is checked."""
     content = _check_sources(config, elsewhere=resources.executor is not None)
     for store in config.stores:
         if text := few_missions(store, config.division):
@@ -210,42 +197,7 @@ def _begin(
         text := few_labels(config.store, config.labels, LabelCounts(**description[LABELS]))
     ):
         warn(text)
-    place = RunFolder(folder, replace=start.replace, fresh=there is None)
-    return _Begun(start, place, description)
-
-
-def _train(
-    begun: Sequence[_Begun], resources: Resources, watch: Watch | None, *, resident: bool
-) -> None:
-    """Train the networks of all runs; each run is complete when its last one is."""
-    owners = {one.folder: one for one in begun}
-    left = {one.folder: len(one.jobs) for one in begun}
-
-    def complete(one: _Begun) -> None:
-        one.description |= {"complete": True, "finished": now()}
-        write_description(one.folder, one.description)
-
-    def finished(task: Task, report: TrainingReport | None) -> None:
-        one = owners[task.folder]
-        results = {**one.description.get("networks", {}), task.job.name: _figures(task.job, report)}
-        one.description["networks"] = results
-        left[task.folder] -= 1
-        write_description(one.folder, one.description)
-        if not left[task.folder]:
-            complete(one)
-
-    def seen(task: Task, report: TrainingReport) -> None:
-        record = {"network": task.job.name, **dataclasses.asdict(report)}
-        with (task.folder / METRICS).open("a") as file:
-            file.write(json.dumps(to_json(record)) + "\n")
-        if watch is not None:
-            watch(task.job, report)
-
-    for one in begun:
-        if not one.jobs:
-            complete(one)
-    tasks = [Task(job, one.folder, resident) for one in begun for job in one.jobs]
-    train_tasks(tasks, resources, seen, finished)
+    return description
 
 
 def _run_there(folder: Path) -> dict[str, Any] | None:

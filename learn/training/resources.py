@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,9 +73,7 @@ class Residence:
     """The choice and its reason in one line"""
 
 
-def choose_residence(
-    configs: Sequence[FitConfig], together: int, memory: float | None = None
-) -> Residence:
+def choose_residence(config: FitConfig, together: int, memory: float | None = None) -> Residence:
     """Decide for networks of which `together` are trained at a time.
 
     Args:
@@ -88,8 +86,7 @@ def choose_residence(
     if memory is not None and not (np.isfinite(memory) and memory > 0.0):
         raise InputError(f"--memory {memory:g} must be a number of GB above 0")
     allowed = free_memory() * SHARE if memory is None else memory * GB
-    sizes = [_sizes(config) for config in configs]
-    whole, streamed = (together * max(column) for column in zip(*sizes, strict=True))
+    whole, streamed = (together * size for size in _sizes(config))
     networks = f"{together} networks at a time" if together > 1 else "one network at a time"
     limit = (
         f"{allowed / GB:.2g} GB (half of the memory that is free; --memory changes it)"
@@ -111,7 +108,7 @@ def choose_residence(
     raise InputError(
         f"streaming the training data takes {streamed / GB:.2g} GB of memory for {networks}, more "
         f"than {limit}: give --memory {needed:g} where there is as much, fewer --workers, "
-        f"or a --buffer of fewer samples than {configs[0].training.buffer}"
+        f"or a --buffer of fewer samples than {config.training.buffer}"
     )
 
 

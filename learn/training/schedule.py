@@ -33,7 +33,7 @@ class TrainingConfig:
     warmup: float = 0.05
     """minibatches: share of the budget in which the step size rises from zero."""
     batch: int = 16
-    """minibatches: windows per step; a multiple of 16 wastes no lanes of the vector kernels."""
+    """minibatches: windows per step."""
     window: int = 128
     """minibatches: counted samples of a window."""
     samples: int = 1024

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,19 +14,6 @@ if TYPE_CHECKING:
     from twin.cli.progress import Progress
 
 
-class Shares:
-    """How far each of several jobs is, told to the progress of them all."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._reached: dict[Hashable, float] = {}
-
-    def reach(self, job: Hashable, share: float, **figures: float) -> None:
-        """A job has come to a `share` of its work, 0 to 1."""
-        self._progress.update(share - self._reached.get(job, 0.0), **figures)
-        self._reached[job] = share
-
-
 class Watcher:
     """Progress of all networks of a run, and TensorBoard events when asked."""
 
@@ -35,29 +21,19 @@ class Watcher:
         self._progress: Progress = console.progress(
             total=len(config.jobs()), label="fit", unit="networks"
         )
-        self._shares = Shares(self._progress)
+        self._shares: dict[str, float] = {}
+        """How far each network is, 0 to 1"""
         self._folder, self._events, self._prog = folder, events, console.prog
         self._writer: Any = None
-        self._open = False
 
     def __enter__(self) -> Watcher:
         self._progress.__enter__()
-        self._open = True
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._close(*error)
-
-    def close(self) -> None:
-        """End the progress of the training: what follows shows its own."""
-        self._close(None, None, None)
-
-    def _close(self, *error: object) -> None:
-        if self._open:
-            self._open = False
-            self._progress.__exit__(*error)  # type: ignore[arg-type]
-            if self._writer is not None:
-                self._writer.close()
+        self._progress.__exit__(*error)  # type: ignore[arg-type]
+        if self._writer is not None:
+            self._writer.close()
 
     def say(self, text: str) -> None:
         """A note, a line of its own."""
@@ -72,7 +48,8 @@ class Watcher:
         known = report.validation_mse == report.validation_mse  # not NaN
         error = report.validation_mse if known else report.train_mse
         figures = {f"{job.name} MSE [(m/s)²]": error, "learning rate": report.rate}
-        self._shares.reach(job.name, report.share, **figures)
+        self._progress.update(report.share - self._shares.get(job.name, 0.0), **figures)
+        self._shares[job.name] = report.share
         if self._events:
             # made late: a folder that is in the way of the run must not come from here
             self._writer = self._writer or event_writer_type()(str(self._folder / "events"))

@@ -1,4 +1,4 @@
-"""Workers: networks of one or more runs trained side by side by an executor.
+"""Workers: networks of a run trained side by side by an executor.
 
 A network is one task, which leaves its checkpoints and weights in the folder of its run. What it
 reports on the way goes through a file there too, so that any executor will do, one of another

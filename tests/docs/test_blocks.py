@@ -71,9 +71,12 @@ RUN = {
     },
     "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
     "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
-    "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 1},
+    "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 2},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
-    "docs/reference/currents.md": {"tests/twin/water/test_current_docs.py": 2},
+    "docs/reference/currents.md": {
+        "tests/twin/water/test_current_docs.py": 2,
+        "tests/twin/water/test_tabulated.py": 1,
+    },
     "docs/reference/factory.md": {
         HERE: 5,
         "tests/factory/test_windows.py": 2,

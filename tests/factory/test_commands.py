@@ -63,7 +63,7 @@ def test_generate_info_verify_replay_plot_export_in_a_row(
     assert info["settings"]["seed"] == 4
     assert {row["split"] for row in info["splits"]} == {"train", "validation", "test"}
     assert answer(capsys, "verify", store)["ok"] is True
-    replayed = answer(capsys, "replay", store, "--mission", 0, 2)
+    replayed = answer(capsys, "verify", store, "--replay", 0, 2)
     assert replayed["identical"] is True
     assert [mission["mission"] for mission in replayed["missions"]] == [0, 2]
     assert answer(capsys, "plot", store)["out"] == str(store.with_suffix(".png"))
@@ -92,7 +92,7 @@ def no_missions(paper_store: Path, tmp_path_factory: pytest.TempPathFactory) -> 
         (PROGRAM, "info"),
         (PROGRAM, "verify"),
         (PROGRAM, "plot"),
-        (PROGRAM, "replay"),
+        (PROGRAM, "verify --replay 0"),
         (PROGRAM, "export --to parquet"),
         (TWIN, "plot"),
         (TWIN, "render --html none.html"),
@@ -158,7 +158,9 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
         (["generate", "--preset", "paper-test", "--hours", "3"], "leave --hours out"),
         (["generate", "--config", "none.toml"], "cannot read parameter file none.toml"),
         (["generate", "--hour", "3"], "did you mean --hours (simulated time"),
-        (["replay", "none.zarr"], "no store at none.zarr"),
+        (["verify", "none.zarr", "--replay", "0"], "no store at none.zarr"),
+        (["verify", "none.zarr", "--attempt", "0"], "--attempt is of a mission: give --replay"),
+        (["repair", "none.zarr"], "repair"),
         (["verify", "none.zarr"], "no store at none.zarr"),
         (["info", "none.zarr"], "no store at none.zarr"),
         (["plot", "none.zarr"], "no store at none.zarr"),
@@ -195,7 +197,7 @@ def test_a_damaged_store_exits_with_1_and_names_the_chunk(
     assert "true_heave of mission 0 cannot be read" in out
     assert "NOT sound" in out
     assert "Traceback" not in err
-    code, _, err = run(capsys, "replay", store)
+    code, _, err = run(capsys, "verify", store, "--replay", 0)
     assert code == 2
     assert "true_heave of mission 0 cannot be read" in err
 

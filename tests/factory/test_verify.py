@@ -12,11 +12,10 @@ import pytest
 import zarr
 
 from factory.__main__ import PROGRAM
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.sampling.recipe import Recipe
-from factory.soundness import verify_store
+from factory.soundness import replay_mission, verify_store
 from factory.store_check import StoreCheck, StoreReport, check_files, kinematic_problems
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore, open_missions
-from factory.soundness import verify_logs, verify_store
+from factory.soundness import replay_mission, verify_logs, verify_store
 from learn.run import open_run
 from learn.run_evaluation import evaluate_run
 from twin.errors import StoreError

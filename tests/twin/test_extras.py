@@ -16,7 +16,7 @@ import pytest
 from twin.control.dm_suite import ALONE, require_dm_control
 from twin.errors import InputError
 from twin.extras import require, require_factory
-from twin.show.render.encode import Encoder
+from twin.show.render.film import Encoder
 
 ROOT = Path(__file__).parents[2]
 

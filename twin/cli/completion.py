@@ -1,13 +1,15 @@
-"""Completion: what a shell needs to complete the words of a program, written by shtab."""
+"""Completion: what a shell needs to complete the words of a program, written by tyro."""
 
 from __future__ import annotations
 
-import argparse
-import dataclasses
-import warnings
+import contextlib
+import io
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, Union
 
+import tyro
+
+from twin.cli.options import MARKERS, prepare
 from twin.errors import InputError, unknown_name
 
 SHELLS = ("bash", "zsh", "fish")
@@ -26,32 +28,15 @@ def completion(
     Raises:
       InputError: another shell.
     """
-    import shtab
-    import tyro
-
-    from twin.cli.options import MARKERS
-
     if shell not in SHELLS:
         raise InputError(unknown_name("shell", shell, SHELLS))
-    parser = argparse.ArgumentParser(prog=program, description=summary)
-    parser.add_argument("--version", action="store_true", help="the version")
-    below = parser.add_subparsers()
+    known: list[Any] = []
     for name, told, options in commands:
-        with warnings.catch_warnings():  # tyro's range of versions in pyproject.toml has it
-            warnings.simplefilter("ignore", DeprecationWarning)
-            own = tyro.extras.get_parser(options, config=MARKERS)
-        child = below.add_parser(name, help=told, add_help=False)
-        files = {
-            f.name.replace("_", "-")
-            for f in dataclasses.fields(options)
-            if "Path" in str(f.type) or "StoreArgument" in str(f.type)
-        }
-        for action in own._actions:
-            action.help = " ".join(str(action.help or "").split())
-            child._add_action(action)
-            words = {word.lstrip("-") for word in action.option_strings} or {action.dest}
-            if action.nargs != 0 and action.choices is None and (
-                words & files or not action.option_strings
-            ):  # fmt: skip
-                action.complete = shtab.FILE
-    return str(shtab.complete(parser, shell=shell))
+        prepare(options, texts=True)
+        known.append(Annotated[options, tyro.conf.subcommand(name, description=told)])
+    words, script = ["--tyro-print-completion", shell], io.StringIO()
+    with contextlib.redirect_stdout(script), contextlib.suppress(SystemExit):
+        kind: Any = Union[tuple(known)]  # noqa: UP007 - of a tuple
+        tyro.cli(kind, prog=program, description=summary, args=words, config=MARKERS)
+    # a word that is no option, such as a store's, is a file's
+    return script.getvalue().replace("complete -F", "complete -o default -F")

@@ -61,11 +61,8 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
 
     if told := split_duration(command, words):
         raise InputError(f"{told} (see {prog} --help)")
-    _spell_unions_out(command)
-    _hide_plain_defaults(command)
     asked = not {"-h", "--help"}.isdisjoint(words)
-    if asked:
-        _join_lines(command)
+    prepare(command, texts=asked)
     said = _HelpText(sys.stdout)
     kept = contextlib.redirect_stdout(said) if asked else contextlib.nullcontext()
     try:
@@ -82,6 +79,14 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
             raise InputError(f"these options cannot be used (see {prog} --help)") from None
         sys.stdout.write(_wrapped(said.getvalue()))
         return None
+
+
+def prepare(command: type[Runnable], *, texts: bool) -> None:
+    """Make a dataclass readable for tyro; `texts` joins the lines of its options too."""
+    _spell_unions_out(command)
+    _hide_plain_defaults(command)
+    if texts:
+        _join_lines(command)
 
 
 WIDEST = 100

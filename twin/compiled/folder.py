@@ -27,7 +27,6 @@ from typing import Self, TypeVar
 
 import numba
 from numba.core import event
-from numba.core.caching import _CacheLocator
 from numba.core.compiler_lock import global_compiler_lock
 
 from twin.compiled import signatures
@@ -181,8 +180,11 @@ T = TypeVar("T")
 _now: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
 
 
-class ContentLocator(_CacheLocator):
-    """One folder for each version of each module, so that versions never share an index."""
+class ContentLocator:
+    """One folder for each version of each module, so that versions never share an index.
+
+    It answers what numba asks of one of `numba.config.CACHE_LOCATOR_CLASSES`.
+    """
 
     def __init__(self, function: FunctionType, file: str) -> None:
         module, self._stamp, self._variant = _now.get()

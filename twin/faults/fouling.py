@@ -87,9 +87,9 @@ class Attached(Fault):
         """More drag, below the axis, so that it lowers the nose."""
         vehicle = condition.vehicle
         law = vehicle.law.with_drag(1.0 + size)
-        if isinstance(law, FlowFrame):
+        if isinstance(law, FlowFrame) and isinstance(vehicle.law, FlowFrame):
             first, second, third = law.pitch_moment
-            more = law.drag[0] - vehicle.flow_frame.drag[0]
+            more = law.drag[0] - vehicle.law.drag[0]
             moment = first - more * BELOW * vehicle.hull_diameter
             law = dataclasses.replace(law, pitch_moment=(moment, second, third))
         return condition.with_vehicle(law=law)

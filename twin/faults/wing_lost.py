@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from twin.errors import unknown_name
 from twin.faults.base import Condition, Fault
-from twin.vehicle.laws import FlowFrame
+from twin.vehicle.laws.flow_frame import is_flow_frame
 
 if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
@@ -55,7 +55,7 @@ class WingLost(Fault):
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
         """Only a hull law with wings' lift loses some."""
-        if not isinstance(vehicle.law, FlowFrame) or vehicle.steered("buoyancy") is None:
+        if not is_flow_frame(vehicle.law) or vehicle.steered("buoyancy") is None:
             return "is no glider whose hull law has the lift of wings (flow-frame)"
         return ""
 

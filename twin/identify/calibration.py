@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError
 from twin.vehicle.laws import FlowFrame
+from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.vehicle import IDENTIFIED, Vehicle, load_vehicle
 from twin.water.density import SEA_COMPRESSIBILITY
@@ -116,7 +117,7 @@ def require_glider(vehicle: Vehicle) -> None:
     lacks = [
         what
         for what, there in (
-            (f"the hull law {FlowFrame.kind!r}", isinstance(vehicle.law, FlowFrame)),
+            (f"the hull law {FlowFrame.kind!r}", is_flow_frame(vehicle.law)),
             ("one moving battery", len(vehicle.masses) == 1),
             ("a pump", vehicle.steered("buoyancy") is not None),
         )

@@ -9,105 +9,65 @@ inverse of a trim is the steady straight glide at a wanted pitch and net buoyanc
 
 from __future__ import annotations
 
-import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
 from twin.numbers import Array, product, solved_system
-from twin.vehicle.laws import FlowFrame
+from twin.vehicle.laws.base import Polar, polar_of_wrench, straight_flow
+from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
 
 WIDEST = math.radians(20.0)
 """[rad] angle of attack up to which a steady glide is looked for: beyond it wings stall"""
-UNIT_SPEED = 0.3
-"""[m/s] at which a law that is not purely quadratic is evaluated: a glider's"""
 
 
-class Polar(abc.ABC):
-    """Drag and lift [N s2/m2], pitch moment [N m s2/m2] over the angle of attack [rad]."""
+class VehiclePolar:
+    """Polar of a whole vehicle: its identified law, or any other law and the parts at rest.
 
-    zero_lift: float
-    """[rad]"""
-    valid_angle: float
-    """[rad] largest angle of attack"""
-
-    @abc.abstractmethod
-    def at(self, alpha: float) -> tuple[float, float, float]:
-        """Drag, lift and pitch moment over speed squared."""
-
-    def drag_over_lift(self, alpha: Array) -> Array:
-        """Their ratio at several angles, same shape."""
-        found = np.array([self.at(float(a))[:2] for a in alpha])
-        return np.asarray(found[:, 0] / found[:, 1])
-
-
-class FlowFramePolar(Polar):
-    """Of the printed coefficients, inside the identified angles."""
-
-    def __init__(self, name: str, law: FlowFrame):
-        self._drag, self._lift, self._moment = law.drag, law.lift, law.pitch_moment
-        if not (self._drag[0] > 0.0 and self._drag[1] >= 0.0 and self._lift[1] > 0.0):
-            raise VehicleError(
-                f"vehicle {name!r} cannot glide: drag {self._drag[0]:g}, {self._drag[1]:g} and "
-                f"lift slope {self._lift[1]:g} must be positive for a closed-loop mission"
-            )
-        self.zero_lift = -self._lift[0] / self._lift[1]
-        self.valid_angle = law.linear_angle
-
-    def at(self, alpha: float) -> tuple[float, float, float]:
-        """K_D0 + K_D alpha^2, K_L0 + K_alpha alpha, K_M0 + K_M alpha."""
-        return (
-            self._drag[0] + self._drag[1] * alpha**2,
-            self._lift[0] + self._lift[1] * alpha,
-            self._moment[0] + self._moment[1] * alpha,
-        )
-
-    def drag_over_lift(self, alpha: Array) -> Array:
-        """Their ratio at several angles, same shape."""
-        drag = self._drag[0] + self._drag[1] * alpha**2
-        return np.asarray(drag / (self._lift[0] + self._lift[1] * alpha))
-
-
-class LawPolar(Polar):
-    """Of any hull law with the vehicle's fins at rest, evaluated at a glider's speed."""
+    Raises:
+      VehicleError, MissionError: it cannot glide.
+    """
 
     def __init__(self, vehicle: Vehicle):
-        self._vehicle = vehicle
-        self.valid_angle = min(vehicle.law.valid_angle, WIDEST)
+        self._vehicle, law = vehicle, vehicle.law
+        self.valid_angle = min(law.valid_angle, WIDEST)
+        """[rad] largest angle of attack"""
+        if is_flow_frame(law):
+            self.valid_angle = law.valid_angle
+            if not (law.drag[0] > 0.0 and law.drag[1] >= 0.0 and law.lift[1] > 0.0):
+                raise VehicleError(
+                    f"vehicle {vehicle.name!r} cannot glide: drag {law.drag[0]:g}, "
+                    f"{law.drag[1]:g} and lift slope {law.lift[1]:g} must be positive for a "
+                    "closed-loop mission"
+                )
+            self.zero_lift = -law.zero_lift
+            """[rad] angle of attack without lift"""
+            return
         low, high = -self.valid_angle, self.valid_angle
-        if not self.at(low)[1] < 0.0 < self.at(high)[1]:
+        if not self.at(low).lift < 0.0 < self.at(high).lift:
             raise MissionError(
                 f"vehicle {vehicle.name!r} has no lift to glide with: its lift does not change "
                 f"sign within {math.degrees(high):.0f} deg of angle of attack"
             )
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.at(middle)[1] < 0.0 else (low, middle)
-        self.zero_lift = 0.5 * (low + high)
+        self.zero_lift = float(brentq(lambda alpha: self.at(alpha).lift, low, high, xtol=1e-15))
 
-    def at(self, alpha: float) -> tuple[float, float, float]:
-        """Drag along the flow, lift across it, and the pitch moment, over speed squared."""
-        ca, sa = math.cos(alpha), math.sin(alpha)
-        nu_r = np.array([ca, 0.0, sa, 0.0, 0.0, 0.0]) * UNIT_SPEED
-        density = self._vehicle.reference_density
-        wrench = self._vehicle.law.wrench(nu_r, density)
-        for part in self._vehicle.parts:
+    def at(self, alpha: float) -> Polar:
+        """Forces over speed squared at an angle of attack [rad], parts at rest."""
+        vehicle, density = self._vehicle, self._vehicle.reference_density
+        if is_flow_frame(vehicle.law):  # its coefficients are those of the whole vehicle
+            return vehicle.law.polar(alpha, density)
+        nu_r = straight_flow(alpha)
+        wrench = vehicle.law.wrench(nu_r, density)
+        for part in vehicle.parts:
             wrench = wrench + part.wrench(part.rest, nu_r, density, 1e3)
-        x, z, m = wrench[[0, 2, 4]] / UNIT_SPEED**2
-        return float(-x * ca - z * sa), float(x * sa - z * ca), float(m)
-
-
-def polar_of(vehicle: Vehicle) -> Polar:
-    """The polar of a vehicle; raises VehicleError or MissionError when it cannot glide."""
-    if isinstance(vehicle.law, FlowFrame):
-        return FlowFramePolar(vehicle.name, vehicle.law)
-    return LawPolar(vehicle)
+        return polar_of_wrench(wrench, alpha)
 
 
 DEEP = 1e3
@@ -261,7 +221,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
             "heavy glider dives nose down, a light one climbs nose up"
         )
     sense = math.copysign(1.0, net_mass)
-    polar = polar_of(vehicle)
+    polar = VehiclePolar(vehicle)
     zero_lift = polar.zero_lift
     angles = zero_lift + (sense * polar.valid_angle - zero_lift) * _GRID
 
@@ -269,7 +229,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
         drag, lift, _ = polar.at(alpha)
         return alpha - math.atan(drag / lift)
 
-    pitches = np.abs(angles - np.arctan(polar.drag_over_lift(angles)))
+    pitches = np.abs([pitch_at(alpha) for alpha in angles.tolist()])
     shallowest = int(np.argmin(pitches))
     if abs(pitch) < pitches[shallowest]:
         raise MissionError(

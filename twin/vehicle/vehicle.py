@@ -30,6 +30,7 @@ from twin.vehicle.assembly import (
 )
 from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
+from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.parts import Part, Pump
 from twin.vehicle.parts.base import LOSSES
@@ -223,7 +224,7 @@ class Vehicle:
     @property
     def flow_frame(self) -> FlowFrame:
         """Its hull law, when it is the flow-frame one; VehicleError for vehicles of other laws."""
-        if not isinstance(self.law, FlowFrame):
+        if not is_flow_frame(self.law):
             raise VehicleError(
                 f"vehicle {self.name!r} has the hull law {self.law.kind!r}; this needs a glider "
                 f"with lift and drag coefficients (hull law {FlowFrame.kind!r})"

@@ -12,10 +12,10 @@ import pytest
 import xarray as xr
 import zarr
 
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
+from factory.soundness import replay_mission
 from twin.geodesy import from_tangent_plane
 from twin.records.coordinates import COORDINATES, NO_TIME, PLACE
 

@@ -18,15 +18,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from clusters import Here
 from patience import HANG_S
 from trees import contents
 
 import factory.generation.generation
 import factory.generation.mission_block
 import twin.records.storage.stored_files
-from benchmarks.faults.here import Here
 from factory.description import unfinished
-from factory.flown_again import replay_failure
 from factory.generation.executors import Job
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
@@ -34,7 +33,7 @@ from factory.generation.manifest import LEAST_SHARD
 from factory.generation.mission_block import fly_block
 from factory.generation.site import Site, generating, locked
 from factory.sampling.recipe import Recipe
-from factory.soundness import verify_store
+from factory.soundness import replay_failure, verify_store
 from twin.errors import InputError, StoreError, TwinError
 from twin.records.store import open_store
 

@@ -137,7 +137,7 @@ def test_what_cannot_be_flown_is_replaced(
     assert flown.failures[0].reason == str(error)
 
 
-@pytest.mark.parametrize("command", ["verify", "replay", "finish"])
+@pytest.mark.parametrize("command", ["verify", "finish"])
 @pytest.mark.parametrize("place", [".", "..", "/"])
 def test_a_folder_without_its_name_is_answered(
     capsys: pytest.CaptureFixture[str],

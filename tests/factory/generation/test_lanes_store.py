@@ -12,14 +12,13 @@ from trees import contents
 
 import factory
 from factory.__main__ import PROGRAM
-from factory.flown_again import replay_mission
 from factory.generation.attempts import fly_missions
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.generation.mission_block import MOST_SAMPLES, together
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.sampling.recipe import Recipe, make_recipe, read_recipe
-from factory.soundness import verify_store
+from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError
 from twin.vehicle.vehicle import load_vehicle
 

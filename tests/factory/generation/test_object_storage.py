@@ -17,7 +17,6 @@ from factory.generation.executors import dask_executor
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.generation.parts import StorePart, finish, generate_part
-from factory.generation.rebuild import repair
 from factory.sampling.recipe import Recipe
 from factory.store_check import check_files
 from learn.data.dataset import load_missions
@@ -160,8 +159,6 @@ def test_damage_is_found(server: None, paper_store: Path) -> None:
         "true_depth/c/0/0 is changed: its SHA-256 is another one",
         "left is unknown",
     ]
-    with pytest.raises(StoreError, match="copy it to this machine, repair the copy"):
-        repair(files.name)
 
 
 def test_commands_keep_the_address(

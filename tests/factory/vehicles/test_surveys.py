@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.missions_page import store_page
@@ -23,7 +22,7 @@ from factory.sampling.recipe import Recipe, make_recipe
 from factory.sampling.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
 from factory.sampling.vehicle_errors import spread_vehicle
 from factory.sampling.vehicle_parameters import FLOOR
-from factory.soundness import verify_store
+from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError
 from twin.sensors.dvl import MODES
 from twin.vehicle.vehicle import load_vehicle

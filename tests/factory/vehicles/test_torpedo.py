@@ -13,7 +13,6 @@ import xarray as xr
 import factory
 from factory.__main__ import PROGRAM
 from factory.description import drawn_rows
-from factory.flown_again import replay_mission
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.missions_page import store_page
@@ -23,7 +22,7 @@ from factory.sampling.parameters import declared, parameter_table
 from factory.sampling.recipe import make_recipe
 from factory.sampling.vehicle_errors import encoder_zeros, spread_vehicle
 from factory.sampling.vehicle_parameters import ADDED_MASS
-from factory.soundness import verify_store
+from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError, VehicleError
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 

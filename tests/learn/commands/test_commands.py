@@ -21,7 +21,7 @@ from twin.errors import InputError, StoreError, WriteError
 from twin.seams import BASELINES
 
 PAGES = [
-    Path(__file__).parents[3] / "docs" / "howto" / name for name in ("train.md", "on_board.md")
+    Path(__file__).parents[3] / "docs" / "howto" / name for name in ("on_board.md", "train.md")
 ]
 SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
 QUICK = tuple(word for name, value in SMALL.items() for word in (f"--{name}", str(value)))
@@ -168,21 +168,19 @@ def test_members_have_a_spread_and_the_papers_division_is_labelled_as_leaking(he
     assert "leaks" in (here / "runs" / "two" / "README.md").read_text()
 
 
-def test_ablation_trains_without_each_group(here, capsys):
-    code, _, err = call(
-        capsys,
-        *("fit", "--name", "ablated", "--overwrite", "--ablation"),
-        *("--features", "gyroscope", "controls"),
-        *QUICK,
-    )
+def test_a_run_is_trained_alone_and_reported_later(here, capsys):
+    code, out, err = call(capsys, "fit", "--name", "bare", "--no-report", "--json", *QUICK)
     assert code == 0, err
-    folder = here / "runs" / "ablated"
-    assert set(json.loads((folder / "ablation.json").read_text())) == {
-        "without imu",
-        "without controls",
-        "sha256",
-    }
-    assert "Ablation" in (folder / "report" / "index.html").read_text()
+    folder = here / "runs" / "bare"
+    assert set(json.loads(out)) == {"run", "settings", "networks"}
+    assert not (folder / "report").exists()
+    assert_same_networks(folder, here / "runs" / "first")
+    code, out, err = call(capsys, "report", "bare", "--json")
+    assert code == 0, err
+    assert "evaluating on test missions" in err
+    first = open_run("first").figures
+    assert json.loads(out)["surge_mse"] == first["surge_mse"]
+    assert {p.name for p in folder.iterdir()} == {p.name for p in (here / "runs/first").iterdir()}
 
 
 def test_evaluate_takes_the_newest_run_and_the_store_that_it_was_trained_on(
@@ -444,8 +442,9 @@ def test_the_python_of_the_pages_runs_as_it_is_written(here, capsys, tmp_path, m
     shutil.copytree(here / "data", "data")
     assert call(capsys, "export")[0] == 0
     for page in PAGES:
-        (block,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-        exec(block, {})
+        text = page.read_text(encoding="utf-8")
+        for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+            exec(block, {})
     assert float(capsys.readouterr().out.split()[0]) >= 0.0
 
 

@@ -19,12 +19,10 @@ from learn.data.labels import LabelConfig
 from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.folds import folds_with_labels, leave_out_each
 from learn.networks.config import NetworkConfig
 from learn.report.card import RunOrigin
-from learn.training.fit_config import FitConfig
+from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import fit
-from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.baseline import Estimate
@@ -173,25 +171,10 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
         fit(wrong, tmp_path / "y")
 
 
-def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path, tmp_path: Path) -> None:
-    settings = config(store)
-    assert folds_with_labels(settings, "dive") == {str(k): (k,) for k in range(6)}
+def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path) -> None:
     held = prepare(store, target="surge", features=INPUTS, held_out=(2,))
     assert len(held.train.inputs) + len(held.validation.inputs) == 5
-    run = fit(settings, tmp_path / "run")
-    chosen = {"0": (0,), "2": (2,)}
-    found = leave_out_each(run, settings, chosen, Resources(), unit="dive")
-    assert [fold.rows for fold in found.folds] == [(0,), (2,)]
-    assert 0.0 < found.rmse("surge") < 1.0
-    # no constant is better than the mean of what is judged
-    assert found.rmse("surge", "own_mean") <= found.rmse("surge", "training_mean")
-    assert found.rows()[-1]["dive"] == "all"
-    assert (run.folder / "leave-out-each-dive.json").is_file()
-
-
-def test_leaving_out_needs_real_logs(small_store: Path) -> None:
-    with pytest.raises(InputError, match="0 dives of real logs"):
-        folds_with_labels(config(small_store), "dive")
+    assert fit_settings(store, features=INPUTS, held_out=[2]).held_out == (2,)
 
 
 # --- dead reckoning -----------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from learn.evaluation.evaluation import evaluate
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Showcase
 from learn.report.result_tables import (
-    ablation_rows,
     comparison_rows,
     dive_rows,
     summary_rows,
@@ -77,7 +76,6 @@ def page(judged, tmp_path_factory):
         error_model=ErrorModel(),
         metrics=metrics,
         training=training,
-        ablation={"without imu": judged.figures},
         provenance={"store": "data/missions.zarr"},
         command="learn fit",
     )
@@ -299,11 +297,6 @@ def test_comparison_puts_runs_first_and_baselines_once(judged):
     assert len(names) == len(set(names))
 
 
-def test_ablation_rows_start_with_all_inputs(judged):
-    rows = ablation_rows(judged.figures, {"without imu": judged.figures})
-    assert [row["inputs"] for row in rows] == ["all", "without imu"]
-
-
 def test_the_model_card_has_its_head_and_says_what_it_is_not(judged, tmp_path):
     settings = {
         "store": "data/missions.zarr",
@@ -380,4 +373,4 @@ def test_pages_escape_what_they_are_given(tmp_path):
     text = page.write().read_text()
     assert "<script>" not in text
     assert "<i>" not in text
-    assert 'alt="&quot;quoted&quot;"' in text
+    assert 'alt="&#34;quoted&#34;"' in text

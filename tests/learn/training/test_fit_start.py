@@ -16,7 +16,6 @@ from patience import HANG_S
 
 import learn.training.workers
 from learn.__main__ import PROGRAM
-from learn.commands.fit import Fit
 from learn.files import write_sealed
 from learn.networks.config import NetworkConfig
 from learn.run import METRICS, Run, newest_run, open_run, read_description
@@ -63,8 +62,8 @@ def here(place, tmp_path, monkeypatch):
     """A copy of it, so that tests may break it."""
     shutil.copytree(place, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
-    monkeypatch.setattr(Fit, "_report", lambda *_: None)
+    monkeypatch.setattr("learn.finishing.finish", lambda run, **_: run)
+    monkeypatch.setattr("learn.report.tell_report", lambda *_: None)
     return tmp_path / "here"
 
 
@@ -101,8 +100,6 @@ def contents(folder):
         (("s.zarr", "--memory", "0"), "--memory 0 must be a number of GB above 0"),
         (("s.zarr", "--memory", "0.0001"), "streaming the training data takes 0.11 GB"),
         (("s.zarr", "--buffer", "0"), "training buffer must be at least 1"),
-        (("s.zarr", "--seeds", "0"), "--seeds 0 must be at least 1"),
-        (("s.zarr", "--leave-out-each-dive"), "leaving one out needs at least"),
     ],
 )
 def test_a_start_that_cannot_be_leaves_the_old_run(here, capsys, monkeypatch, words, message):
@@ -447,7 +444,7 @@ def test_the_command_is_kept_as_it_was_typed(here, capsys, monkeypatch):
         kept.append(history)
         raise InputError("enough")
 
-    monkeypatch.setattr("learn.api.train_and_finish", stop)
+    monkeypatch.setattr("learn.training.fit", stop)
     words = ["fit", "my store.zarr", "--name", "mine", *QUICK]
     monkeypatch.setattr(sys, "argv", ["learn", *map(str, words)])
     (here / "s.zarr").rename(here / "my store.zarr")

@@ -189,11 +189,11 @@ def test_one_store_is_described_as_ever(stores, tmp_path):
 
 
 def test_the_memory_is_that_of_all_stores(stores):
-    alone, both = (choose_residence([config_of(s)], 1, 4.0) for s in (stores[:1], stores))
+    alone, both = (choose_residence(config_of(s), 1, 4.0) for s in (stores[:1], stores))
     assert alone.resident
     assert both.resident
     with pytest.raises(InputError, match="streaming the training data takes"):
-        choose_residence([config_of(stores)], 1, 1e-4)
+        choose_residence(config_of(stores), 1, 1e-4)
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
-"""Side by side: networks of many runs through any executor, seeds, and what is left behind."""
+"""Side by side: networks of a run through any executor, and what is left behind."""
 
-import json
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -8,12 +7,10 @@ import pytest
 from learn_missions import write_synthetic_store
 
 import learn.training.workers as side_by_side
-from learn.__main__ import PROGRAM
 from learn.networks.config import NetworkConfig
-from learn.repeated_fits import Seeds, other_seeds
-from learn.run import METRICS, SEEDS, open_run
+from learn.run import METRICS
 from learn.training.fit_config import FitConfig
-from learn.training.fitting import TrainingStart, fit, fit_each
+from learn.training.fitting import fit
 from learn.training.resources import Resources, training_resources
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, TwinError
@@ -46,25 +43,21 @@ def test_any_executor_trains_what_one_process_trains(store, tmp_path):
         ThreadPoolExecutor(2) as threads,
         training_resources(executor=threads, memory=1.0) as resources,
     ):
-        starts = [
-            TrainingStart(config=config_of(store, seed), folder=tmp_path / f"r{seed}")
-            for seed in (0, 2)
-        ]
-        runs = fit_each(starts, resources, watch=lambda job, report: seen.append((job, report)))
-    assert weights(runs[0].folder) == weights(alone.folder) != weights(runs[1].folder)
-    assert all(run.description["complete"] for run in runs)
-    assert len(seen) == sum(len(run.metrics()) for run in runs) == 2 * len(alone.metrics())
-    drop = ("seconds",)
+        run = fit(
+            config_of(store), tmp_path / "run", resources, watch=lambda *found: seen.append(found)
+        )
+    assert weights(run.folder) == weights(alone.folder)
+    assert run.description["complete"]
+    assert len(seen) == len(run.metrics()) == len(alone.metrics())
     ours, theirs = (
         sorted(
-            [{k: v for k, v in row.items() if k not in drop} for row in run.metrics()],
+            [{k: v for k, v in row.items() if k != "seconds"} for row in one.metrics()],
             key=lambda row: (row["network"], row["step"]),
         )
-        for run in (runs[0], alone)
+        for one in (run, alone)
     )
     assert ours == theirs
-    hidden = [p.name for run in runs for p in run.folder.iterdir() if p.name.startswith(".")]
-    assert hidden == []
+    assert [p.name for p in run.folder.iterdir() if p.name.startswith(".")] == []
 
 
 class Lost(Executor):
@@ -121,57 +114,6 @@ def test_workers_and_an_executor_are_one_too_many():
         training_resources(2, Lost()),
     ):
         pass
-
-
-def test_seeds_are_trained_and_compared(store, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    figures = {"surge_mse": 1.0, "sway_mse": None, "dr_water_percent_mean": 2.0}
-    figures["dr_ground_percent_mean"] = None
-
-    class Found:
-        def to_json(self):
-            figures["surge_mse"] += 1.0
-            return dict(figures)
-
-    monkeypatch.setattr("learn.repeated_fits.judge", lambda *_: Found())
-    monkeypatch.setattr("learn.api.finish", lambda run, **_: run)
-    monkeypatch.setattr("learn.commands.fit.Fit._report", lambda *_: None)
-    code = PROGRAM.main(
-        [
-            *("fit", str(store), "--name", "many", "--seeds", "3", "--members", "1"),
-            *("--epochs", "1", "--network", "elman", "--hidden", "4", "--layers", "1"),
-            *("--workers", "1", "--json"),
-        ]
-    )
-    out, err = capsys.readouterr()
-    assert code == 0, err
-    assert "training data stay in memory" in err
-    found = json.loads(out)["seeds"]
-    assert list(found["seeds"]) == ["0", "2", "4"]
-    assert found["mean"] == {"surge_mse": 3.0, "dr_water_percent_mean": 2.0}
-    assert found["standard_deviation"]["surge_mse"] == pytest.approx(1.0)
-    run = tmp_path / "runs" / "many"
-    assert (run / SEEDS).is_file()
-    two = open_run(run / "seed-2").description["settings"]["training"]["seed"]
-    assert two == 2
-    assert weights(run) != weights(run / "seed-2")
-
-
-def test_no_two_networks_of_a_study_share_a_seed(store):
-    config = config_of(store, members=2)
-    every = [config, *other_seeds(config, 4).values()]
-    seeds = [job.seed for one in every for job in one.jobs()]
-    assert len(seeds) == len(set(seeds)) == 16
-
-
-def test_a_table_of_seeds_ends_with_mean_and_deviation():
-    rows = Seeds(
-        {k: dict.fromkeys(("surge_mse", "sway_mse"), float(k)) | {
-            "dr_water_percent_mean": None, "dr_ground_percent_mean": None} for k in (1, 3)}
-    ).rows()  # fmt: skip
-    assert [row["seed"] for row in rows] == ["1", "3", "mean", "standard deviation"]
-    assert rows[2]["surge MSE [(m/s)²]"] == 2.0
-    assert "through the water [%]" not in rows[2]
 
 
 def test_a_dask_cluster_trains_what_one_process_trains(store, tmp_path):

@@ -167,14 +167,14 @@ def test_buffers_of_an_epoch_mix_neighbours_that_another_epoch_parts():
 
 def test_the_memory_decides_and_is_told(store):
     config = config_of(store, buffer=10**6)
-    chosen = choose_residence([config], 2, 5.0)
+    chosen = choose_residence(config, 2, 5.0)
     assert chosen.resident
     assert "training data stay in memory" in chosen.told
     assert "2 networks at a time, within the 5 GB of --memory" in chosen.told
     assert 0.0 < free_memory() < 1e14
-    assert "half of the memory that is free" in choose_residence([config], 1).told
+    assert "half of the memory that is free" in choose_residence(config, 1).told
     with pytest.raises(InputError, match=r"1e-06 GB of --memory: give --memory 0\.0\d+ "):
-        choose_residence([config], 1, 1e-6)
+        choose_residence(config, 1, 1e-6)
     train, validation = training_lengths(store)
     assert train.sum() == 3500
     assert validation.sum() == 1350
@@ -187,7 +187,7 @@ def test_a_store_larger_than_its_memory_is_streamed(tmp_path, monkeypatch):
     many = np.full(40_000, 20_000)  # what the store says of its missions; nothing is read
     config = config_of(path, buffer=2**17)
     monkeypatch.setattr("learn.training.resources.training_lengths", lambda *_: (many, many[:50]))
-    chosen = choose_residence([config], 2, 0.5)
+    chosen = choose_residence(config, 2, 0.5)
     assert not chosen.resident
     assert "training data are streamed from the store" in chosen.told
     assert "exceed the 0.5 GB of --memory" in chosen.told

@@ -15,13 +15,10 @@ import learn
 from factory.importing import import_logs
 from learn.data.labels import LabelConfig
 from learn.finishing import finish
-from learn.folds import folds_with_labels, leave_out_each, read_folds
 from learn.networks.config import NetworkConfig
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
-from learn.training.resources import Resources
 from learn.training.schedule import TrainingConfig
-from twin.errors import InputError, StoreError
 from twin.navigation.features import select_features
 from twin.records.store import write_store
 
@@ -55,36 +52,15 @@ def config(store: Path, **changes: Any) -> FitConfig:
     return dataclasses.replace(base, **changes)
 
 
-def test_each_run_is_judged_by_networks_of_the_other(store: Path, tmp_path: Path) -> None:
-    settings = config(store)
-    folds = folds_with_labels(settings, "deployment")
-    assert tuple(folds) == RUNS
-    assert sum(len(rows) for rows in folds.values()) == 6
-    run = fit(settings, tmp_path / "run")
-    found = leave_out_each(run, settings, folds, Resources(), unit="deployment")
-    # the mean of one run misses the other by the difference of their speeds, its own by nothing
-    gap = SPEEDS[1] - SPEEDS[0]
-    assert found.rmse("surge", "training_mean") == pytest.approx(gap, abs=1e-3)
-    assert found.rmse("surge", "own_mean") == pytest.approx(0.0, abs=1e-3)
-    assert 0.0 < found.rmse("surge") < 2.0
-    assert 0.0 < found.rmse("sway", "own_mean") < 0.16
-    assert (run.folder / "leave-out-each-deployment.json").is_file()
-    assert set(found.to_json()) >= {"surge_rmse", "sway_rmse", "sway_rmse_training_mean"}
-    assert read_folds(run) == (found,)
+def test_the_page_of_a_run_says_that_it_learned_from_the_log(store: Path, tmp_path: Path) -> None:
+    run = fit(config(store), tmp_path / "run")
     page = html.unescape(finish(run).report.read_text(encoding="utf-8"))
-    assert "Leave one deployment out" in page
-    assert "Against the Doppler log. RMSE in m/s of each deployment" in page
-    assert all(f">{name}<" in page for name in RUNS)
-    assert found.sentence() in page
     assert "Labels and reference are the Doppler log's cleaned velocities, at" in page
     assert "Networks learned from the Doppler log, not from the truth" in page
     assert "Truth at" not in page
     card = (run.folder / "README.md").read_text(encoding="utf-8")
     assert "against the Doppler log's cleaned velocities" in card
     assert "hold a velocity through the water" not in card
-    (run.folder / "leave-out-each-deployment.json").write_text("{")
-    with pytest.raises(StoreError, match=r"damaged.*--resume --leave-out-each-deployment"):
-        read_folds(run)
 
 
 def test_a_log_without_depth_is_evaluated_by_its_velocities(
@@ -101,11 +77,3 @@ def test_a_log_without_depth_is_evaluated_by_its_velocities(
     assert figures["surge_mse"] < 4.0
     assert figures["sway_mse"] is not None
     assert figures["dr_ground_percent_mean"] is None  # without depth there is no path
-
-
-def test_what_the_studies_need(store: Path) -> None:
-    with pytest.raises(InputError, match="has no truth"):
-        folds_with_labels(config(store, labels=LabelConfig()), "deployment")
-    no_current = config(store, labels=LabelConfig(source="dvl"))
-    with pytest.raises(InputError, match=r"has 0 deployments .*velocity of their Doppler log"):
-        folds_with_labels(no_current, "deployment")

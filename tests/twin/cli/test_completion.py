@@ -34,7 +34,7 @@ def test_bash_completes(words: list[str], expected: set[str], tmp_path: Path) ->
     quoted = " ".join(f"'{word}'" for word in words)
     done = subprocess.run(
         ["bash", "-c", f"source {script}; COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}; "
-         '_shtab_twin; echo "${COMPREPLY[@]}"'],
+         '_tyro_twin; echo "${COMPREPLY[@]}"'],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert set(done.stdout.split()) == expected
@@ -57,4 +57,4 @@ def test_another_shell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert PROGRAM.main(["--completion"]) == 2
     assert "--completion takes a shell: bash, zsh, fish" in capsys.readouterr().err
     assert PROGRAM.main(["--completion", "bash"]) == 0
-    assert "_shtab_twin" in capsys.readouterr().out
+    assert "_tyro_twin" in capsys.readouterr().out

@@ -328,7 +328,6 @@ def test_no_address_of_an_array_is_taken_outside_the_native_room():
     """An address outlives its array; only the tables of struct offsets are never freed."""
     # hand arrays to machine code for the time of a call, in which they are held
     allowed = {
-        "learn/networks/context_delay.py",
         "twin/checks/step_cost.py",
         "twin/control/many_lanes.py",
         "twin/fossen/lane_block.py",

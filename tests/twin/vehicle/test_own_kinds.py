@@ -14,6 +14,41 @@ from patience import HANG_S
 from torpedo import GEOMETRY_ONLY
 
 KINDS = Path(__file__).parents[2] / "vehicles" / "own_kinds.py"
+DRAG = Path(__file__).parents[2] / "vehicles" / "own_drag.py"
+GLIDE = """
+import json, math
+import twin
+from twin.checks.agreement import check_manoeuvres
+from twin.errors import TwinError
+from twin.faults.wing_lost import WingLost
+from twin.identify.calibration import require_glider
+from twin.mission import steady_glide
+from twin.navigation.estimators.pitch_plus_alpha import PitchPlusAlpha
+from twin.navigation.flight_filter import FlightFilter
+from twin.vehicle.additions import with_law
+
+def refusal(call):
+    try:
+        return str(call() or "")
+    except TwinError as error:
+        return str(error)
+
+vehicle = with_law("glider", "slow-drag")
+(found,) = check_manoeuvres(vehicle, count=1, duration=120.0)
+polar = vehicle.law.polar(0.05, vehicle.reference_density)
+glide = steady_glide(vehicle, math.radians(-25.0), 0.1)
+print(json.dumps({
+    "law": vehicle.law.kind, "speed": found.speed_m_s, "position": found.position_percent,
+    "drag": polar.drag, "printed": vehicle.law.drag[0] + vehicle.law.drag[1] * 0.05**2,
+    "glide": glide.speed,
+    "refused": [
+        refusal(lambda: require_glider(vehicle)),
+        refusal(lambda: FlightFilter(vehicle, 1.0)),
+        refusal(lambda: PitchPlusAlpha.unsuited(vehicle)),
+        refusal(lambda: WingLost.unfit(vehicle)),
+    ],
+}))
+"""
 FLY = """
 import json, sys
 import twin
@@ -59,9 +94,10 @@ def own_vehicle() -> str:
     return re.sub(r"<actuator>.*</actuator>", jet, text, flags=re.S)
 
 
-def run(words, **environment):
+def run(words, cwd=None, **environment):
     return subprocess.run(
         [sys.executable, *words],
+        cwd=cwd,
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
@@ -86,6 +122,19 @@ def test_they_fly_in_both_models(tmp_path):
     assert found["speed"] < 1e-4
     assert found["attitude"] < 0.1
     assert found["position"] < 0.3
+
+
+def test_a_drag_law_of_ones_own_flies_and_whoever_needs_the_printed_one_refuses_it(tmp_path):
+    done = run(["-c", GLIDE], cwd=tmp_path, GLIDER_TWIN_PLUGINS=str(DRAG))
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["law"] == "slow-drag"
+    assert found["speed"] < 5e-4
+    assert found["position"] < 0.1
+    assert found["drag"] == pytest.approx(found["printed"], rel=1e-3), "at the speed of both"
+    assert 0.1 < found["glide"] < 0.5
+    for refusal in found["refused"]:
+        assert refusal, "it takes the coefficients of another law for its own"
 
 
 def test_without_the_file_the_kind_is_named(tmp_path):

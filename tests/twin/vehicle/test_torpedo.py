@@ -258,8 +258,8 @@ def test_every_figure_is_drawn(capsys, store, tmp_path):
 
 
 def test_readouts_name_the_parts_with_units(store):
+    from twin.show.render.hud import readouts
     from twin.show.render.playback import poses
-    from twin.show.render.readout import readouts
 
     trajectory = twin.open_trajectory(store)
     shown = {r.name: r.value for r in readouts(poses(trajectory, np.array([250.0])), 0)}
@@ -274,12 +274,13 @@ def test_drawn_bodies_turn_as_their_parts_do(store):
 
     from twin.show.render.motion import Motion
     from twin.show.render.playback import poses
-    from twin.show.render.shot import Shot
+    from twin.show.render.shot import Shot, Subject
     from twin.show.render.stage import build
 
     trajectory = twin.open_trajectory(store)
     vehicle = load_vehicle(TORPEDO)
-    stage = build(trajectory, vehicle, Shot(camera="chase", start=200.0, end=260.0))
+    shot = Shot(camera="chase", start=200.0, end=260.0)
+    stage = build(Subject(trajectory=trajectory, vehicle=vehicle), shot)
     data = mujoco.MjData(stage.model)
     motion = Motion(stage, data, lambda mesh, shape: None)
     times = np.array([250.0, 250.01])

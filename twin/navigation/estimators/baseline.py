@@ -20,7 +20,7 @@ from twin.navigation.estimators.steps import BaselineSteps
 from twin.plugins import place_of
 from twin.records.schema import VARIABLES
 from twin.registry import check_class
-from twin.vehicle.laws import FlowFrame
+from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.vehicle import Vehicle
 
 Mask = NDArray[np.bool_]
@@ -123,7 +123,7 @@ def no_glider(vehicle: Vehicle) -> str:
         return f"vehicle {vehicle.name!r} has a propeller: it does not glide"
     if vehicle.steered("buoyancy") is None:
         return f"vehicle {vehicle.name!r} has no pump: it does not glide"
-    if not isinstance(vehicle.law, FlowFrame):
+    if not is_flow_frame(vehicle.law):
         return (
             f"vehicle {vehicle.name!r} has the hull law {vehicle.law.kind!r}: no lift and drag "
             "coefficients"

@@ -88,12 +88,11 @@ def steady_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
     Mean of dive and climb, whose lift at zero angle differs in sign. Drag over lift is the tangent
     of the path's angle (Graver 2005, section 4.1): (K_D0 + K_D a^2) = (K_L0 + K_alpha a) tan.
     """
-    angles = []
+    law, angles = vehicle.flow_frame, []
     for sign in (1.0, -1.0):
-        k_l0 = sign * vehicle.flow_frame.lift[0]
         alpha = 0.0
         for _ in range(100):
-            drag = vehicle.flow_frame.drag[0] + vehicle.flow_frame.drag[1] * alpha**2
-            alpha = (drag / math.tan(pitch + alpha) - k_l0) / vehicle.flow_frame.lift[1]
+            drag = law.polar(alpha, vehicle.reference_density).drag
+            alpha = (drag / math.tan(pitch + alpha) - sign * law.lift[0]) / law.lift[1]
         angles.append(alpha)
     return sum(angles) / 2

@@ -148,12 +148,12 @@ def _read_profile(name: str | None, path: str) -> tuple[Any, dict[str, str]]:
     import boto3
     from botocore.configprovider import ConfiguredEndpointProvider
     from botocore.exceptions import BotoCoreError
+    from botocore.session import get_session
     from obstore.auth.boto3 import Boto3CredentialProvider
 
     try:
-        session = boto3.Session()
-        provider = Boto3CredentialProvider(session)
-        known = session._session
+        known = get_session()
+        provider = Boto3CredentialProvider(boto3.Session(botocore_session=known))
         endpoint = ConfiguredEndpointProvider(
             known.full_config, known.get_scoped_config(), "s3"
         ).provide()

@@ -7,13 +7,14 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from twin.show.render.canvas import OTHER_TRACKS as OTHER_TRACKS
     from twin.show.render.context import require_screen as require_screen
-    from twin.show.render.encode import STILL_FORMATS as STILL_FORMATS
-    from twin.show.render.encode import VIDEO_FORMATS as VIDEO_FORMATS
-    from twin.show.render.film import Subject as Subject
+    from twin.show.render.film import STILL_FORMATS as STILL_FORMATS
+    from twin.show.render.film import VIDEO_FORMATS as VIDEO_FORMATS
     from twin.show.render.film import default_workers as default_workers
     from twin.show.render.film import save_still as save_still
     from twin.show.render.film import save_video as save_video
+    from twin.show.render.film import still as still
     from twin.show.render.shot import Shot as Shot
+    from twin.show.render.shot import Subject as Subject
     from twin.show.render.subject import Live as Live
     from twin.show.render.subject import RenderedFlight as RenderedFlight
     from twin.show.render.subject import Replay as Replay

@@ -52,13 +52,7 @@ class View:
     """Unit, across `forward`, shape (3,)"""
     half_height: float
     """Of the part of the picture that framing fills: tangent of the angle, or units if parallel"""
-    aspect: float
-    """Width over height of the picture"""
-    bottom: float = 0.0
-    top: float = 0.0
-    """Parts of the picture's height below and above the part that framing fills"""
-    right_share: float = 0.0
-    """Part of the picture's width right of the part that framing fills"""
+    frame: Frame
     parallel: bool = False
     near: float = 0.05
     far: float = 2000.0
@@ -71,14 +65,14 @@ class View:
     def frustum(self) -> tuple[float, float, float]:
         """Half width, bottom and top at the near plane, in display units."""
         unit = 1.0 if self.parallel else self.near
-        filled = 1.0 - self.bottom - self.top
+        filled = self.frame.filled
         height = 2 * self.half_height * unit / filled
-        low = -height * (self.bottom + filled / 2)
-        return height * self.aspect / 2, low, low + height
+        low = -height * (self.frame.bottom + filled / 2)
+        return height * self.frame.aspect / 2, low, low + height
 
     def centre(self) -> float:
         """Horizontal middle of the picture at the near plane, in display units."""
-        return self.frustum()[0] * self.right_share
+        return self.frustum()[0] * (self.frame.right - self.frame.left)
 
     def project(self, points: Array) -> Array:
         """Picture coordinates of points (n, 3): x from the left, y from the top, both 0 to 1; and
@@ -129,25 +123,26 @@ def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: 
         forward=forward,
         up=up,
         half_height=tangent,
-        aspect=frame.aspect,
-        bottom=frame.bottom,
-        top=frame.top,
-        right_share=frame.right - frame.left,
+        frame=frame,
         near=max(0.02, 0.1 * max(distance - reach, 0.2)),
         far=8.0 * (distance + reach),
     )
 
 
-def orbit_view(layout: SceneLayout, phase: float, frame: Frame) -> View:
-    """Circling the block; `phase` 0 to 1 is the progress of the video, 0.5 the broadside view."""
-    bearing = broadside(layout) + ORBIT_SWEEP * (phase - 0.5)
-    forward, up = direction(bearing, ORBIT_ELEVATION)
-    return fit(layout.corners(), forward, up, half_height=NARROW, frame=frame)
+def block_view(camera: str, layout: SceneLayout, frame: Frame, phase: float | None) -> View:
+    """The view of a camera that shows the whole block.
 
-
-def side_view(layout: SceneLayout, frame: Frame) -> View:
-    """Across the track, a little from above."""
-    forward, up = direction(broadside(layout), SIDE_ELEVATION)
+    Args:
+      camera: map; side, across the track, a little from above; orbit, circling the block.
+      phase: 0 to 1, the orbit's progress in a video, 0.5 the broadside view; None: of a still.
+    """
+    if camera == "map":
+        return map_view(layout, frame)
+    turned, elevation = 0.0, SIDE_ELEVATION
+    if camera == "orbit":
+        turned = ORBIT_STILL if phase is None else ORBIT_SWEEP * (phase - 0.5)
+        elevation = ORBIT_ELEVATION
+    forward, up = direction(broadside(layout) + turned, elevation)
     return fit(layout.corners(), forward, up, half_height=NARROW, frame=frame)
 
 
@@ -166,10 +161,7 @@ def map_view(layout: SceneLayout, frame: Frame) -> View:
         forward=np.array([0.0, 0.0, -1.0]),
         up=np.array([1.0, 0.0, 0.0]),
         half_height=half,
-        aspect=frame.aspect,
-        bottom=frame.bottom,
-        top=frame.top,
-        right_share=frame.right - frame.left,
+        frame=frame,
         parallel=True,
         near=0.1,
         far=20.0 * float(np.linalg.norm(layout.size * layout.factors)) + 200.0,
@@ -184,11 +176,7 @@ def chase_view(heading: float, frame: Frame) -> View:
         forward=forward,
         up=up,
         half_height=math.tan(WIDE) * frame.filled,
-        aspect=frame.aspect,
-        bottom=frame.bottom,
-        top=frame.top,
-        near=0.05,
-        far=2000.0,
+        frame=dataclasses.replace(frame, left=0.0, right=0.0),
     )
 
 
@@ -200,9 +188,8 @@ def inset_view(centre: Array, heading: float, aspect: float) -> View:
         forward=forward,
         up=up,
         half_height=math.tan(INSET_HALF),
-        aspect=aspect,
+        frame=Frame(aspect=aspect, bottom=0.0, top=0.0, left=0.0, right=0.0),
         near=0.2,
-        far=2000.0,
     )
 
 

@@ -1,59 +1,54 @@
-"""Film: stills and videos of a shot, by one process or several.
+"""Film: stills and videos of a shot, painted by one process or several, encoded by ffmpeg.
 
-Frames do not depend on who paints them: every worker builds the same scene and paints every n-th
-frame, and the parent encodes them in order. So a video is the same for any number of workers.
+Frames do not depend on who paints them, and are encoded in their order. So a video is the same for
+any number of workers. The ffmpeg is the one that imageio-ffmpeg carries.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import collections
+import contextlib
+import functools
 import multiprocessing
 import multiprocessing.connection
 import os
-from collections.abc import Callable, Iterator, Sequence
-from multiprocessing.shared_memory import SharedMemory
+import signal
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import Any
+from typing import IO, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
-from twin.faults.base import Fault
+from twin.extras import require
 from twin.numbers import processors
 from twin.records.storage.whole import check_file_target, whole_file
-from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
-from twin.show.render.encode import STILL_FORMATS, VIDEO_FORMATS, Encoder
 from twin.show.render.painter import Painter
 from twin.show.render.playback import POSITION
-from twin.show.render.shot import Shot
-from twin.vehicle.vehicle import Vehicle
+from twin.show.render.shot import Shot, Subject
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-SLOTS = 3
-"""Frames that each worker may be ahead of the encoder"""
+VIDEO_FORMATS = (".mp4", ".gif")
+STILL_FORMATS = (".png",)
+AHEAD = 3
+"""Frames for each worker that may wait for the encoder"""
 GAP = "measured_gap"
 """Flag of samples that a log does not have"""
-PATIENCE = 1.0
-"""[s] between looks at whether a silent worker still lives"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Subject:
-    """What a film is about."""
-
-    trajectory: Trajectory
-    vehicle: Vehicle
-    tracks: tuple[NamedTrack, ...] = ()
-    """Dead-reckoned tracks beside the true one"""
-    title: str = ""
-    floor: Array | None = None
-    """Table of the mission's sea floor; None: what is drawn is decoration"""
-    faults: Sequence[Fault] = ()
-    """What is wrong with the vehicle: what is gone is not drawn from then on"""
+QUALITY = 20
+"""x264's constant rate factor: 18 looks lossless, 23 is its default"""
+PRESET = "veryfast"
+"""x264's: half the time of `fast` for a tenth more bytes"""
+GIF_FPS = 20.0
+"""Most frames per second of a gif: its clock counts hundredths and browsers slow down below 3"""
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
@@ -61,7 +56,7 @@ def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
     part at which the vehicle's place is known, outside the gaps of a log.
     """
     times = shot.still_time(subject.trajectory.time, at, known_samples(subject.trajectory))
-    with _painter(subject, shot, times) as painter:
+    with Painter(subject, shot, times) as painter:
         return painter.paint(0)
 
 
@@ -113,9 +108,10 @@ def save_video(
     times = shot.frame_times(subject.trajectory.time)
     check_file_target(path)
     workers = min(workers, len(times))
-    painted = (
-        _frames(subject, shot, times) if workers == 1 else _shared(subject, shot, times, workers)
-    )
+    if workers == 1:
+        painted = _frames(subject, shot, times)
+    else:
+        painted = _shared_frames(subject, shot, times, workers)
     with whole_file(path) as place, Encoder(place, shot.width, shot.height, shot.fps) as encoder:
         for frame in painted:
             encoder.write(frame)
@@ -129,121 +125,143 @@ def default_workers() -> int:
     return processors()
 
 
-def _painter(subject: Subject, shot: Shot, times: Array) -> Painter:
-    return Painter(
-        subject.trajectory,
-        subject.vehicle,
-        shot,
-        times,
-        subject.tracks,
-        title=subject.title,
-        floor=subject.floor,
-        faults=subject.faults,
-    )
-
-
 def _frames(subject: Subject, shot: Shot, times: Array) -> Iterator[Pixels]:
-    with _painter(subject, shot, times) as painter:
+    with Painter(subject, shot, times) as painter:
         for index in range(painter.frames):
             yield painter.paint(index)
 
 
-class _Worker:
-    """A process that paints every n-th frame into a ring of shared frames."""
-
-    def __init__(self, subject: Subject, shot: Shot, times: Array, indices: range):
-        context = multiprocessing.get_context("spawn")
-        self.shape = (SLOTS, shot.height, shot.width, 3)
-        self.memory = SharedMemory(create=True, size=int(np.prod(self.shape)))
-        self.frames: Pixels = np.ndarray(self.shape, np.uint8, self.memory.buf)
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(
-            target=_paint,
-            args=(theirs, self.memory.name, subject, shot, times, indices),
-            daemon=True,
-        )
-        self.process.start()
-        theirs.close()
-
-    def wait(self) -> None:
-        """Until the next frame is painted; raises what the worker raised."""
-        while not self.pipe.poll(PATIENCE):
-            if not self.process.is_alive():
-                break
-        try:
-            message = self.pipe.recv()
-        except EOFError:
-            self.process.join()
-            raise TwinError(
-                f"a render worker ended with code {self.process.exitcode}; try --workers 1"
-            ) from None
-        if isinstance(message, BaseException):
-            raise message
-
-    def close(self) -> None:
-        """End the process and release its memory."""
-        self.pipe.close()
-        self.process.join(timeout=5.0)
-        if self.process.is_alive():
-            self.process.terminate()
-            self.process.join()
-        del self.frames
-        self.memory.close()
-        self.memory.unlink()
-
-
-def _shared(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
-    # Each painter has a core of its own: Mesa must not start a thread per core in each of them.
-    before = os.environ.get("LP_NUM_THREADS")
-    os.environ["LP_NUM_THREADS"] = "1"
-    crew: list[_Worker] = []
+def _shared_frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
+    """Frames in order, painted by processes that were not forked: OpenGL does not survive it."""
+    pool = ProcessPoolExecutor(
+        workers, multiprocessing.get_context("spawn"), _begin, (subject, shot, times)
+    )
+    waiting: collections.deque[Future[Pixels]] = collections.deque()
     try:
-        for first in range(workers):
-            crew.append(_Worker(subject, shot, times, range(first, len(times), workers)))
         for index in range(len(times)):
-            worker = crew[index % workers]
-            worker.wait()
-            yield worker.frames[(index // workers) % SLOTS]
-            worker.pipe.send(None)
+            waiting.append(pool.submit(_paint, index))
+            if len(waiting) == AHEAD * workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    except BrokenProcessPool:
+        raise TwinError("a render worker ended before its frame; try --workers 1") from None
     finally:
-        if before is None:
-            os.environ.pop("LP_NUM_THREADS", None)
-        else:
-            os.environ["LP_NUM_THREADS"] = before
-        for worker in crew:
-            worker.close()
+        pool.shutdown(cancel_futures=True)
 
 
-def _paint(
-    pipe: multiprocessing.connection.Connection[Any, Any],
-    name: str,
-    subject: Subject,
-    shot: Shot,
-    times: Array,
-    indices: range,
-) -> None:
-    """The worker's process: paint, announce, and wait when SLOTS frames are unread."""
-    # A spawned process shares its parent's resource tracker, so that nothing is tracked twice.
-    memory = SharedMemory(name=name)
-    frames: Pixels = np.ndarray((SLOTS, shot.height, shot.width, 3), np.uint8, memory.buf)
-    try:
-        with _painter(subject, shot, times) as painter:
-            ahead = 0
-            for count, index in enumerate(indices):
-                if ahead == SLOTS:
-                    pipe.recv()
-                    ahead -= 1
-                frames[count % SLOTS] = painter.paint(index)
-                ahead += 1
-                pipe.send(True)
-            while ahead:
-                pipe.recv()
-                ahead -= 1
-    except (EOFError, BrokenPipeError, KeyboardInterrupt):
-        return  # the parent has gone: it says why
-    except Exception as error:
-        pipe.send(error)
-    finally:
-        del frames
-        memory.close()
-        pipe.close()
+def _begin(*shown: object) -> None:
+    """A worker's first act; interrupts are the parent's to answer, and it ends with its parent."""
+    global _shown
+    _shown = shown
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["LP_NUM_THREADS"] = "1"  # each has a core, where Mesa would start a thread per core
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    multiprocessing.connection.wait([parent.sentinel])
+    os._exit(1)
+
+
+_shown: tuple[object, ...] = ()
+"""Subject, shot and times of this worker's film"""
+
+
+@functools.cache
+def _painter() -> Painter:
+    return Painter(*_shown)  # type: ignore[arg-type]
+
+
+def _paint(index: int) -> Pixels:
+    return _painter().paint(index)
+
+
+class EncodeError(TwinError):
+    """ffmpeg could not write the video; its last line is in the message."""
+
+
+class Encoder:
+    """Writes frames to a video file; until the context manager ends well it is cut."""
+
+    def __init__(self, path: Path, width: int, height: int, fps: float):
+        """
+        Raises:
+          InputError: unknown ending, a size that the format cannot hold, or no imageio-ffmpeg.
+        """
+        suffix = path.suffix.lower()
+        if suffix not in VIDEO_FORMATS:
+            raise InputError(f"video {path.name}: the ending must be {' or '.join(VIDEO_FORMATS)}")
+        if suffix == ".mp4" and (width % 2 or height % 2):
+            raise InputError(f"mp4 needs an even width and height, not {width}x{height}")
+        require("imageio_ffmpeg", extra="video", purpose="writing a video")
+        self.path = path
+        self._shape = (height, width, 3)
+        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
+        self._process = subprocess.Popen(
+            [*_command(width, height, fps), *_output(suffix, fps), str(self.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=self._log,
+        )
+
+    def write(self, frame: Pixels) -> None:
+        """Add a frame (height, width, 3)."""
+        if frame.shape != self._shape or frame.dtype != np.uint8:
+            raise ValueError(f"frame {frame.shape} {frame.dtype}, expected {self._shape} uint8")
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(np.ascontiguousarray(frame).data)
+        except OSError as error:
+            self._process.wait()
+            raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        assert self._process.stdin is not None
+        try:
+            if kind is not None:
+                self._process.kill()
+                return
+            self._process.stdin.close()
+            if self._process.wait() != 0:
+                raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}")
+        finally:
+            self._process.wait()
+            with contextlib.suppress(BrokenPipeError):  # what was buffered has nowhere to go
+                self._process.stdin.close()
+            self._log.close()
+
+    def _last_words(self) -> str:
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"ffmpeg ended with code {self._process.returncode}"
+
+
+def _command(width: int, height: int, fps: float) -> list[str]:
+    import imageio_ffmpeg
+
+    return [
+        imageio_ffmpeg.get_ffmpeg_exe(),
+        *("-y", "-hide_banner", "-loglevel", "error", "-nostdin"),
+        *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}"),
+        *("-i", "pipe:0"),
+    ]
+
+
+def _output(suffix: str, fps: float) -> list[str]:
+    if suffix == ".mp4":
+        return [
+            *("-c:v", "libx264", "-preset", PRESET, "-crf", str(QUALITY), "-pix_fmt", "yuv420p"),
+            *("-movflags", "+faststart", "-an"),
+        ]
+    # One palette for the whole film, and no dither pattern that changes where nothing moves.
+    palette = (
+        f"fps={min(fps, GIF_FPS):g},split[a][b];[a]palettegen=max_colors=192:stats_mode=full[p];"
+        "[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
+    )
+    return ["-filter_complex", palette, "-loop", "0"]

@@ -40,20 +40,13 @@ def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) ->
       sides: of the polygon that stands for the circle.
       along: texture coordinate of each node, shape (n,).
     """
-    side, up = tube_frame(nodes)
-    angle = 2 * np.pi * np.arange(sides) / sides
-    ring = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None]
+    side, up = (across[:, None] for across in tube_frame(nodes))
+    c, s = _circle(sides).T[..., None]
+    ring = c * side + s * up
     vertices = (nodes[:, None] + radius * ring).reshape(-1, 3)
-    count = len(nodes)
-    start = (np.arange(count - 1) * sides)[:, None] + np.arange(sides)
-    beside = (np.arange(count - 1) * sides)[:, None] + (np.arange(sides) + 1) % sides
-    faces = np.stack(
-        [
-            np.stack([start, start + sides, beside], axis=-1),
-            np.stack([beside, start + sides, beside + sides], axis=-1),
-        ],
-        axis=2,
-    ).reshape(-1, 3)
+    faces = np.concatenate(
+        [first + strip_faces(sides, closed=True) for first in sides * np.arange(len(nodes) - 1)]
+    )
     coordinates = None
     if along is not None:
         repeated = np.repeat(along, sides)
@@ -115,6 +108,12 @@ def relief(x: Array, y: Array, height: Array, transform: Array) -> Shape:
     )
 
 
+def _circle(count: int) -> Array:
+    """Corners of a regular polygon in the unit circle, (count, 2)."""
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
 def strip_faces(count: int, *, closed: bool = False) -> Integers:
     """Triangles between a row of `count` vertices and the next row, (m, 3)."""
     i = np.arange(count if closed else count - 1)
@@ -126,9 +125,7 @@ def strip_faces(count: int, *, closed: bool = False) -> Integers:
 
 def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
     """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
-    angle = 2 * np.pi * np.arange(slices) / slices
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    rims = [np.column_stack([r * circle, np.full(slices, z)]) for r in (inner, outer)]
+    rims = [np.column_stack([r * _circle(slices), np.full(slices, z)]) for r in (inner, outer)]
     faces = strip_faces(slices, closed=True)
     normal = [0.0, 0.0, 1.0 if up else -1.0]
     return Shape(
@@ -140,17 +137,9 @@ def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) ->
 
 def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
     """A strip of a sphere about the origin between elevations [rad], seen from inside."""
-    angle = 2 * np.pi * np.arange(slices) / slices
     rims = [
-        radius
-        * np.column_stack(
-            [
-                np.cos(elevation) * np.cos(angle),
-                np.cos(elevation) * np.sin(angle),
-                np.full(slices, np.sin(elevation)),
-            ]
-        )
-        for elevation in (low, high)
+        radius * np.column_stack([np.cos(up) * _circle(slices), np.full(slices, np.sin(up))])
+        for up in (low, high)
     ]
     faces = strip_faces(slices, closed=True)
     vertices = np.concatenate(rims)
@@ -177,19 +166,13 @@ def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Sha
     side = np.cross(direction, helper)
     side /= np.linalg.norm(side)
     up = np.cross(direction, side)
-    angle = 2 * np.pi * np.arange(sides) / sides
-    circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    faces = np.concatenate(
-        [np.stack([i, j, i + sides], -1), np.stack([j, j + sides, i + sides], -1)]
-    )
+    circle = _circle(sides) @ [side, up]
     slope = (first - last) / np.linalg.norm(end - start)
     normals = circle + slope * direction
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     return Shape(
         vertices=np.concatenate([start + first * circle, end + last * circle]),
-        faces=faces,
+        faces=strip_faces(sides, closed=True)[:, ::-1],
         normals=np.concatenate([normals, normals]),
     )
 

@@ -1,14 +1,22 @@
-"""Shot: what a picture or video shows, and when."""
+"""Shot and subject: how a picture or video shows something, and what it shows."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    from twin.faults.base import Fault
+    from twin.records.tracks import NamedTrack
+    from twin.records.trajectory import Trajectory
+    from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -18,6 +26,21 @@ DEFAULT_SECONDS = 20.0
 """[s] of video when no speed-up is given"""
 SMALLEST, LARGEST = 64, 7680
 """[pixel] sides of a picture; the largest is 8K UHD"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What a film is about."""
+
+    trajectory: Trajectory
+    vehicle: Vehicle
+    tracks: tuple[NamedTrack, ...] = ()
+    """Dead-reckoned tracks beside the true one"""
+    title: str = ""
+    floor: Array | None = None
+    """Table of the mission's sea floor; None: what is drawn is decoration"""
+    faults: Sequence[Fault] = ()
+    """What is wrong with the vehicle: what is gone is not drawn from then on"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

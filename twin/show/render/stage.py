@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.faults.base import Fault
 from twin.frames import flip_vector
 from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
-from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, sea, seabed, shapes
 from twin.show.render import ribbon as arrows
 from twin.show.render.canvas import frame_of
@@ -24,7 +22,7 @@ from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
 from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout, plan
 from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -121,28 +119,20 @@ class Stage:
         return arrows.ladder(self.current, depth, math.radians(heading), floor)
 
 
-def build(
-    trajectory: Trajectory,
-    vehicle: Vehicle,
-    shot: Shot,
-    tracks: Sequence[NamedTrack] = (),
-    floor: Array | None = None,
-    faults: Sequence[Fault] = (),
-) -> Stage:
-    """Build and compile the scene of a shot; `floor` is the table of the mission's sea floor.
-
-    What `faults` say is gone is not drawn from their begin on.
+def build(subject: Subject, shot: Shot) -> Stage:
+    """Build and compile the scene of a shot.
 
     Raises:
       InputError: the shot's part or colour does not fit the trajectory.
     """
+    trajectory, vehicle, floor = subject.trajectory, subject.vehicle, subject.floor
     first, last = shot.part(trajectory.time)
-    shown, paths = shown_paths(trajectory, shot, tracks)
+    shown, paths = shown_paths(subject, shot)
     true = paths[0]
-    layout = lay_out(paths, vehicle, shot, floor, shot.camera)
+    layout = lay_out(paths, subject, shot, shot.camera)
     velocity = [optional(trajectory, f"current_{n}", 0.0)[shown] for n in ("north", "east")]
     current = arrows.profile(true.points[:, 2], np.stack(velocity, axis=-1))
-    values, scale = track_values(trajectory, shot.colour, shown, tracks)
+    values, scale = track_values(trajectory, shot.colour, shown, subject.tracks)
 
     props = Props(vehicle.xml, shot.width, shot.height)
     chase = shot.camera == "chase"
@@ -194,7 +184,9 @@ def build(
         hull_length=vehicle.hull_length,
         turned=turned_bodies(model, vehicle),
         gone=[
-            (fault.start, named_geoms(model, fault.gone, VEHICLE)) for fault in faults if fault.gone
+            (fault.start, named_geoms(model, fault.gone, VEHICLE))
+            for fault in subject.faults
+            if fault.gone
         ],
     )
 
@@ -205,32 +197,29 @@ def named_geoms(model: mujoco.MjModel, beginnings: Sequence[str], prefix: str = 
     return [k for k in range(model.ngeom) if (model.geom(k).name or "").startswith(starts)]
 
 
-def shown_paths(
-    trajectory: Trajectory, shot: Shot, tracks: Sequence[NamedTrack]
-) -> tuple[NDArray[np.bool_], list[Path]]:
+def shown_paths(subject: Subject, shot: Shot) -> tuple[NDArray[np.bool_], list[Path]]:
     """Which samples a shot shows, and the tracks in its part, the true one first.
 
     Raises:
       InputError: the part does not fit the trajectory or a track.
     """
+    trajectory = subject.trajectory
     first, last = shot.part(trajectory.time)
     shown = (trajectory.time >= first) & (trajectory.time <= last)
     if shown.sum() < 2:
         raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
     points = np.stack([signal(trajectory, n)[shown] for n in ("north", "east", "depth")], axis=-1)
     true = Path(name="truth", time=trajectory.time[shown], points=points, colour=None)
-    return shown, [true, *(_beside(track, i, true) for i, track in enumerate(tracks))]
+    return shown, [true, *(_beside(track, i, true) for i, track in enumerate(subject.tracks))]
 
 
-def lay_out(
-    paths: list[Path], vehicle: Vehicle, shot: Shot, floor: Array | None, camera: str
-) -> SceneLayout:
+def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> SceneLayout:
     """The block of water round the paths, as deep as the shot or the mission's floor says."""
 
     def down_to(bottom: float | None) -> SceneLayout:
         return plan(
             [path.points for path in paths],
-            hull_length=vehicle.hull_length,
+            hull_length=subject.vehicle.hull_length,
             floor=bottom,
             exaggeration=shot.exaggeration,
             camera=camera,
@@ -238,8 +227,8 @@ def lay_out(
         )
 
     layout = down_to(shot.floor)
-    if floor is not None and shot.floor is None:
-        layout = down_to(seabed.block_depth(floor, layout))
+    if subject.floor is not None and shot.floor is None:
+        layout = down_to(seabed.block_depth(subject.floor, layout))
     return layout
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError, VehicleError, quoted
-from twin.faults.base import Fault, fault_from_dict
+from twin.faults.base import fault_from_dict
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
 from twin.physics.mujoco_model import quiet_mujoco
@@ -24,7 +25,6 @@ from twin.records.store import read_trajectory
 from twin.records.tracks import choose_tracks, read_tracks
 from twin.records.trajectory import Trajectory
 from twin.show.figures.page_layout import missions_caption
-from twin.show.render.film import Subject
 from twin.show.render.playback import (
     POSITION,
     Poses,
@@ -35,6 +35,7 @@ from twin.show.render.playback import (
     spins,
     turns,
 )
+from twin.show.render.shot import Subject
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ def read_subject(
     """
     found = MissionStore(store)
     found.check_filled()
+    described = found.json(SCENARIO) if SCENARIO in found.attributes else {}
     drawn = None if vehicle is None else load_vehicle(vehicle)
     trajectory: Trajectory
     if found.logged:
@@ -89,14 +91,16 @@ def read_subject(
                 f"--vehicle is for logs: store {store} has its own vehicle: {found.vehicle.name}; "
                 "leave --vehicle out"
             )
-        trajectory, caption = read_trajectory(store, mission), _title(found, mission)
+        trajectory = read_trajectory(store, mission)
+        name = (described.get("plan") or {}).get("name")
+        caption = f"Mission {name}" if name else f"{found.path.stem}, mission {mission}"
     return Subject(
         trajectory=trajectory,
         vehicle=found.vehicle if drawn is None else drawn,
         tracks=() if tracks is None else tuple(choose_tracks(read_tracks(tracks, mission), names)),
         title=caption if title is None else title,
-        floor=_floor(found) if floor else None,
-        faults=_faults(found),
+        floor=_floor(described) if floor else None,
+        faults=tuple(fault_from_dict(one) for one in described.get("faults", ())),
     )
 
 
@@ -123,15 +127,8 @@ def _logged(
     return trajectory, drawn
 
 
-def _faults(store: MissionStore) -> tuple[Fault, ...]:
-    """What was wrong with the vehicle of `twin simulate`."""
-    described = store.json(SCENARIO) if SCENARIO in store.attributes else {}
-    return tuple(fault_from_dict(one) for one in described.get("faults", ()))
-
-
-def _floor(store: MissionStore) -> Array | None:
+def _floor(described: dict[str, Any]) -> Array | None:
     """The sea floor that the mission of `twin simulate` had; raises FloorError if it is gone."""
-    described = store.json(SCENARIO) if SCENARIO in store.attributes else {}
     if not described.get("floor"):
         return None
     from twin.physics.scenario import scenario_from_dict
@@ -139,14 +136,6 @@ def _floor(store: MissionStore) -> Array | None:
     scenario = scenario_from_dict(described)
     assert scenario.floor is not None
     return scenario.floor.compile(scenario.run_time(), scenario.place)
-
-
-def _title(store: MissionStore, mission: int) -> str:
-    scenario = store.json(SCENARIO) if SCENARIO in store.attributes else {}
-    plan = scenario.get("plan")
-    if plan and plan.get("name"):
-        return f"Mission {plan['name']}"
-    return f"{store.path.stem}, mission {mission}"
 
 
 class RenderedFlight(Protocol):
@@ -167,26 +156,18 @@ class Replay:
         every = self._all
         after = int(np.clip(np.searchsorted(every.time, time), 1, len(every.time) - 1))
         two, times = slice(after - 1, after + 1), np.array([time])
-
-        def between(values: Array) -> Array:
-            rows = values[two].reshape(2, -1)
-            found = [np.interp(times, every.time[two], column) for column in rows.T]
-            return np.stack(found, axis=-1).reshape((1, *values.shape[1:]))
-
-        return Poses(
-            time=times,
-            joints=every.joints,
-            quaternion=interpolate_quaternion(times, every.time[two], every.quaternion[two]),
-            **{
-                name: between(getattr(every, name))
-                for name in ("position", "parts", "angles", "roll", "pitch", "heading", "speed")
-            },
-            net_mass=between(every.net_mass),
-            current=between(every.current),
-            pumped=None if every.pumped is None else between(every.pumped),
-            bridged=None if every.bridged is None else between(every.bridged.astype(float)) > 0.0,
-            unknown=every.unknown,
-        )
+        ends = every.time[two]
+        row: dict[str, Any] = {}
+        for name, values in vars(every).items():
+            if isinstance(values, np.ndarray):
+                columns = values[two].reshape(2, -1).astype(float).T
+                found = [np.interp(times, ends, column) for column in columns]
+                row[name] = np.stack(found, axis=-1).reshape((1, *values.shape[1:]))
+        row["time"] = times
+        row["quaternion"] = interpolate_quaternion(times, ends, every.quaternion[two])
+        if every.bridged is not None:
+            row["bridged"] = row["bridged"] > 0.0
+        return dataclasses.replace(every, **row)
 
 
 def live_simulation(scenario: Scenario) -> Simulation:

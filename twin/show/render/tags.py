@@ -14,13 +14,13 @@ from twin.show.render import canvas as palette
 from twin.show.render import lettering, sea
 from twin.show.render.camera import View
 from twin.show.render.canvas import LABEL, Canvas
-from twin.show.render.readout import MINUS
 from twin.show.render.scene_geometry import SceneLayout, nice_step, ticks
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 KILO = 1000.0
+MINUS = "−"
 COMPASS = 48
 """Size of the compass [pixel of the base picture]"""
 SCALE_BAR = 56

@@ -23,16 +23,14 @@ from numpy.typing import NDArray
 
 from twin.extras import preload_triton
 from twin.show.render import camera, sea
-from twin.show.render.camera import View
 from twin.show.render.canvas import frame_of
 from twin.show.render.context import NoScreen
-from twin.show.render.film import Subject
-from twin.show.render.graphics import shown, write_mesh
+from twin.show.render.hud import readouts
 from twin.show.render.motion import Motion, drift_of
+from twin.show.render.painter import shown, write_mesh
 from twin.show.render.playback import Poses
-from twin.show.render.readout import readouts
 from twin.show.render.shapes import BACKDROP_GROUP, GLIDER_GROUPS, WATER_GROUP, Shape
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import build
 from twin.show.render.subject import RenderedFlight
 
@@ -80,14 +78,7 @@ class Window:
         """
         self._subject, self._flight, self._speed = subject, flight, speed_up
         self._shot = dataclasses.replace(shot, inset=False, hud=False, speed_up=speed_up)
-        self._stage = build(
-            subject.trajectory,
-            subject.vehicle,
-            self._shot,
-            subject.tracks,
-            subject.floor,
-            subject.faults,
-        )
+        self._stage = build(subject, self._shot)
         self._first, self._last = self._shot.part(subject.trajectory.time)
         self._data = mujoco.MjData(self._stage.model)
         self._motion = Motion(self._stage, self._data, self._reshape)
@@ -234,7 +225,7 @@ class Window:
                 cam.lookat[:] = layout.display(layout.centre)
                 cam.distance = MARGIN * half / math.tan(camera.NARROW)
                 return
-            view = (camera.side_view if mode == "side" else _orbit)(layout, frame)
+            view = camera.block_view(mode, layout, frame, None)
             middle = layout.corners().mean(axis=0)
             cam.azimuth = math.degrees(math.atan2(view.forward[1], view.forward[0]))
             cam.elevation = math.degrees(math.asin(view.forward[2]))
@@ -268,10 +259,6 @@ class Window:
                 (places.mjGRID_BOTTOMRIGHT, KEYS),
             )
         ]
-
-
-def _orbit(layout: Any, frame: Any) -> View:
-    return camera.orbit_view(layout, 0.5 + camera.ORBIT_STILL / camera.ORBIT_SWEEP, frame)
 
 
 def _plain(text: str) -> str:

@@ -31,19 +31,15 @@ class FlatMap {
     context.lineWidth = 2.5;
     for (const one of all) {
       context.strokeStyle = one.colour;
-      context.beginPath();
-      const step = Math.max(1, Math.floor(one.north.length / 8000));
-      for (let i = 0; i < one.north.length; i += step) context.lineTo(...at(one.north[i], one.east[i]));
-      context.stroke();
+      const step = Math.max(1, Math.floor(one.north.length / 8000)), points = [];
+      for (let i = 0; i < one.north.length; i += step) points.push(at(one.north[i], one.east[i]));
+      draw(context, points);
     }
     const [x, y] = at(state.north, state.east), heading = state.heading * RADIANS;
     context.save();
     context.translate(x, y);
     context.rotate(heading);
-    context.fillStyle = "#fff";
-    context.beginPath();
-    for (const [px, py] of [[0, -11], [6, 8], [0, 4], [-6, 8]]) context.lineTo(px, py);
-    context.fill();
+    draw(context, [[0, -11], [6, 8], [0, 4], [-6, 8]], "#fff");
     context.restore();
     drawScaleBar(context, scale, wide, high);
     drawCompass(context, -Math.PI / 2, wide, high);

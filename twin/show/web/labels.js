@@ -27,22 +27,12 @@ function drawLabels(scene, state, size) {
   } else {
     labelBlock(scene, at, put, wide);
   }
-  if (name !== "chase" && size > 1.5) markVehicle(context, at(scene.vehiclePlace(state)));
+  // Where the vehicle is, also among the lines of a long track; as on the curve.
+  const spot = name !== "chase" && size > 1.5 ? at(scene.vehiclePlace(state)) : null;
+  if (spot) drawDot(context, ...spot, 4, "#ff963c", "#fff");
   const { right, up } = camera.axes();
   drawCompass(context, Math.atan2(-up[0], right[0]), wide, high);
   writeFacts(scene, size, wide);
-}
-
-// Where the vehicle is, also among the lines of a long track; as on the curve.
-function markVehicle(context, spot) {
-  if (!spot) return;
-  context.beginPath();
-  context.arc(spot[0], spot[1], 4, 0, 7);
-  context.fillStyle = "#ff963c";
-  context.fill();
-  context.strokeStyle = "#fff";
-  context.lineWidth = 1.5;
-  context.stroke();
 }
 
 // Depths at the left edge of the block, distances along its nearer long edge.

@@ -13,9 +13,8 @@ from twin.errors import InputError, SimulationUnstable
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.records.trajectory import Trajectory
-from twin.show.render.film import Subject
 from twin.show.render.scale import track_values
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.render.subject import live_simulation
 from twin.show.web.channels import read_channels
 from twin.show.web.scene import describe, pack_channels, scale_share

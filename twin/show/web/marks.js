@@ -32,6 +32,26 @@ function text(context, words, x, y, align = "left", font = "13px") {
   context.fillText(words, x, y);
 }
 
+// A line through points, or with a colour to fill them with, a figure.
+function draw(context, points, fill = null) {
+  context.beginPath();
+  for (const point of points) context.lineTo(...point);
+  if (fill) {
+    context.fillStyle = fill;
+    context.fill();
+  } else context.stroke();
+}
+
+function drawDot(context, x, y, radius, fill, rim) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 7);
+  context.fillStyle = fill;
+  context.fill();
+  context.strokeStyle = rim;
+  context.lineWidth = 1.5;
+  context.stroke();
+}
+
 // What covers the picture: below the title, and above the buttons.
 const clearTop = () => $("head").offsetHeight + 20;
 const clearBottom = () => $("cameras").offsetHeight + 16;
@@ -41,9 +61,7 @@ function drawScaleBar(context, pixelsPerMetre, wide, high) {
   const x = wide - 24 - px, y = high - clearBottom() - 10;
   context.strokeStyle = "#fff";
   context.lineWidth = 2;
-  context.beginPath();
-  for (const [a, b] of [[x, y - 5], [x, y], [x + px, y], [x + px, y - 5]]) context.lineTo(a, b);
-  context.stroke();
+  draw(context, [[x, y - 5], [x, y], [x + px, y], [x + px, y - 5]]);
   text(context, metres(long), x + px / 2, y - 9, "center");
 }
 
@@ -58,12 +76,8 @@ function drawCompass(context, angle, wide, high) {
   context.stroke();
   context.save();
   context.rotate(angle);
-  for (const [way, colour] of [[1, "#ff6b4a"], [-1, "#ffffff"]]) {
-    context.fillStyle = colour;
-    context.beginPath();
-    for (const [px, py] of [[15 * way, 0], [0, 5], [0, -5]]) context.lineTo(px, py);
-    context.fill();
-  }
+  draw(context, [[15, 0], [0, 5], [0, -5]], "#ff6b4a");
+  draw(context, [[-15, 0], [0, 5], [0, -5]], "#ffffff");
   context.restore();
   text(context, "N", 28 * Math.cos(angle), 28 * Math.sin(angle) + 4, "center", "bold 13px");
   context.restore();
@@ -82,19 +96,18 @@ function drawGrid(context, at, middle, pixelsPerMetre, wide, high) {
   const norths = around(middle[0], high / 2 / pixelsPerMetre), easts = around(middle[1], wide / 2 / pixelsPerMetre);
   context.strokeStyle = "#ffffff2e";
   context.lineWidth = 1;
+  const rows = norths.map(north => [north, at(north, 0)[1]]), columns = easts.map(east => [east, at(0, east)[0]]);
   context.beginPath();
-  for (const north of norths) { const y = at(north, 0)[1]; context.moveTo(0, y); context.lineTo(wide, y); }
-  for (const east of easts) { const x = at(0, east)[0]; context.moveTo(x, 0); context.lineTo(x, high); }
+  for (const [, y] of rows) { context.moveTo(0, y); context.lineTo(wide, y); }
+  for (const [, x] of columns) { context.moveTo(x, 0); context.lineTo(x, high); }
   context.stroke();
   const [unit, long] = step >= 500 ? ["km", 1000] : ["m", 1];
   const named = (value, plus, minus) => value === 0 ? "0"
     : `${+(Math.abs(value) / long).toPrecision(6)} ${unit} ${value > 0 ? plus : minus}`;
-  for (const north of norths) {
-    const y = at(north, 0)[1];
+  for (const [north, y] of rows) {
     if (y > top && y < bottom - (narrow ? 24 : 64)) text(context, named(north, "N", "S"), 8, y - 4, "left", "12px");
   }
-  for (const east of easts) {
-    const x = at(0, east)[0];
+  for (const [east, x] of columns) {
     if (x > (narrow ? 30 : 96) && x < wide - 200) text(context, named(east, "E", "W"), x, bottom, "center", "12px");
   }
 }

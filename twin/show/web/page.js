@@ -227,3 +227,6 @@ class Page {
     action();
   }
 }
+
+globalThis.page = new Page(JSON.parse($("mission").textContent));
+if (page.mission.live) page.follow();

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Template
+
 from twin.cli.text_table import printable
 from twin.errors import InputError
 from twin.records.storage.whole import check_file_target, whole_file
-from twin.show.render.film import Subject
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.web.scene import describe
 
 ENDINGS = (".html", ".htm")
@@ -25,7 +25,7 @@ SCRIPTS = tuple(
     f"{name}.js"
     for name in (
         *("record", "format", "marks", "flat", "strip", "space", "shaders", "renderer", "track"),
-        *("water", "bodies", "hand", "labels", "scene", "share", "controls", "page", "begin"),
+        *("water", "bodies", "hand", "labels", "scene", "share", "controls", "page"),
     )
 )
 """In this order: each uses names of those before it when it is loaded"""
@@ -73,18 +73,13 @@ def assemble(mission: Mapping[str, Any], *, connect: str = "'none'") -> str:
     """
     # "</script" would end the element; JSON may hold each "<" by its number.
     data = json.dumps(mission, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    words = {
-        "connect": connect,
-        "title": html.escape(printable(str(mission["title"]))),
-        "style": _file("page.css"),
-        "script": "\n".join(_file(name) for name in SCRIPTS),
-        "mission": data,
-    }
-    before, *pieces = _file("page.html").split("@")
-    parts = [before]
-    for i, piece in enumerate(pieces):
-        parts.append(words[piece] if i % 2 == 0 else piece)
-    return "".join(parts)
+    return Template(_file("page.html"), autoescape=True).render(
+        connect=connect,
+        title=printable(str(mission["title"])),
+        style=_file("page.css"),
+        script="\n".join(_file(name) for name in SCRIPTS),
+        mission=data,
+    )
 
 
 def _file(name: str) -> str:

@@ -81,21 +81,19 @@ class Renderer {
       data[to + 6] = points.colour ? points.colour[i] : 0;
       data[to + 7] = points.gap ? points.gap[i] : 0;
     }
-    const texture = this.texture(1);
+    const texture = this.texture(1, gl.NEAREST);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 2 * POINTS_PER_ROW, rows, 0, gl.RGBA, gl.FLOAT, data);
     return { texture, count: n - 1 };
   }
 
-  // A new texture, bound to a unit, whose texels are taken as they are.
-  texture(unit) {
+  // A new texture, bound to a unit.
+  texture(unit, filter) {
     const gl = this.gl, made = gl.createTexture();
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D, made);
-    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
-    }
-    for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) {
-      gl.texParameteri(gl.TEXTURE_2D, wrap, gl.CLAMP_TO_EDGE);
+    for (const [name, value] of [["MIN_FILTER", filter], ["MAG_FILTER", filter],
+      ["WRAP_S", gl.CLAMP_TO_EDGE], ["WRAP_T", gl.CLAMP_TO_EDGE]]) {
+      gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], value);
     }
     return made;
   }
@@ -106,10 +104,7 @@ class Renderer {
   setScale(colours) {
     const gl = this.gl, bytes = new Uint8Array(colours.length * 4);
     colours.forEach((c, i) => bytes.set([...c.map(x => Math.round(255 * x)), 255], 4 * i));
-    this.texture(0);
-    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(gl.TEXTURE_2D, filter, gl.LINEAR);
-    }
+    this.texture(0, gl.LINEAR);
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.RGBA, colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
   }

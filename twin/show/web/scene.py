@@ -19,13 +19,13 @@ from twin.records.coordinates import (
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show.render import canvas, seabed
-from twin.show.render.film import Subject, known_samples
+from twin.show.render.film import known_samples
 from twin.show.render.playback import poses, spins, turns
 from twin.show.render.ribbon import STILL, profile
 from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout
 from twin.show.render.sea import REACH
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import Path, lay_out, shown_paths
 from twin.show.web.channels import (
     COLOURS,
@@ -61,9 +61,9 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
       InputError: the shot or the time does not fit the mission, or it has no positions.
     """
     trajectory, time = subject.trajectory, subject.trajectory.time
-    shown, paths = shown_paths(trajectory, shot, subject.tracks)
+    shown, paths = shown_paths(subject, shot)
     camera = "side" if shot.camera == "side" else "orbit"  # the chase needs no block of its own
-    layout = lay_out(paths, subject.vehicle, shot, subject.floor, camera)
+    layout = lay_out(paths, subject, shot, camera)
     values, scale = track_values(trajectory, shot.colour, shown, subject.tracks)
     channels = read_channels(trajectory, shown, scale_share(values, scale), subject.floor, rows)
     current = _profile(trajectory, shown)

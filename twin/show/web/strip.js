@@ -23,34 +23,15 @@ class Strip {
 
   // A press goes to its moment; the wheel or two fingers show a part of the mission.
   listen() {
-    const { canvas, page } = this, fingers = new Map();
-    const across = event => event.clientX - canvas.getBoundingClientRect().left;
-    const ends = () => {
-      const [a, b] = [...fingers.values()];
-      return { middle: (a + b) / 2, long: Math.max(Math.abs(a - b), 8) };
-    };
-    canvas.addEventListener("pointerdown", event => {
-      canvas.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, across(event));
-      if (fingers.size === 1) page.seek(this.timeAt(across(event)));
+    const { canvas, page } = this, across = x => x - canvas.getBoundingClientRect().left;
+    const go = event => page.seek(this.timeAt(across(event.clientX)));
+    followFingers(canvas, {
+      press: go,
+      drag: (dx, dy, event) => go(event),
+      pinch: (old, now) => this.zoom(Math.max(old.wide, 8) / Math.max(now.wide, 8),
+        this.timeAt(across(old.x)), across(now.x)),
+      wheel: (longer, { clientX }) => this.zoom(longer, this.timeAt(across(clientX)), across(clientX)),
     });
-    for (const end of ["pointerup", "pointercancel"]) {
-      canvas.addEventListener(end, event => fingers.delete(event.pointerId));
-    }
-    canvas.addEventListener("pointermove", event => {
-      if (!fingers.has(event.pointerId)) return;
-      const before = fingers.size === 2 ? ends() : null;
-      fingers.set(event.pointerId, across(event));
-      if (!before) page.seek(this.timeAt(across(event)));
-      else {
-        const now = ends();
-        this.zoom(before.long / now.long, this.timeAt(before.middle), now.middle);
-      }
-    });
-    canvas.addEventListener("wheel", event => {
-      event.preventDefault();
-      this.zoom(Math.exp(clamp(event.deltaY, -240, 240) * 0.0016), this.timeAt(across(event)), across(event));
-    }, { passive: false });
     canvas.addEventListener("dblclick", () => this.showAll());
   }
 
@@ -95,13 +76,7 @@ class Strip {
     const y = this.depthToPixels(between(page.recording.channels.depth, locate(page.recording.times, time)));
     context.fillStyle = this.ink.ink;
     context.fillRect(x - 0.75, 0, 1.5, high - AXIS);
-    context.beginPath();
-    context.arc(x, y, 5, 0, 7);
-    context.fillStyle = this.ink.accent;
-    context.fill();
-    context.strokeStyle = this.ink.ink;
-    context.lineWidth = 1.5;
-    context.stroke();
+    drawDot(context, x, y, 5, this.ink.accent, this.ink.ink);
   }
 
   // All but the moment, which does not change from picture to picture.

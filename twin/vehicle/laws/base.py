@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,33 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
+UNIT_SPEED = 0.3
+"""[m/s] at which a law that is not purely quadratic is evaluated: a glider's"""
 Unrolled = tuple[tuple[str, ...], Mapping[str, Any]]
 """Nine expressions, X, Y, Z, K, M, N, -dK/dp, -dM/dq, -dN/dr, and the functions that they call."""
+
+
+class Polar(NamedTuple):
+    """Forces of a straight flow without sideslip over speed squared."""
+
+    drag: float
+    """[N s2/m2], along the flow"""
+    lift: float
+    """[N s2/m2], across it, up"""
+    moment: float
+    """[N m s2/m2] about the CB, nose up"""
+
+
+def polar_of_wrench(wrench: Array, alpha: float) -> Polar:
+    """Turn the wrench at UNIT_SPEED and an angle of attack [rad], shape (6,), into the flow."""
+    ca, sa = math.cos(alpha), math.sin(alpha)
+    x, z, m = wrench[[0, 2, 4]] / UNIT_SPEED**2
+    return Polar(float(-x * ca - z * sa), float(x * sa - z * ca), float(m))
+
+
+def straight_flow(alpha: float) -> Array:
+    """Motion through the water at UNIT_SPEED and an angle of attack [rad], shape (6,)."""
+    return np.array([math.cos(alpha), 0.0, math.sin(alpha), 0.0, 0.0, 0.0]) * UNIT_SPEED
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,6 +138,14 @@ class HullLaw(abc.ABC):
     def valid_angle(self) -> float:
         """[rad] up to which flow angles its coefficients were identified."""
         return float(np.pi)
+
+    def polar(self, alpha: float, density: float) -> Polar:
+        """Drag, lift and pitch moment of the bare hull at an angle of attack [rad].
+
+        Args:
+          density: [kg/m3].
+        """
+        return polar_of_wrench(self.wrench(straight_flow(alpha), density), alpha)
 
     def wrench(self, nu_r: Array, density: float) -> Array:
         """Force [N] and moment [N m], shape (6,), at the motion through the water `nu_r`.

@@ -23,7 +23,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from twin.compiled import elementary, inline, jit
 from twin.compiled.elementary import scalar
 from twin.vehicle.changes import Uncertainty, coefficient
-from twin.vehicle.laws.base import HullLaw
+from twin.vehicle.laws.base import HullLaw, Polar
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
@@ -366,6 +366,16 @@ class FlowFrame(HullLaw):
             dtype=np.float64,
         )
 
+    def polar(self, alpha: float, density: float) -> Polar:
+        """As printed: K_D0 + K_D alpha^2, K_L0 + K_alpha alpha, K_M0 + K_M alpha."""
+        if not is_flow_frame(self):
+            return super().polar(alpha, density)
+        return Polar(
+            self.drag[0] + self.drag[1] * alpha**2,
+            self.lift[0] + self.lift[1] * alpha,
+            self.pitch_moment[0] + self.pitch_moment[1] * alpha,
+        )
+
     @property
     def zero_lift(self) -> float:
         """K_L0 / K_alpha [rad], the angle of attack of zero lift with its sign reversed."""
@@ -420,6 +430,16 @@ class FlowFrame(HullLaw):
     def valid_angle(self) -> float:
         """[rad] `linear_angle`."""
         return self.linear_angle
+
+
+def is_flow_frame(law: HullLaw) -> TypeGuard[FlowFrame]:
+    """Whether both models fly a law by the kernels above.
+
+    A law that is derived from this one and has kernels of its own is another: its coefficients
+    mean other forces than those that identification, filters and polars take for granted.
+    """
+    kernels = type(law).native_wrench, type(law).fossen_wrench
+    return isinstance(law, FlowFrame) and kernels == (native_wrench, fossen_wrench)
 
 
 ROLL_LIFT_SHARE = Uncertainty(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
+from twin.plugins import imported
 from twin.water.current import probe, registry
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
@@ -59,8 +60,8 @@ class Current(abc.ABC):
         if "velocity" in vars(cls):
             raise CurrentError(
                 f"{cls.__qualname__} overrides velocity(), which nothing flies: what flies is"
-                " compiled. Give records() and a kernel, and decorate the class with"
-                " twin.water.current.register"
+                " compiled. Tabulate the function with Current.from_function, or give records() and"
+                " a kernel, and decorate the class with twin.water.current.register"
             )
 
     @abc.abstractmethod
@@ -154,6 +155,34 @@ class Current(abc.ABC):
         rest = np.zeros_like(flat[0])
         return sample_track(program, *flat, rest, rest, rest)[:, :3].reshape(*shape, 3)
 
+    @staticmethod
+    def from_function(
+        function: Callable[[float, float, float, float], Sequence[float]],
+        *,
+        time: tuple[float, float] | None = None,
+        depth: tuple[float, float] | None = None,
+        north: tuple[float, float] | None = None,
+        east: tuple[float, float] | None = None,
+        tolerance: float = 1e-3,
+    ) -> Current:
+        """Tabulate a plain Python function, with as many nodes as the tolerance needs.
+
+        Args:
+          function: (t [s], north [m], east [m], depth [m]) since and from the mission's start ->
+            velocity north, east and perhaps down [m/s].
+          time, depth, north, east: (low, high) of each axis along which the function varies;
+            beyond, the values at the ends hold.
+          tolerance: [m/s] largest difference from the function between the nodes.
+
+        Raises:
+          CurrentError: the function fails, gives no velocity, varies along an axis without a range,
+            or needs more nodes than a store may hold.
+        """
+        ranges = {"time": time, "depth": depth, "north": north, "east": east}
+        given = {name: ends for name, ends in ranges.items() if ends is not None}
+        table: Current = imported(f"{TABULATED}:tabulated")(function, given, tolerance)
+        return table
+
     def describe(self) -> dict[str, Any]:
         """A JSON-able dict that `current_from_dict` turns back into an equal current."""
         return {"kind": self.kind, **{f.name: _plain(getattr(self, f.name)) for f in fields(self)}}
@@ -210,6 +239,12 @@ class Current(abc.ABC):
         if not isinstance(other, Current):
             return NotImplemented
         return CurrentSum(parts=(*_parts(self), *_parts(other)))
+
+
+TABLE = "table"
+"""Kind of a function's table"""
+TABULATED = "twin.water.current.tabulated"
+"""Its file, which derives from `Current`"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,12 +311,15 @@ def still_water() -> CurrentSum:
 def current_from_dict(description: Mapping[str, Any]) -> Current:
     """The current that `describe()` described. Raises CurrentError when it cannot be one."""
     if not isinstance(description, Mapping) or "kind" not in description:
-        known = sorted([*registry.names(), CurrentSum.kind])
+        known = sorted([*registry.names(), CurrentSum.kind, TABLE])
         raise CurrentError(f"a current's description needs 'kind' (one of {', '.join(known)})")
     settings = {name: value for name, value in description.items() if name != "kind"}
     name = str(description["kind"])
     if name == CurrentSum.kind:
         return CurrentSum.from_settings(settings)
+    if name == TABLE:
+        table: Current = imported(f"{TABULATED}:Tabulated").from_settings(settings)
+        return table
     kind = registry.find(name)
     if kind is None:
         raise registry.unknown(name, CurrentSum.kind)

@@ -13,7 +13,7 @@ from twin.errors import CurrentError, unknown_name
 from twin.water.current import registry
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
-from twin.water.current.base import Current, CurrentSum
+from twin.water.current.base import TABLE, Current, CurrentSum
 
 C = TypeVar("C", bound=type[Current])
 
@@ -31,7 +31,7 @@ def register(cls: C) -> C:
     """
     name = cls.kind
     where = f"current {name!r} ({cls.__qualname__})"
-    if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind):
+    if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind, TABLE):
         raise CurrentError(
             f"{cls.__qualname__}: kind must be lower-case letters, digits and hyphens, not {name!r}"
         )

@@ -13,7 +13,7 @@ import twin
 from twin.errors import InputError
 from twin.faults.wing_lost import WingLost
 from twin.show.render import canvas as palette
-from twin.show.render.camera import fit, map_view, orbit_view, side_view
+from twin.show.render.camera import block_view, fit
 from twin.show.render.canvas import (
     BASE_WIDTH,
     LABEL,
@@ -51,9 +51,7 @@ def with_tracks(subject):
 
 def painter_of(subject, at=(200.0,), **settings):
     shot = Shot(**{**SIZE, "hud": False, "inset": False, **settings})
-    return Painter(
-        subject.trajectory, subject.vehicle, shot, np.array(at), subject.tracks, subject.title
-    )
+    return Painter(subject, shot, np.array(at))
 
 
 def without(painter, geoms, seen=SEEN):
@@ -154,9 +152,8 @@ def test_a_frame_depends_on_its_index_only(subject):
 def test_the_display_is_drawn_and_changes_with_time(subject, camera):
     at = np.array([100.0, 200.0])
     shot = Shot(camera=camera, width=640, height=360)
-    arguments = (subject.trajectory, subject.vehicle, shot, at)
     canvas = Canvas(width=640, height=360)
-    with Painter(*arguments, title="a title") as painter:
+    with Painter(dataclasses.replace(subject, title="a title"), shot, at) as painter:
         frames = [painter.paint(i) for i in range(2)]
     values = [f[canvas.strip_top + canvas.px(34) :, : canvas.curve[0]] for f in frames]
     assert all((v.min(axis=-1) > 200).sum() > 150 for v in values)  # white letters
@@ -190,7 +187,7 @@ def test_a_wing_is_missing_from_when_it_is_lost(subject, tmp_path):
 @needs_gl
 def test_the_close_up_shows_the_glider_large(subject):
     shot = Shot(width=640, height=360, hud=False)
-    with Painter(subject.trajectory, subject.vehicle, shot, np.array([200.0])) as painter:
+    with Painter(subject, shot, np.array([200.0])) as painter:
         frame = painter.paint(0)
     left, top, wide, high = Canvas(width=640, height=360).inset
     inset = frame[top : top + high, left : left + wide].astype(int)
@@ -259,17 +256,12 @@ def test_framed_cameras_hold_the_whole_block(size):
     track = np.cumsum(generator.normal(size=(200, 3)) * [30.0, 10.0, 0.0], axis=0)
     track[:, 2] = 60.0 + 60.0 * np.sin(np.arange(200) / 9.0)
     frame = Canvas(width=size[0], height=size[1]).frame
-    for camera, view_of in (
-        ("orbit", lambda layout: orbit_view(layout, 0.1, frame)),
-        ("orbit", lambda layout: orbit_view(layout, 0.9, frame)),
-        ("side", lambda layout: side_view(layout, frame)),
-        ("map", lambda layout: map_view(layout, frame)),
-    ):
+    for camera, phase in (("orbit", 0.1), ("orbit", 0.9), ("side", None), ("map", None)):
         layout = plan(
             [track], hull_length=2.0, floor=None, exaggeration=None, camera=camera, frame=frame
         )
         corners = layout.corners()[:4] if camera == "map" else layout.corners()
-        x, y, _ = view_of(layout).project(corners).T
+        x, y, _ = block_view(camera, layout, frame, phase).project(corners).T
         assert x.min() > frame.left - 0.02
         assert x.max() < 1.0 - frame.right + 0.02
         assert y.min() > frame.top - 0.02

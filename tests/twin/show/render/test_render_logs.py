@@ -19,8 +19,8 @@ from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.show.render.canvas import track_colours
 from twin.show.render.film import known_samples
+from twin.show.render.hud import UNKNOWN, readouts
 from twin.show.render.playback import moving_parts, poses
-from twin.show.render.readout import UNKNOWN, readouts
 from twin.show.render.scale import track_values
 from twin.show.render.shot import Shot
 from twin.show.render.subject import Replay, read_subject

@@ -12,7 +12,7 @@ from twin.mission import Mission, SawTooth
 from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.show.render import seabed
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import build
 from twin.show.render.subject import read_subject
 from twin.vehicle.vehicle import load_vehicle
@@ -31,6 +31,10 @@ def run():
     return twin.simulate(mission=PLAN, floor=HILLS)
 
 
+def dive(run, floor=None):
+    return Subject(trajectory=run, vehicle=VEHICLE, floor=floor)
+
+
 def vertices(stage, name):
     """Display points of a geom's mesh, shape (n, 3)."""
     model = stage.model
@@ -46,7 +50,7 @@ def vertices(stage, name):
 @pytest.mark.parametrize("camera", ["orbit", "side"])
 def test_the_ground_is_where_the_floor_is(run, camera):
     table = HILLS.compile(0.0)
-    stage = build(run, VEHICLE, Shot(camera=camera), floor=table)
+    stage = build(dive(run, table), Shot(camera=camera))
     points = vertices(stage, "floor")
     ned = points / stage.layout.factors * np.array([1, -1, -1]) + stage.layout.centre
     found = floor_depths(table, *(np.ascontiguousarray(ned[:, i]) for i in range(2)))
@@ -56,10 +60,10 @@ def test_the_ground_is_where_the_floor_is(run, camera):
 
 
 def test_an_abyss_does_not_flatten_the_dives(run):
-    usual = build(run, VEHICLE, Shot()).layout
-    shallow = build(run, VEHICLE, Shot(), floor=FlatFloor(depth_m=62.0).compile(0.0))
+    usual = build(dive(run), Shot()).layout
+    shallow = build(dive(run, FlatFloor(depth_m=62.0).compile(0.0)), Shot())
     assert 62.0 < shallow.layout.high[2] < 70.0
-    deep = build(run, VEHICLE, Shot(), floor=FlatFloor(depth_m=4000.0).compile(0.0))
+    deep = build(dive(run, FlatFloor(depth_m=4000.0).compile(0.0)), Shot())
     assert deep.layout.high[2] == pytest.approx(seabed.IN_SIGHT * usual.high[2])
     names = [deep.model.geom(i).name for i in range(deep.model.ngeom)]
     assert "deep" in names

@@ -27,9 +27,8 @@ from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory, write_store
 from twin.records.trajectory import Trajectory
-from twin.show.render.film import Subject
 from twin.show.render.playback import poses
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.web.live_source import LiveMission
 from twin.show.web.page import assemble, page_text
 from twin.show.web.server import PageServer

@@ -32,9 +32,8 @@ from twin.logs import logged_trajectory
 from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory, write_store
 from twin.records.trajectory import Trajectory
-from twin.show.render.film import Subject
 from twin.show.render.playback import poses
-from twin.show.render.shot import Shot
+from twin.show.render.shot import Shot, Subject
 from twin.show.web.channels import read_channels, thin
 from twin.show.web.page import LARGEST, ROWS, page_text
 from twin.show.web.scene import describe

@@ -1,1 +1,0 @@
-"""Kills: processes of `factory generate` ended, frozen, doubled; the store stays the same."""

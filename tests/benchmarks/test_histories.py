@@ -1,0 +1,33 @@
+"""A little of `python -m benchmarks.histories`."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from benchmarks.histories import DONE, KINDS, Ground, fork, generate, wait, wrong
+
+NEEDS_DASK = pytest.mark.skipif(find_spec("distributed") is None, reason="needs dask.distributed")
+MARKS = {"dask": NEEDS_DASK, "watch": pytest.mark.skip(reason="takes a minute")}
+
+
+@pytest.fixture(scope="module")
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Ground:
+    return Ground.prepare(tmp_path_factory.mktemp("histories"))
+
+
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=MARKS.get(kind, ())) for kind in KINDS])
+def test_no_kill_loses_anything(ground: Ground, kind: str) -> None:
+    assert KINDS[kind](ground, kind, 1) == []
+
+
+def test_a_store_that_is_not_the_same_is_noticed(ground: Ground, tmp_path: Path) -> None:
+    store = tmp_path / "missions.zarr"
+    assert wrong(ground, store) == "there is no store"
+    assert wait(fork(lambda: generate(ground.recipe, store, workers=1))) == DONE
+    (tmp_path / ".missions.zarr.writing-1").mkdir()
+    assert wrong(ground, store) == "left .missions.zarr.writing-1"
+    (store / "zarr.json").write_bytes(b"{}")
+    assert wrong(ground, store) == "the store has other bytes"
