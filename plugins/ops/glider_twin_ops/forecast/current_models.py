@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
 from twin.navigation.current import (
@@ -23,8 +22,7 @@ from twin.navigation.current import (
     begin_leg,
     pass_leg,
 )
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 HOUR, DAY = 3600.0, 86400.0
 NOTHING = np.full(2, np.nan)

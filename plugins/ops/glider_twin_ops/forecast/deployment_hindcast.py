@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import LoggedLeg, dive_times, flown_velocities, legs_of
 from glider_twin_ops.forecast.member_hindcast import MemberFlights
@@ -31,11 +30,10 @@ from twin.checks import EndsApart
 from twin.errors import InputError, StoreError
 from twin.geodesy import to_tangent_plane
 from twin.identify import start_vehicle
+from twin.numbers import Array
 from twin.physics import utc_text
 from twin.records import LogStore
 from twin.water.current import Current
-
-Array = NDArray[np.float64]
 
 POINTS = 25
 """Places along a dive at which the field is read"""

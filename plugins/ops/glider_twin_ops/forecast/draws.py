@@ -6,15 +6,13 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.current_models import FILTER, CurrentPool
 from glider_twin_ops.forecast.pool import Mixture
 from twin import Vehicle
 from twin.identify import normal_draws
 from twin.navigation.current import CALIBRATION, DIVE, MODES, CurrentFilter, Leg, passage
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 LARGEST_SCALE = 0.5
 """A speed is never drawn further off than by this part"""

@@ -19,16 +19,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.cli import counted
 from twin.logs import fixes_at, track_velocity
 from twin.navigation.current import Leg
+from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import utc_clock, utc_minute
-
-Array = NDArray[np.float64]
 
 FIXED = ("measured_gps_north", "measured_gps_east")
 READ = tuple(

@@ -13,7 +13,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.current_models import CurrentPool
 from glider_twin_ops.forecast.known import Known
@@ -26,10 +25,9 @@ from twin import Origin, Scenario, Vehicle
 from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import MissionError
 from twin.mission import Mission, Waypoint
+from twin.numbers import Array
 from twin.physics import utc_text
 from twin.records import LogStore
-
-Array = NDArray[np.float64]
 
 HOUR = 3600.0
 AHEAD = 2e5

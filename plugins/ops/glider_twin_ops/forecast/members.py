@@ -38,12 +38,11 @@ from twin.identify import SPEED, draw_vehicles, known_compass
 from twin.mission import SURFACED_MARGIN_M, Mission, Waypoint
 from twin.navigation import chi_squared
 from twin.navigation.current import CurrentParameters
+from twin.numbers import Array
 from twin.physics import Fleet, file_timestep, fly_in_lanes, quiet_mujoco, stiffness_of
 from twin.records.coordinates import unix_seconds
 from twin.vehicle import ENERGY
 from twin.water.current import Current, Series, sample_track
-
-Array = NDArray[np.float64]
 
 SAMPLE_PERIOD = 10.0
 """[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""

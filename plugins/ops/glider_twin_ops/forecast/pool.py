@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 FREEDOM = 5.0
 """[1] degrees of freedom of Student's t: as heavy as the tails of currents' changes are"""

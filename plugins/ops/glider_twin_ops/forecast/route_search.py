@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.route_water import STEP, RouteWater
 from twin.compiled import inline, jit
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 REACH = 4
 """Nodes that an edge spans at most: 48 directions"""

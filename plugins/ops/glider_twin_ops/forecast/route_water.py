@@ -16,9 +16,8 @@ from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.request import Request, longest_dive
 from twin.errors import InputError
 from twin.geodesy import to_tangent_plane
+from twin.numbers import Array
 from twin.water.current import Current, Grid, sample_track
-
-Array = NDArray[np.float64]
 
 NODES = 41
 """Along the longer side of the region"""

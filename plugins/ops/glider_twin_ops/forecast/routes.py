@@ -34,8 +34,7 @@ from glider_twin_ops.forecast.surfacing_forecast import feature
 from twin.errors import InputError, MissionError, SimulationUnstable
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
 from twin.mission import Mission
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] of the polar"""

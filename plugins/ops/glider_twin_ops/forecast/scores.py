@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.walk import Judged
 
-Array = NDArray[np.float64]
-
 METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
 RESAMPLED, BLOCK, SEED = 2000, 6, 1
 """Bootstrap samples, surfacings in a block (about a day: errors of neighbours are alike, Kunsch

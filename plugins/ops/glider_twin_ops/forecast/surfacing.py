@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.members import MemberFlight
 from twin import Origin
 from twin.geodesy import from_tangent_plane, wrap_longitude
 from twin.navigation import Ellipse, chi_squared, outline
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 HALF, NINETY = 0.5, 0.9
 """Parts that ellipses hold of the surfacings to expect"""

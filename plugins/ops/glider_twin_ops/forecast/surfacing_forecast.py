@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.members import MemberFlight, coarse_steps, fly, members_of
@@ -25,9 +24,8 @@ from glider_twin_ops.forecast.surfacing import (
 )
 from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
+from twin.numbers import Array
 from twin.records.coordinates import utc_clock, utc_minute
-
-Array = NDArray[np.float64]
 
 DAY = 86400.0
 MINUTE, KILO = 60.0, 1e3

@@ -11,12 +11,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import DiveTime, usual_duration
 from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 HOUR = 3600.0
 CLOCKS = (1.0, 2.0, 3.0, 4.0)

@@ -11,12 +11,11 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import LoggedLeg
 from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 ARRIVED = 20.0

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from glider_twin_ops.health.dive_signals import strokes_of
@@ -25,11 +24,10 @@ from twin import Vehicle, load_vehicle
 from twin.errors import TwinError
 from twin.identify import load_calibration, load_logs, start_vehicle
 from twin.logs import energy_used
+from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE
 from twin.records.storage import StorePath
-
-Array = NDArray[np.float64]
 
 COMPASS = ("heading_offset", "heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
 """Beliefs that are a compass' deviation, as `Calibration.true_heading` adds them"""

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import CHANNELS, NAMES
 from glider_twin_ops.health.deployment_dives import told_by
@@ -37,10 +36,9 @@ from twin import Vehicle, load_vehicle
 from twin.errors import InputError
 from twin.faults import FAULTS, Fault
 from twin.identify import start_vehicle
+from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.storage import StorePath
-
-Array = NDArray[np.float64]
 
 LEAST_DIVES = FIRST + 2
 """Dives below which nothing is judged: those that a fault needs before it, and two of an alarm"""

@@ -18,12 +18,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.identify import Calibration, DepthRates, Log, UnknownParameter, centred, choose, gliding
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 FOLLOWED = ("neutral_density", "drag")
 """Parameters that are followed where the caller names none: those that every glide tells"""

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
@@ -18,11 +17,10 @@ from glider_twin_ops.health.echoes import Echoes
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin import Vehicle
 from twin.identify import Calibration
+from twin.numbers import Array
 from twin.records import LogStore, log_rows
 from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.storage import StorePath
-
-Array = NDArray[np.float64]
 
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
 """Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and

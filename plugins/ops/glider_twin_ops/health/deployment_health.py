@@ -5,13 +5,9 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from glider_twin_ops.health.channels import CHANNELS, Channel
 from glider_twin_ops.health.judgement import Levels
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 LOUD = 6.0
 """Deviations off its level from which a channel of the last dive is told"""

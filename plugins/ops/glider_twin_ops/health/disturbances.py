@@ -11,11 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import NAMES, PLACE
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 DIFFERENCE = 0.03
 """[m/s] deviation of a current's component at the top of a dive less that at its bottom: that of 30

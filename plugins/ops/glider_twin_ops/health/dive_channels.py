@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.dive_signals import DiveSignals, binned, filled, strokes_of
 from twin import Vehicle
 from twin.identify import Calibration, balance, load_calibration
+from twin.numbers import Array
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
-
-Array = NDArray[np.float64]
 
 BIN = 60.0
 """[s] of the means that steady flight is judged by"""

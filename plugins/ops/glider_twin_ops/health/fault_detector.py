@@ -16,13 +16,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.deployment_health import NONE
 from glider_twin_ops.health.judgement import follow
 from twin.errors import InputError
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 LAST = (1, 3, 8)
 """Dives at the end whose mean is compared with that of all before"""

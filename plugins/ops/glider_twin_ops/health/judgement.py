@@ -20,8 +20,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from glider_twin_ops.health.channels import CHANNELS
 from glider_twin_ops.health.signatures import Hypothesis
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 CLIP = 3.5
 """Standard deviations at which an innovation counts no further: one dive alone proves little"""

@@ -21,7 +21,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.signatures import TypicalDive, dive_scenario, told
 from twin import Trajectory
@@ -39,9 +38,8 @@ from twin.identify import (
     log_of,
     motion_of,
 )
+from twin.numbers import Array
 from twin.physics import Lane, flown_abreast
-
-Array = NDArray[np.float64]
 
 LEARNED = ("neutral_density", "drag", "lift_ratio", "compressibility", "pitch_offset")
 """Parameters that a few dives can tell; a compass takes many, for the current changes, too"""

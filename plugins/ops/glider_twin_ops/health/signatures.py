@@ -21,13 +21,12 @@ from twin import DensityProfile, Scenario, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
 from twin.faults import DAY, FAULTS, Fault, faults_of, read_by
 from twin.mission import Mission, SawTooth, Surface
+from twin.numbers import Array
 from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, healthy
 from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
 from twin.water.current import Profile
 from twin.water.floor import FlatFloor
-
-Array = NDArray[np.float64]
 
 GROWN = 1.0
 """[d] after which the signature of what grows is taken"""

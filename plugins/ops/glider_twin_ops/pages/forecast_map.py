@@ -11,12 +11,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.surfacing import HALF, NINETY, degrees
 from glider_twin_ops.forecast.surfacing_forecast import Forecast
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 WIDTH, HEIGHT = 960.0, 640.0
 """[px] of the view box"""

@@ -8,17 +8,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.answers import Answers
 from glider_twin_ops.health.channels import CHANNELS, Channel
 from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdict
 from twin.cli import format_number
+from twin.numbers import Array
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import Page
-
-Array = NDArray[np.float64]
 
 FEW = 4
 """Deployments of which each is shown with all its channels; of more, those with an alarm"""

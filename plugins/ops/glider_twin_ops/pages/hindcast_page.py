@@ -11,18 +11,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.deployment_hindcast import DeploymentHindcast, Hindcast
 from glider_twin_ops.forecast.scores import METHODS, Scores
 from glider_twin_ops.forecast.walk import HindcastSurfacing
 from twin.geodesy import position
 from twin.navigation import Ellipse, outline
+from twin.numbers import Array
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates, moment_of
 from twin.show.figures import Page, box_around, draw_base, joined_longitude
-
-Array = NDArray[np.float64]
 
 COLOURS = {
     "forecast": style.PALETTE["vermillion"],

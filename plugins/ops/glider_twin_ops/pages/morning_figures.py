@@ -8,15 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
 from glider_twin_ops.watching.last_fix import end_of
+from twin.numbers import Array
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import box_around, draw_base, joined_longitude
-
-Array = NDArray[np.float64]
 
 HALF = 0.5
 DAY = 86400.0

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factory.sampling import (
     Distribution,
@@ -35,11 +34,10 @@ from twin import Scenario, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
 from twin.faults import FAULTS, Fault, faults_of, read_by
 from twin.mission import Mission, SawTooth, Surface, track_to_follow
+from twin.numbers import Array
 from twin.physics import Lane, electric_signals, flown_abreast
 from twin.sensors import Dvl, SensorSuite
 from twin.water.floor import FlatFloor
-
-Array = NDArray[np.float64]
 
 DIVES = (20, 60)
 """Stays at the surface of a deployment; each is followed by a dive, from fix to fix"""

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factory.generation import local_pool
 from factory.importing import (
@@ -40,7 +39,7 @@ from glider_twin_ops.presets.deployment import (
 from twin import Vehicle, load_vehicle
 from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
-from twin.numbers import processors
+from twin.numbers import Array, processors
 from twin.records import check_target, is_store, read_zarr, write_zarr
 from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
 from twin.records.schema import MISSION, TIME, VARIABLES
@@ -50,8 +49,6 @@ from twin.vehicle.parts import Fin
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
 """[s] between samples of the presets: of files that are read after recovery, and of what is sent"""

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast import Forecast, LoggedLeg, fly_nominal
 from twin.errors import MissionError, SimulationUnstable
 from twin.geodesy import to_tangent_plane
 from twin.logs import Endurance, EnergyUse
 from twin.mission import Mission
-
-Array = NDArray[np.float64]
 
 DEEPER, STEEPER_DEG = 1.5, 6.0
 LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
