@@ -41,7 +41,7 @@ from glider_twin_ops.health.fault_detector import FaultDetector
 from glider_twin_ops.health.judgement import follow, sure
 from glider_twin_ops.health.judgement import judge as weigh
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
-from glider_twin_ops.health.thresholds import threshold_of
+from glider_twin_ops.health.judgement import threshold_of
 from glider_twin_ops.presets.deployment import DeploymentDraw, faulty_of
 from glider_twin_ops.presets.deployments import (
     CHUNK,

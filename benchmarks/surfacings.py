@@ -36,7 +36,7 @@ from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores,
 from glider_twin_ops.forecast.current_models import BESIDE, FIELD, FILTER
 from glider_twin_ops.forecast.logged_leg import REPORTED
 from glider_twin_ops.forecast.pool import Prior
-from glider_twin_ops.forecast.scores import bootstrap
+from glider_twin_ops.forecast.deployment_hindcast import bootstrap
 from glider_twin_ops.forecast.walk import Pair
 from twin.errors import InputError, TwinError
 from twin.navigation.current import Reaches

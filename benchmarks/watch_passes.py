@@ -349,7 +349,7 @@ def _between(folder: Path) -> bool:
 
 def _bytes(folder: Path) -> str:
     """Of log, beliefs, events and the page's figures; what lies beside them, too."""
-    from glider_twin_ops.watching.made_parts import content_of
+    from glider_twin_ops.watching.log_of_files import content_of
     from glider_twin_ops.watching.watch_pass import PARTS
 
     beside = sorted(path.name for path in folder.iterdir() if "writing" in path.name)

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from glider_twin_ops.health.deployment_health import DeploymentHealth as DeploymentHealth
     from glider_twin_ops.health.deployment_health import KindVerdict as KindVerdict
     from glider_twin_ops.health.fault_detector import FaultDetector as FaultDetector
+    from glider_twin_ops.health.judgement import threshold_of as threshold_of
     from glider_twin_ops.health.manoeuvres import MostTelling as MostTelling
     from glider_twin_ops.health.manoeuvres import information_of as information_of
     from glider_twin_ops.health.manoeuvres import most_telling as most_telling
-    from glider_twin_ops.health.thresholds import threshold_of as threshold_of
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -23,7 +23,15 @@ from glider_twin_ops.health.deployment_health import (
     loud_channels,
 )
 from glider_twin_ops.health.disturbances import standing, steps_in_shear
-from glider_twin_ops.health.judgement import FIRST, Levels, Verdict, follow, judge, sure
+from glider_twin_ops.health.judgement import (
+    FIRST,
+    Levels,
+    Verdict,
+    follow,
+    judge,
+    sure,
+    threshold_of,
+)
 from glider_twin_ops.health.signatures import (
     Hypothesis,
     Signatures,
@@ -31,7 +39,6 @@ from glider_twin_ops.health.signatures import (
     confusable,
     signatures_of,
 )
-from glider_twin_ops.health.thresholds import threshold_of
 from twin import Vehicle, load_vehicle
 from twin.errors import InputError
 from twin.faults import FAULTS, Fault

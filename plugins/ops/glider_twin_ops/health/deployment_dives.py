@@ -1,4 +1,12 @@
-"""Dives of a deployment: read from a store of logs, with what its pilot set and changed."""
+"""Dives of a deployment: read from a store of logs, with what its pilot set and changed.
+
+Echoes are the part that came back of those which earlier dives let expect. How much of a dive an
+altimeter hears the floor in depends on how deep it dives, how far the floor is below and how its
+beam lies near the turn. So pings are counted by the height above the floor, and a dive's echoes are
+beside those that earlier dives had at its heights. Its beam is plumb in a dive; nose up, as a
+vehicle that still sinks after its turn, it looks aft and hears nothing: what is pinged there says
+nothing of the altimeter.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +16,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
 from glider_twin_ops.health.dive_channels import channels_of, flight_model
 from glider_twin_ops.health.dive_signals import DiveSignals, Settings
-from glider_twin_ops.health.echoes import Echoes
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin import Vehicle
 from twin.identify import Calibration
@@ -21,6 +29,59 @@ from twin.numbers import Array
 from twin.records import LogStore, log_rows
 from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.storage import StorePath
+
+BIN, BINS = 5.0, 60
+"""[m] of height whose pings are counted together, and how many of them"""
+LEAST = 10.0
+"""Echoes that must be expected for a dive to tell"""
+SOUND = 0.5
+"""Part from which on a dive teaches the next: what a blind one hears is not what there is"""
+
+
+@dataclasses.dataclass(eq=False)
+class Echoes:
+    """What the dives so far heard of the floor."""
+
+    floor: float = math.nan
+    """[m] its depth where it was heard last"""
+    pings: Array = dataclasses.field(default_factory=lambda: np.zeros(BINS))
+    heard: Array = dataclasses.field(default_factory=lambda: np.zeros(BINS))
+
+    def part(self, depth: Array, altitude: Array, pitch: Array | None = None) -> float:
+        """Echoes of the next dive over those expected [1]; NaN where too few are, as at first.
+
+        Args:
+          depth, altitude: [m], (n,); altitude NaN where no echo came back.
+          pitch: [degree], nose up positive, (n,); None: not known.
+        """
+        down = np.isfinite(depth) & (np.diff(depth, prepend=math.nan) > 0.0)
+        if pitch is not None:
+            down &= ~(pitch > 0.0)
+        deep, back = depth[down], np.isfinite(altitude[down])
+        found = math.nan
+        if back.sum() >= LEAST:
+            found = float(np.median((deep + altitude[down])[back]))
+        if found > self.floor + BIN:
+            self.floor = found  # deeper than it was: echoes that are due are those of today's
+        elif deep.size and deep.max() > self.floor + BIN:
+            self.floor = math.nan  # it dived to below where the floor was heard
+        part = math.nan
+        if math.isfinite(self.floor):
+            at = self._bins(self.floor - deep)
+            expected = float((self.heard / np.maximum(self.pings, 1.0))[at].sum())
+            known = self.pings[at] > 0.0
+            part = float((back & known).sum()) / expected if expected >= LEAST else math.nan
+        if math.isfinite(found) and not part < SOUND:
+            self.floor = found
+            at = self._bins(self.floor - deep)
+            self.pings += np.bincount(at, minlength=BINS)
+            self.heard += np.bincount(at, back, BINS)
+        return part
+
+    @staticmethod
+    def _bins(height: Array) -> NDArray[np.int64]:
+        return np.clip(height / BIN, 0, BINS - 1).astype(np.int64)
+
 
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
 """Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and

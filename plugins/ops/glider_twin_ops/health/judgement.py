@@ -6,6 +6,18 @@ times its size, from there on; what the filter's innovations then are is linear 
 the likelihood ratio of each kind and each first dive against drift is known in closed form (Willsky
 and Jones, IEEE TAC 21, 1976). The size has a normal prior of the kind's usual size, and the ratio
 is that of the marginal likelihoods.
+
+How much evidence is an alarm follows from the false alarms that a pilot bears. A level is the
+higher of two. One is that of simulated deployments of preset `faulty` that were sound, and of what
+came before the fault in others: 1073 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (of
+each vehicle `--each 1 --sound 6 --seed 2003` and `--each 2 --sound 24 --seed 2004`). They are
+quieter in most channels than real ones. The other is that of channels as loud, all of them, as
+`channels` states their noise and walks: 400 deployments of five days. Both are by
+
+    python -m benchmarks.health --judge FILE ... --thresholds
+
+Deployments of other seeds and real logs tell whether the rate holds: docs/results/health.md and
+docs/results/health_real.md.
 """
 
 from __future__ import annotations
@@ -20,6 +32,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from glider_twin_ops.health.channels import CHANNELS
 from glider_twin_ops.health.signatures import Hypothesis
+from twin.errors import InputError
 from twin.numbers import Array
 
 CLIP = 3.5
@@ -293,3 +306,33 @@ def _ratio(info: Array, score: Array, usual: Array, signed: Array) -> Array:
     two_sided = 0.5 * score**2 / precision - 0.5 * np.log(precision * usual**2)
     positive = math.log(2.0) + log_ndtr(score / np.sqrt(precision))
     return two_sided + np.where(signed, 0.0, positive)
+
+
+RATES: tuple[tuple[float, float, float], ...] = (
+    (3.0, -8.58, -5.38),
+    (10.0, -6.07, -3.86),
+    (30.0, -4.49, -2.86),
+    (100.0, -2.83, -1.75),
+    (300.0, -0.43, -0.52),
+)
+"""[d] of sound vehicles with one false alarm, the log of the odds that is an alarm on simulated
+deployments, and that of channels as loud as they are stated to be"""
+
+
+def threshold_of(days: float) -> float:
+    """The log of the odds from which on there is an alarm, by straight lines over log(days).
+
+    Args:
+      days: [d] of sound vehicles in which one false alarm is borne.
+
+    Raises:
+      InputError: not a time that the simulated deployments tell.
+    """
+    least, most = RATES[0][0], RATES[-1][0]
+    if not least <= days <= most:
+        raise InputError(
+            f"--false-alarm-days {days:g} must be within {least:g} and {most:g}: more and fewer "
+            "false alarms were not measured"
+        )
+    spans, simulated, stated = np.array(RATES).T
+    return float(np.interp(np.log(days), np.log(spans), np.maximum(simulated, stated)))

@@ -12,8 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider_twin_ops.forecast.deployment_hindcast import DeploymentHindcast, Hindcast
-from glider_twin_ops.forecast.scores import METHODS, Scores
+from glider_twin_ops.forecast.deployment_hindcast import (
+    METHODS,
+    DeploymentHindcast,
+    Hindcast,
+    Scores,
+)
 from glider_twin_ops.forecast.walk import HindcastSurfacing
 from twin.geodesy import position
 from twin.navigation import Ellipse, outline

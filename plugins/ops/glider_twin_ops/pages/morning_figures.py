@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
-from glider_twin_ops.watching.last_fix import end_of
+from glider_twin_ops.watching.expected_plan import end_of
 from twin.numbers import Array
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates

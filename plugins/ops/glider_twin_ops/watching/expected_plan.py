@@ -1,8 +1,8 @@
-"""Expected plan: what a vehicle is taken to do next, where its pilot does not say it.
+"""Expected plan: where a vehicle was last, and what it is taken to do next.
 
-By `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and without
-one on along its last dive's way through the water. Depth, pitch and time between surfacings are
-those of its last dives.
+It goes by `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and
+without one on along its last dive's way through the water. Depth, pitch and time between surfacings
+are those of its last dives.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from twin import Vehicle
 from twin.geodesy import position, wrap_longitude
 from twin.mission import Mission, load_mission_for
 from twin.records import LogStore
+from twin.records.attributes import DIVE_DURATION
+from twin.show.dates import moment_of
 
 LAST = 5
 """Dives whose median depth, pitch and time it goes on with"""
@@ -122,3 +125,40 @@ def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:
     latitude, longitude = position(north, east, *begin)
     turned = wrap_longitude(longitude)
     return f"{float(latitude[0]):.5f},{float(turned[0]):.5f}"
+
+
+def end_of(leg: LoggedLeg) -> tuple[float, float]:
+    """Latitude, longitude [degree] of the fix after a dive."""
+    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
+    latitude, longitude = position(north, east, *leg.begin)
+    return float(latitude[0]), float(longitude[0])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LastFix:
+    """Where it was known to be last."""
+
+    latitude: float
+    """[degree]"""
+    longitude: float
+    """[degree]"""
+    time: float
+    """[s] unix"""
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        return {
+            "latitude": round(self.latitude, 6),
+            "longitude": round(self.longitude, 6),
+            "time": f"{moment_of(self.time):%Y-%m-%dT%H:%M:%SZ}",
+        }
+
+
+def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
+    """The newest fix after one of these dives."""
+    for row in reversed(rows):
+        latitude, longitude = logs.fixes(row)[1]
+        end = float(logs.starts[row] + logs.number(DIVE_DURATION)[row])
+        if math.isfinite(latitude) and math.isfinite(longitude) and math.isfinite(end):
+            return LastFix(latitude=float(latitude), longitude=float(longitude), time=end)
+    return None

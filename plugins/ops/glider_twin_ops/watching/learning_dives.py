@@ -18,7 +18,7 @@ from glider_twin_ops.forecast import Request, fly_nominal, legs_of
 from glider_twin_ops.health import MostTelling, information_of, most_telling, typical_dive
 from glider_twin_ops.health.manoeuvres import LEARNED, Manoeuvre
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
-from glider_twin_ops.watching.last_fix import end_of
+from glider_twin_ops.watching.expected_plan import end_of
 from glider_twin_ops.watching.log_of_files import LOG
 from glider_twin_ops.watching.morning import vehicle_of_log
 from glider_twin_ops.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files

@@ -3,6 +3,9 @@
 It is what `factory import` makes of the same files, whatever came first: which pressure sensor is
 taken, offsets of the surface and guessed units follow from all of them. The store knows by which
 files it was made; with the same ones it stays as it is.
+
+Log, beliefs and page have lists of checksums, by which a part is as a pass wrote it; the page's
+figures have the sums of what has none.
 """
 
 from __future__ import annotations
@@ -10,8 +13,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
+import hashlib
 import json
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +25,6 @@ import numpy as np
 
 from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, import_logs
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
-from glider_twin_ops.watching.made_parts import damage_of, is_zarr
 from glider_twin_ops.watching.sources.arrived_files import (
     CACHE,
     FILES,
@@ -32,7 +36,7 @@ from twin.errors import InputError, StoreError
 from twin.records import is_store, read_attributes, write_store
 from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
 from twin.records.schema import MISSION
-from twin.records.storage import clean, lock, remove, temporary_name
+from twin.records.storage import clean, damaged_files, files_below, lock, remove, temporary_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -254,3 +258,38 @@ def _without(store: Path, found: ArrivedFiles, missing: str, damage: str) -> Log
 def _as_text(said: str) -> str:
     """What is said, without bytes of a file's name that are no UTF-8 and that no page can hold."""
     return said.encode(errors="backslashreplace").decode()
+
+
+ZARR = re.compile(r"(.+/)?(zarr\.json|c(/\d+)*)")
+"""Names of the files in a zarr store, version 3"""
+
+
+def damage_of(folder: Path) -> str:
+    """The first file that is not as it was written, in words; empty where all are, and where there
+    is no such folder. Files that somebody added are no damage.
+    """
+    if not folder.is_dir():
+        return ""
+    try:
+        found = (str(one) for one in damaged_files(folder) if one.what != "unknown")
+        return next(found, "")
+    except StoreError as error:
+        return str(error)
+
+
+def is_zarr(folder: Path) -> bool:
+    """Whether all files in a folder have the names of a zarr store's: none is a person's own."""
+    return folder.is_dir() and all(
+        ZARR.fullmatch(path.relative_to(folder).as_posix()) for path in files_below(folder)
+    )
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a file, or of all names and bytes in a folder; empty where there is neither."""
+    if not path.exists():
+        return ""
+    found = hashlib.sha256()
+    for file in [path] if path.is_file() else files_below(path):
+        found.update(f"{file.relative_to(path)}\n".encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()

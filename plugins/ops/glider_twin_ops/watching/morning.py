@@ -28,8 +28,7 @@ from glider_twin_ops.forecast.logged_leg import dive_times
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
 from glider_twin_ops.watching.energy_outlook import EnergyOutlook, energy_outlook
-from glider_twin_ops.watching.expected_plan import ExpectedPlan, expected_plan
-from glider_twin_ops.watching.last_fix import LastFix, newest_fix
+from glider_twin_ops.watching.expected_plan import ExpectedPlan, LastFix, expected_plan, newest_fix
 from glider_twin_ops.watching.log_of_files import LogOfFiles
 from glider_twin_ops.watching.proposed_files import ProposedFiles, flown_files, proposed_files
 from glider_twin_ops.watching.sources.arrived_files import folder_of

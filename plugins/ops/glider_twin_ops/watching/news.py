@@ -11,7 +11,7 @@ import numpy as np
 
 from glider_twin_ops.forecast import LoggedLeg
 from glider_twin_ops.health import CHANNELS
-from glider_twin_ops.watching.last_fix import end_of
+from glider_twin_ops.watching.expected_plan import end_of
 from glider_twin_ops.watching.morning import Morning
 from twin.cli import counted
 from twin.geodesy import great_circle, offset

@@ -12,15 +12,21 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from glider_twin_ops.files.seaglider_commands import (
+from glider_twin_ops.files import (
     CMDFILE,
+    SCIENCE,
+    TARGETS,
     commanded,
     commands_of,
     commands_text,
     read_commands,
+    read_science,
+    read_targets,
+    science_text,
+    sparser,
+    targets_of,
+    targets_text,
 )
-from glider_twin_ops.files.seaglider_science import SCIENCE, read_science, science_text, sparser
-from glider_twin_ops.files.seaglider_targets import TARGETS, read_targets, targets_of, targets_text
 from twin import Vehicle
 from twin.errors import MissionError
 from twin.mission import Mission, Waypoint, read_slocum, slocum_arguments

@@ -11,14 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glider_twin_ops.files.seaglider_commands import (
+from glider_twin_ops.files import (
     commanded,
     commands_of,
     commands_text,
     read_commands,
+    read_science,
+    read_targets,
+    science_text,
+    sparser,
+    targets_of,
+    targets_text,
 )
-from glider_twin_ops.files.seaglider_science import read_science, science_text, sparser
-from glider_twin_ops.files.seaglider_targets import read_targets, targets_of, targets_text
 from twin.errors import MissionError
 from twin.mission import Mission, SawTooth, Waypoint, slocum_arguments
 from twin.mission.slocum_arguments import degrees_minutes

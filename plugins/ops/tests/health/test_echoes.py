@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from glider_twin_ops.health.echoes import LEAST, Echoes
+from glider_twin_ops.health.deployment_dives import LEAST, Echoes
 
 REACH = 40.0
 """[m] in which the altimeter of these dives hears the floor"""

@@ -14,9 +14,8 @@ from glider_twin_ops.health.deployment_dives import values_of
 from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdict
 from glider_twin_ops.health.dive_channels import channels_of
 from glider_twin_ops.health.dive_signals import DiveSignals
-from glider_twin_ops.health.judgement import follow, judge
+from glider_twin_ops.health.judgement import follow, judge, threshold_of
 from glider_twin_ops.health.signatures import confusable, signatures_of, usual_dive
-from glider_twin_ops.health.thresholds import threshold_of
 from twin.errors import InputError
 from twin.faults import FAULTS
 

@@ -30,11 +30,9 @@ from numpy.typing import NDArray
 from factory.importing import import_logs
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
-from glider_twin_ops.watching.kept_beliefs import BELIEFS
-from glider_twin_ops.watching.log_of_files import DIGEST, LOG, log_of_files
-from glider_twin_ops.watching.made_parts import content_of
+from glider_twin_ops.watching.log_of_files import DIGEST, LOG, content_of, log_of_files
 from glider_twin_ops.watching.morning import Morning
-from glider_twin_ops.watching.noticed import EVENTS, noticed, write_events
+from glider_twin_ops.watching.watch_pass import BELIEFS, EVENTS, noticed, write_events
 from twin.__main__ import PROGRAM
 from twin.errors import WriteError
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from logs import Flight, write_basestation, write_slocum
 
-from glider_twin_ops.files.seaglider_commands import read_commands
+from glider_twin_ops.files import read_commands
 from glider_twin_ops.watching import WatchedDeployment
 from glider_twin_ops.watching.learning_dives import propose_learning
 from glider_twin_ops.watching.log_of_files import log_of_files

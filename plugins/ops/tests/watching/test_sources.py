@@ -11,7 +11,7 @@ from examples import ROOT
 
 from glider_twin_ops.watching import SOURCES, Source, WatchedDeployment
 from glider_twin_ops.watching.sources.base import newest_dialogue, source_of
-from glider_twin_ops.watching.sources.comm_log import read_calls
+from glider_twin_ops.watching.sources.dialogues import read_calls
 from twin.errors import InputError
 
 CALLS = """Connected at 2026-02-16T19:30:00Z (sg272)

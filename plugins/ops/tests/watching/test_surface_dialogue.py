@@ -11,7 +11,7 @@ import pytest
 from glider_twin_ops.pages.morning_page import summary
 from glider_twin_ops.watching import WatchedDeployment, one_pass
 from glider_twin_ops.watching.sources.base import newest_dialogue
-from glider_twin_ops.watching.sources.surface_dialogue import read_dialogues
+from glider_twin_ops.watching.sources.dialogues import read_dialogues
 
 TEXT = """
 Connection Event: Carrier Detect found.

@@ -27,24 +27,19 @@ from logs import (
 from PIL import Image
 
 from glider_twin_ops.commands.watch import _late
-from glider_twin_ops.files.seaglider_commands import commanded, read_commands
-from glider_twin_ops.files.seaglider_science import read_science
-from glider_twin_ops.files.seaglider_targets import read_targets
+from glider_twin_ops.files import commanded, read_commands, read_science, read_targets
 from glider_twin_ops.forecast import LoggedLeg, NoticeBox, mission_to, notice_boxes
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health import CHANNELS, DeploymentHealth, KindVerdict
 from glider_twin_ops.health.judgement import follow
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
 from glider_twin_ops.watching.expected_plan import _onward
-from glider_twin_ops.watching.kept_beliefs import BELIEFS
-from glider_twin_ops.watching.log_of_files import LOG, log_of_files
-from glider_twin_ops.watching.made_parts import content_of
+from glider_twin_ops.watching.log_of_files import LOG, content_of, log_of_files
 from glider_twin_ops.watching.morning import Morning, morning
 from glider_twin_ops.watching.news import _moved, apart, news, surfaced
-from glider_twin_ops.watching.noticed import noticed
 from glider_twin_ops.watching.proposed_files import proposed_files
 from glider_twin_ops.watching.sources.base import SurfaceDialogue
-from glider_twin_ops.watching.watch_pass import PARTS, alone
+from glider_twin_ops.watching.watch_pass import BELIEFS, PARTS, alone, noticed
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, MissionError, WriteError
 from twin.navigation.current import Leg

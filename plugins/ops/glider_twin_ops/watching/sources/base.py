@@ -1,4 +1,4 @@
-"""Source: what watching must know of one sort of files that arrive."""
+"""Source: which logs come from where, and what a vehicle said at the surface."""
 
 from __future__ import annotations
 
@@ -86,13 +86,13 @@ SOURCES: Registry[Source] = Registry(
     base="glider_twin_ops.watching.Source",
     page="howto/watch.md#a-source-of-your-own",
     shipped={
-        "slocum": "glider_twin_ops.watching.sources.kinds:SLOCUM",
-        "seaglider": "glider_twin_ops.watching.sources.kinds:SEAGLIDER",
-        "seaexplorer": "glider_twin_ops.watching.sources.kinds:SEAEXPLORER",
-        "lrauv": "glider_twin_ops.watching.sources.kinds:LRAUV",
-        "netcdf": "glider_twin_ops.watching.sources.kinds:NETCDF",
-        "tables": "glider_twin_ops.watching.sources.kinds:TABLES",
-        "erddap": "glider_twin_ops.watching.sources.kinds:ERDDAP",
+        "slocum": "glider_twin_ops.watching.sources.base:SLOCUM",
+        "seaglider": "glider_twin_ops.watching.sources.base:SEAGLIDER",
+        "seaexplorer": "glider_twin_ops.watching.sources.base:SEAEXPLORER",
+        "lrauv": "glider_twin_ops.watching.sources.base:LRAUV",
+        "netcdf": "glider_twin_ops.watching.sources.base:NETCDF",
+        "tables": "glider_twin_ops.watching.sources.base:TABLES",
+        "erddap": "glider_twin_ops.watching.sources.base:ERDDAP",
     },
     check=instance_of("source", Source),
 )
@@ -152,3 +152,62 @@ def newest_dialogue(
                     continue  # a page without a dialogue says less; without it there is none
                 known += [one for one in found if last is None or one.time <= last]
     return max(known, key=lambda one: one.time, default=None)
+
+
+SLOCUM = Source(
+    name="slocum",
+    says="folder of a dockserver: .sbd and .tbd (.dbd, .ebd, .mbd, .nbd; compressed, too) with "
+    "their .cac, and the surface dialogues *.log",
+    logs=("slocum",),
+    dialogues=r".+\.log",
+    read_dialogues="glider_twin_ops.watching.sources.dialogues:read_dialogues",
+)
+"""Teledyne's Slocum gliders."""
+
+SEAGLIDER = Source(
+    name="seaglider",
+    says="folder of a base station: p*.nc, a dive each, and comm.log with every call",
+    logs=("seaglider",),
+    dialogues=r"comm(?:_\w+)?\.log",
+    read_dialogues="glider_twin_ops.watching.sources.dialogues:read_calls",
+)
+"""Seagliders and their basestation."""
+
+SEAEXPLORER = Source(
+    name="seaexplorer",
+    says="folder of .gli and .pld1 files, a cycle each, plain or gzip",
+    logs=("seaexplorer",),
+)
+"""Alseamar's SeaExplorer gliders."""
+
+LRAUV = Source(
+    name="lrauv",
+    says="folder of .mat and .nc4 logs, one for each time the vehicle began a log",
+    logs=("lrauv",),
+    joins=True,
+)
+"""MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
+
+NETCDF = Source(
+    name="netcdf",
+    says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",
+    logs=("og1", "ngdac", "spray"),
+)
+"""Files of one deployment, or one that grows."""
+
+TABLES = Source(
+    name="tables",
+    says="folder of tables, or of logs of a kind of your own",
+    logs=("csv",),
+)
+"""Tables of any vehicle, by a mapping; and importers from outside the package."""
+
+ERDDAP = Source(
+    name="erddap",
+    says="a tabledap data set of an ERDDAP server, https://SERVER/erddap/tabledap/DATASET, read as "
+    "a table by the mapping of deployment.toml",
+    logs=("csv",),
+    address=r"https?://[^?#]+/tabledap/[^/?#]+/?$",
+    fetch="glider_twin_ops.watching.sources.erddap:fetch_days",
+)
+"""Data sets of a server."""
