@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from twin.show.figures.map_ground import rings as rings
     from twin.show.figures.overview import overview_figure as overview_figure
     from twin.show.figures.page_layout import INDEX as INDEX
-    from twin.show.figures.page_layout import SHADED as SHADED
     from twin.show.figures.page_layout import Page as Page
     from twin.show.figures.page_layout import add_caption as add_caption
     from twin.show.figures.page_layout import check_page_target as check_page_target

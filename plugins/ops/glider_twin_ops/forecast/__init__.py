@@ -19,6 +19,7 @@ from glider_twin_ops.forecast.known import known_from_logs as known_from_logs
 from glider_twin_ops.forecast.known import known_without_logs as known_without_logs
 from glider_twin_ops.forecast.logged_leg import LoggedLeg as LoggedLeg
 from glider_twin_ops.forecast.logged_leg import legs_of as legs_of
+from glider_twin_ops.forecast.logged_leg import place_at as place_at
 from glider_twin_ops.forecast.members import MemberFlight as MemberFlight
 from glider_twin_ops.forecast.members import fly_nominal as fly_nominal
 from glider_twin_ops.forecast.request import FIELD_ERROR as FIELD_ERROR

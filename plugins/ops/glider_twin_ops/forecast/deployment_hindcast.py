@@ -7,7 +7,6 @@ Scores tell by how much forecasts miss, how sure that is, and whether ellipses h
 from __future__ import annotations
 
 import dataclasses
-import datetime
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -26,13 +25,12 @@ from glider_twin_ops.forecast.walk import (
     Walked,
     walk,
 )
-from twin import Origin, load_vehicle
+from twin import load_vehicle
 from twin.checks import EndsApart
 from twin.errors import InputError, StoreError
 from twin.geodesy import to_tangent_plane
 from twin.identify import start_vehicle
 from twin.numbers import Array
-from twin.physics import utc_text
 from twin.records import LogStore
 from twin.water.current import Current
 
@@ -167,11 +165,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
       A function, which raises CurrentError where the field does not cover a leg.
     """
     first = legs[0]
-    origin = Origin(
-        latitude_deg=first.begin[0],
-        longitude_deg=first.begin[1],
-        time=utc_text(datetime.datetime.fromtimestamp(first.leg.start, datetime.UTC)),
-    )
+    origin = first.origin
     part = np.linspace(0.0, 1.0, POINTS)
 
     def mean(one: LoggedLeg, alike: LoggedLeg, way: Array, duration: float) -> Pair:

@@ -20,6 +20,7 @@ from glider_twin_ops.forecast.logged_leg import (
     dive_times,
     flown_velocities,
     legs_of,
+    place_at,
     why_no_legs,
 )
 from glider_twin_ops.forecast.surfacing_schedule import Rhythm
@@ -28,7 +29,7 @@ from glider_twin_ops.forecast.way_pool import WayPool
 from twin import Origin
 from twin.cli import counted
 from twin.errors import InputError, StoreError
-from twin.geodesy import great_circle, position
+from twin.geodesy import great_circle
 from twin.navigation import chi_squared
 from twin.navigation.current import CurrentFilter
 from twin.physics import parse_place, utc_text
@@ -178,7 +179,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
     last = legs[-1]
     return Known(
         pool=walked.pool,
-        place=_moved(last.leg.over_ground, last.begin),
+        place=last.end,
         time=last.leg.end,
         last_current=(float(last.leg.current[0]), float(last.leg.current[1])),
         source=f"{counted(len(legs), 'dive')} from fix to fix of {deployment} (way through the "
@@ -204,7 +205,7 @@ def aim_of(path: str | Path) -> str:
         legs = legs_of(logs, _last_deployment(logs)[0])
     if not legs or not legs[-1].targets:
         return ""
-    latitude, longitude = _moved(legs[-1].targets[-1], legs[-1].begin)
+    latitude, longitude = place_at(legs[-1].targets[-1], legs[-1].begin)
     return f"{latitude:.4f},{longitude:.4f}"
 
 
@@ -264,10 +265,3 @@ def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:
     moving = rate[rate > MOVING]
     rise = float(depth[-1] / np.median(moving)) if len(moving) else 0.0
     return LastSeen(time=ends[row], depth=float(depth[-1]), rise=max(rise, 0.0))
-
-
-def _moved(metres: tuple[float, float], begin: tuple[float, float]) -> tuple[float, float]:
-    """Latitude, longitude [degree] so far north and east of a place."""
-    north, east = (np.array([value]) for value in metres)
-    latitude, longitude = position(north, east, *begin)
-    return float(latitude[0]), float(longitude[0])

@@ -12,6 +12,7 @@ What a leg's way through the water is, by what its log holds:
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,10 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin import Origin
 from twin.cli import counted
+from twin.geodesy import position
 from twin.logs import fixes_at, track_velocity
 from twin.navigation.current import Leg
 from twin.numbers import Array
+from twin.physics import utc_text
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import utc_clock, utc_minute
@@ -59,6 +63,25 @@ class LoggedLeg:
     believed: tuple[float, float] | None = None
     """North, east [m/s] of the current that the vehicle knew when it dived; None where the log does
     not say"""
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Latitude, longitude [degree] of the fix after."""
+        return place_at(self.leg.over_ground, self.begin)
+
+    @property
+    def origin(self) -> Origin:
+        """Place and time of the fix before."""
+        begin = datetime.datetime.fromtimestamp(self.leg.start, datetime.UTC)
+        latitude, longitude = self.begin
+        return Origin(latitude_deg=latitude, longitude_deg=longitude, time=utc_text(begin))
+
+
+def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tuple[float, float]:
+    """Latitude, longitude [degree] so far north and east [m] of a place."""
+    north, east = (np.array([float(value)]) for value in metres)
+    latitude, longitude = position(north, east, *begin)
+    return float(latitude[0]), float(longitude[0])
 
 
 def legs_of(

@@ -8,7 +8,6 @@ beyond the last waypoint, and where a log has none, the course goes on.
 from __future__ import annotations
 
 import copy
-import datetime
 import math
 from collections.abc import Sequence
 
@@ -21,12 +20,11 @@ from glider_twin_ops.forecast.members import MemberFlight, fly, members_of
 from glider_twin_ops.forecast.request import Request
 from glider_twin_ops.forecast.surfacing import surfacings_of
 from glider_twin_ops.forecast.way_pool import WayPool
-from twin import Origin, Scenario, Vehicle
+from twin import Scenario, Vehicle
 from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import MissionError
 from twin.mission import Mission, Waypoint
 from twin.numbers import Array
-from twin.physics import utc_text
 from twin.records import LogStore
 
 HOUR = 3600.0
@@ -83,11 +81,7 @@ class MemberFlights:
           Mean of where they come up, north and east [m] from the begin, (2,), and covariance of
           members and fix [m2], (2, 2); None where they tell nothing (`unflown`).
         """
-        place = Origin(
-            latitude_deg=one.begin[0],
-            longitude_deg=one.begin[1],
-            time=utc_text(datetime.datetime.fromtimestamp(one.leg.start, datetime.UTC)),
-        )
+        place = one.origin
         try:
             request = Request(
                 vehicle=self._vehicle,

@@ -24,11 +24,10 @@ import numpy as np
 
 from glider_twin_ops.forecast import surfacing_schedule, way_pool
 from glider_twin_ops.forecast.current_models import PRIORS, CurrentPool, TidalFit
-from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, usual_duration
+from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, place_at, usual_duration
 from glider_twin_ops.forecast.pool import Mixture, Prior
 from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle
 from glider_twin_ops.forecast.way_pool import WayPool, plain_velocity
-from twin.geodesy import position
 from twin.navigation import chi_squared
 from twin.navigation.current import Leg, Reaches
 from twin.numbers import Array
@@ -293,7 +292,7 @@ def _judge(
         scored=True,
         places={
             "begin": one.begin,
-            **{name: _place(metres, one.begin) for name, metres in places.items()},
+            **{name: place_at(metres, one.begin) for name, metres in places.items()},
         },
         expected_hours=duration / HOUR,
         surfacing=Judged(
@@ -343,11 +342,6 @@ def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
     return Leg(
         start=leg.start, duration=duration, over_ground=unknown, through_water=_pair(through)
     )
-
-
-def _place(metres: Array, begin: Pair) -> Pair:
-    latitude, longitude = position(metres[:1], metres[1:], *begin)
-    return float(latitude[0]), float(longitude[0])
 
 
 def _pair(values: Array) -> Pair:

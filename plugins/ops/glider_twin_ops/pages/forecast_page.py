@@ -227,8 +227,7 @@ INDEX, DOCUMENT, GEOJSON = "index.html", "forecast.json", "forecast.geojson"
 FILES = (INDEX, DOCUMENT, GEOJSON)
 HOUR = 3600.0
 
-STYLE = """
-:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
+STYLE = """:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
   --ground: #fff; --shade: #0004; }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
@@ -315,7 +314,7 @@ def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = No
 
 def page(found: Forecast, *, reload_s: float | None = None) -> str:
     """The HTML text."""
-    from twin.show.figures import SHADED
+    from twin.show import html_page
 
     request, place = found.request, found.request.place
     title = f"{request.vehicle.name}: the next surfacings"
@@ -335,18 +334,16 @@ def page(found: Forecast, *, reload_s: float | None = None) -> str:
     cells = "".join(
         f"<div><dt>{_text(name)}</dt><dd>{_text(value)}</dd></div>" for name, value in facts.items()
     )
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"{again}<title>{_text(title)}</title>\n<style>{STYLE}{SHADED}</style></head>\n<body>\n"
+    body = (
         f'<h1>{_text(title)}</h1>\n<p class="lead">{_text(lead)}</p>\n'
         f"{draw_map(found)}\n"
         '<p class="lead">Ellipses hold 50 and 90 % of the surfacings; the table has their '
         "semi-axes, from the middle to the edge, and the bearing of the longer. "
         "Dots are members, the broken line is the mean of what is known. "
         "Coast: Natural Earth 1:50m, coarse.</p>\n"
-        f"{_table(found)}\n<dl>{cells}</dl>\n<script>{SCRIPT}</script>\n</body></html>\n"
+        f"{_table(found)}\n<dl>{cells}</dl>\n<script>{SCRIPT}</script>"
     )
+    return html_page(title, body, style=STYLE, head=again)
 
 
 def _table(found: Forecast) -> str:

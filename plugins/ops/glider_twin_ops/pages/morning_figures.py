@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
-from glider_twin_ops.watching.expected_plan import end_of
 from twin.numbers import Array
 from twin.show import style
 from twin.show.dates import LABEL, draw_dates
@@ -68,7 +67,7 @@ def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
 
 def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -> None:
     begins = np.array([one.begin for one in legs])
-    ends = np.array([end_of(one) for one in legs])
+    ends = np.array([one.end for one in legs])
     rings: list[Array] = []
     if found is not None:
         place = found.request.place

@@ -33,49 +33,42 @@ AUTO = "auto"
 FIRST_LINE = "# Written by `twin watch --new`. Edit it: the next pass takes it as it is then.\n"
 
 
+def _key(default: Any, says: str) -> Any:
+    """A key of the file, with what the file says of it; empty texts and 0 leave it open."""
+    return dataclasses.field(default=default, metadata={"says": says})
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WatchedDeployment:
     """One deployment's folder and its settings; every field but `folder` is a key of the file."""
 
     folder: Path
-    source: str
-    """Folder into which files of the vehicle arrive, from the deployment's folder on or absolute;
-    or the address of a server's data set"""
-    vehicle: str = ""
-    """What `twin identify` wrote, or a shipped name; empty: that of the log's kind"""
-    kind: str = AUTO
-    """Kind of the logs; auto: what the files look like"""
-    recursive: bool = False
-    """Whether the folders below the source are watched, too"""
-    cache: str = ""
-    """Folder of a Slocum's cache files; empty: beside the logs"""
-    mapping: str = ""
-    """What the columns of csv tables are, as `factory import --mapping`"""
-    variation_deg: float | str = ""
-    """[degree] Magnetic variation, east positive; empty: the log's own"""
-    goto: str = ""
-    """Places "LAT,LON[;LAT,LON]" that it is sent to; empty: it goes on as in its last dive"""
-    mission: str = ""
-    """Mission file instead, TOML or a Slocum's .mi"""
-    current: str = ""
-    """Forecast of the current, as `twin forecast --current` takes it; empty: what the dives told
-    goes on"""
-    samples: float = 1.0
-    """Part of its samples that a proposed science file of a Seaglider keeps"""
-    depth_m: float = 0.0
-    """Of --goto's dives; 0: as deep as the last ones"""
-    surface_every_h: float = 0.0
-    """Under water between surfacings; 0: as long as the last dives"""
-    hours: float = 12.0
-    """How far ahead surfacings are told [h]"""
-    members: int = 100
-    """Of the forecast"""
-    energy_kwh: float = 0.0
-    """[kW h] in the batteries when the first dive of the log began; 0: not known"""
-    home: str = ""
-    """Place "LAT,LON" that it must reach before its energy is gone; empty: none"""
-    false_alarm_days: float = 30.0
-    """[d] of a sound vehicle in which one false alarm is borne"""
+    source: str = _key(
+        dataclasses.MISSING, "folder in which files of the vehicle arrive, or a server's data set"
+    )
+    vehicle: str = _key(
+        "", 'what `twin identify` wrote, or a shipped name; "": that of the kind of log'
+    )
+    kind: str = _key(AUTO, "of the logs, as `factory import` names it; auto: what they look like")
+    recursive: bool = _key(False, "whether folders below the source are watched, too")
+    cache: str = _key("", 'folder of a Slocum\'s .cac files; "": beside the logs')
+    mapping: str = _key("", "for kind csv: what the columns are")
+    variation_deg: float | str = _key("", 'magnetic variation, east positive; "": the log\'s own')
+    goto: str = _key("", 'LAT,LON[;LAT,LON] that it is sent to; "": it goes on as in its last dive')
+    mission: str = _key("", "or the mission file that it flies")
+    current: str = _key(
+        "", 'its forecast, forecast.nc or grid:forecast.nc,...; "": what the dives told goes on'
+    )
+    samples: float = _key(
+        1.0, "part of the samples that a Seaglider's proposed science file keeps; 1: none is"
+    )
+    depth_m: float = _key(0.0, "of its dives to goto; 0: as the last ones")
+    surface_every_h: float = _key(0.0, "under water between surfacings; 0: as the last dives")
+    hours: float = _key(12.0, "that the forecast reaches ahead")
+    members: int = _key(100, "that the forecast draws")
+    energy_kwh: float = _key(0.0, "in the batteries when the first dive began; 0: not known")
+    home: str = _key("", 'LAT,LON that it must reach before its energy is gone; "": none')
+    false_alarm_days: float = _key(30.0, "in which one false alarm is borne")
 
     def __post_init__(self) -> None:
         where = f"{self.folder / SETTINGS}"
@@ -212,7 +205,7 @@ class WatchedDeployment:
             if field.name == "folder":
                 continue
             value: Any = getattr(self, field.name)
-            lines.append(f"{field.name} = {json.dumps(value)}  # {_HELP[field.name]}\n")
+            lines.append(f"{field.name} = {json.dumps(value)}  # {field.metadata['says']}\n")
         return "".join(lines)
 
     def place(self, name: str) -> Path:
@@ -234,24 +227,4 @@ _WORDS: dict[type, str] = {
     bool: "true or false",
     int: "a whole number",
     float: "a number",
-}
-_HELP = {
-    "source": "folder in which files of the vehicle arrive, or a server's data set",
-    "vehicle": 'what `twin identify` wrote, or a shipped name; "": that of the kind of log',
-    "kind": "of the logs, as `factory import` names it; auto: what they look like",
-    "recursive": "whether folders below the source are watched, too",
-    "cache": 'folder of a Slocum\'s .cac files; "": beside the logs',
-    "mapping": "for kind csv: what the columns are",
-    "variation_deg": 'magnetic variation, east positive; "": the log\'s own',
-    "goto": 'LAT,LON[;LAT,LON] that it is sent to; "": it goes on as in its last dive',
-    "mission": "or the mission file that it flies",
-    "current": 'its forecast, forecast.nc or grid:forecast.nc,...; "": what the dives told goes on',
-    "samples": "part of the samples that a Seaglider's proposed science file keeps; 1: none is",
-    "depth_m": "of its dives to goto; 0: as the last ones",
-    "surface_every_h": "under water between surfacings; 0: as the last dives",
-    "hours": "that the forecast reaches ahead",
-    "members": "that the forecast draws",
-    "energy_kwh": "in the batteries when the first dive began; 0: not known",
-    "home": 'LAT,LON that it must reach before its energy is gone; "": none',
-    "false_alarm_days": "in which one false alarm is borne",
 }

@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast import LoggedLeg, mission_to
+from glider_twin_ops.forecast import LoggedLeg, mission_to, place_at
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
 from twin import Vehicle
-from twin.geodesy import position, wrap_longitude
+from twin.geodesy import wrap_longitude
 from twin.mission import Mission, load_mission_for
+from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.show.dates import moment_of
@@ -120,18 +121,9 @@ def _onward(last: LoggedLeg) -> tuple[str, str, bool]:
     return _place(there, last.begin), words, True
 
 
-def _place(moved: np.ndarray, begin: tuple[float, float]) -> str:
-    north, east = (np.array([float(metres)]) for metres in moved)
-    latitude, longitude = position(north, east, *begin)
-    turned = wrap_longitude(longitude)
-    return f"{float(latitude[0]):.5f},{float(turned[0]):.5f}"
-
-
-def end_of(leg: LoggedLeg) -> tuple[float, float]:
-    """Latitude, longitude [degree] of the fix after a dive."""
-    north, east = (np.array([metres]) for metres in leg.leg.over_ground)
-    latitude, longitude = position(north, east, *leg.begin)
-    return float(latitude[0]), float(longitude[0])
+def _place(metres: Array, begin: tuple[float, float]) -> str:
+    latitude, longitude = place_at(metres, begin)
+    return f"{latitude:.5f},{float(wrap_longitude(np.asarray(longitude))):.5f}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -14,18 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast import Request, fly_nominal, legs_of
+from glider_twin_ops.forecast import Request, fly_nominal, legs_of, place_at
 from glider_twin_ops.health import MostTelling, information_of, most_telling, typical_dive
 from glider_twin_ops.health.manoeuvres import LEARNED, Manoeuvre
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
-from glider_twin_ops.watching.expected_plan import end_of
 from glider_twin_ops.watching.log_of_files import LOG
 from glider_twin_ops.watching.morning import vehicle_of_log
 from glider_twin_ops.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
 from twin import Vehicle
 from twin.cli import format_table
 from twin.errors import InputError, SimulationUnstable
-from twin.geodesy import position
 from twin.identify import load_calibration, load_logs
 from twin.mission import Mission, Waypoint
 from twin.records import LogStore, is_store
@@ -124,7 +122,7 @@ def propose_learning(deployment: WatchedDeployment) -> LearningDives:
     course = math.degrees(math.atan2(east, north)) % 360.0
     usual = typical_dive(store, name, vehicle)
     telling = most_telling(calibration, usual, information, noise=noise, course_deg=course)
-    start = end_of(legs[-1])
+    start = legs[-1].end
     dives = tuple(
         _dive(one, one.words(usual), kind, vehicle, start, course) for one in telling.chosen
     )
@@ -149,11 +147,9 @@ def _dive(
     course: float,
 ) -> LearningDive:
     turn = math.radians(course + one.turn_deg)
-    latitude, longitude = position(
-        np.array([AHEAD * math.cos(turn)]), np.array([AHEAD * math.sin(turn)]), *start
-    )
+    latitude, longitude = place_at((AHEAD * math.cos(turn), AHEAD * math.sin(turn)), start)
     segment = Waypoint(
-        targets=({"latitude": float(latitude[0]), "longitude": float(longitude[0])},),
+        targets=({"latitude": latitude, "longitude": longitude},),
         max_depth_m=one.dive.depth,
         min_depth_m=SHALLOW,
         pitch_deg=one.dive.pitch,

@@ -240,12 +240,12 @@ def morning(
             "h older than the last fix"
         )
     vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
-    shared: dict[str, Any] = {
+    tells: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
-        "dialogue": dialogue, "came_up": came_up,
+        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle,
     }  # fmt: skip
     if vehicle is None:
-        return Morning(**shared, lacking=tuple(lacking))
+        return Morning(**tells, lacking=tuple(lacking))
     if odd := other_kind(store, vehicle):
         lacking.append(odd.replace(str(store), store.name))
     if not identified(vehicle):
@@ -273,9 +273,11 @@ def morning(
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
     lasts = None if used is None or left is None else endurance_of(used, left)
-    outlook = None
-    flown, plan, files, routes = None, "", None, None
-    changes: tuple[Mapping[str, str], ...] = ()
+    tells |= {
+        "health": found[0] if found else None, "followed": followed,
+        "followed_dives": tuple(by_row[row] for row in followed.rows) if followed else (),
+        "used": used, "energy_left_kwh": left, "lasts": lasts,
+    }  # fmt: skip
     if not legs:
         lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
     else:
@@ -284,22 +286,22 @@ def morning(
         expected = told(FORECAST, lambda: expected_plan(deployment, store, takes, legs))
         if expected is not None and deployment.goto:
             plan_of, now = expected.mission, flown_files(folder_of(deployment))
-            files = told(
+            files = tells["proposed"] = told(
                 "proposal",
                 lambda: proposed_files(source, plan_of, takes, now, deployment.samples),
             )
             if files is not None:
                 expected = dataclasses.replace(expected, mission=files.mission)
-        fix = Morning(**shared).last_fix
+        fix = Morning(**tells).last_fix
         answer = None if expected is None or fix is None else told(
             FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
         )  # fmt: skip
         if expected is not None and answer is not None:
-            flown, plan, known = answer
-            changes = expected.changes
+            tells["surfacings"], tells["plan"], known = answer
+            tells["changes"] = expected.changes
             if deployment.goto:
                 say("routes")
-                routes = told("routes", lambda: _routes(answer[0].request, known, say))
+                tells["routes"] = told("routes", lambda: _routes(answer[0].request, known, say))
             if expected.guessed:
                 lacking.append(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
@@ -307,30 +309,14 @@ def morning(
                 )
             if used is not None and lasts is not None:
                 say("endurance")
-                outlook = told(
+                outlook = tells["outlook"] = told(
                     "endurance",
                     lambda: energy_outlook(
                         answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
                     ),
                 )
                 lacking += () if outlook is None else outlook.lacking
-    return Morning(
-        **shared,
-        vehicle=vehicle,
-        health=found[0] if found else None,
-        followed=followed,
-        followed_dives=tuple(by_row[row] for row in followed.rows) if followed else (),
-        used=used,
-        energy_left_kwh=left,
-        lasts=lasts,
-        outlook=outlook,
-        surfacings=flown,
-        plan=plan,
-        changes=changes,
-        routes=routes,
-        proposed=files,
-        lacking=tuple(lacking),
-    )
+    return Morning(**tells, lacking=tuple(lacking))
 
 
 def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:

@@ -11,7 +11,6 @@ import numpy as np
 
 from glider_twin_ops.forecast import LoggedLeg
 from glider_twin_ops.health import CHANNELS
-from glider_twin_ops.watching.expected_plan import end_of
 from glider_twin_ops.watching.morning import Morning
 from twin.cli import counted
 from twin.geodesy import great_circle, offset
@@ -113,7 +112,7 @@ def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> l
 
 def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
     """One surfacing as it was foretold and as it was."""
-    latitude, longitude = end_of(leg)
+    latitude, longitude = leg.end
     away = great_circle(latitude, longitude, told["latitude"], told["longitude"])
     ellipse = told["ellipse_90"]
     north, east = offset(
