@@ -31,7 +31,7 @@ from factory.sampling.mission_water import build_current
 from learn.data.dataset import Selection
 from twin.navigation.current import Leg
 from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, RATES
-from twin.seams import BASELINES
+from twin.seams import VELOCITY_ESTIMATORS
 from twin.water.current.axes import Origin
 from twin.water.current.sampler import sample_track
 
@@ -62,12 +62,13 @@ class Dives:
 def dives_of(store: str, seas: int) -> Iterator[Dives]:
     """Of each mission that has known ones."""
     with GeneratedStore(store) as generated:
-        method = BASELINES[METHOD](vehicle=generated.vehicle)
+        kind = VELOCITY_ESTIMATORS[METHOD]
         drawn_seas = [_sea(generated, number) for number in range(seas)]
-        channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *method.needs(generated.vehicle), "true_depth")
+        channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *kind.needs(generated.vehicle), "true_depth")
         with Selection(store, list(dict.fromkeys(channels))) as selection:
+            method = kind(generated.vehicle, selection.period)
             for mission in selection.each():
-                found = method.estimate(mission.signals, mission.period)
+                found = method.batch(mission.signals)
                 legs = legs_of(mission, found.surge, found.sway)
                 legs = [leg for leg in legs if leg.through_water is not None]
                 if not legs:

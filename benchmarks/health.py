@@ -38,10 +38,9 @@ from glider_twin_ops.health.deployment_dives import told_by
 from glider_twin_ops.health.deployment_health import DeploymentHealth
 from glider_twin_ops.health.disturbances import standing
 from glider_twin_ops.health.fault_detector import FaultDetector
-from glider_twin_ops.health.judgement import follow, sure
+from glider_twin_ops.health.judgement import follow, sure, threshold_of
 from glider_twin_ops.health.judgement import judge as weigh
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
-from glider_twin_ops.health.judgement import threshold_of
 from glider_twin_ops.presets.deployment import DeploymentDraw, faulty_of
 from glider_twin_ops.presets.deployments import (
     CHUNK,

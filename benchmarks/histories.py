@@ -6,8 +6,8 @@ A history of `factory generate` has one to three killed runs and spoilt files of
 store, then a run to the end. Kinds of kill: the parent, one of two workers, three commands with
 --shard at once, a worker of a dask cluster which another one replaces. The store must have, byte
 for byte, the tree that an undisturbed process makes, with nothing beside it, and `factory verify`
-must then name the file in which a bit is flipped. A killed `import` leaves the old store or the new
-one whole, a killed pass of `watch` what the next one completes.
+must name the file of a flipped bit. A killed `import` leaves the old store or the new one whole, a
+killed pass of `watch` what the next one completes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from clusters import dask_cluster  # noqa: E402
+from clusters import dask_cluster  # type: ignore[import-not-found]  # noqa: E402
 from clusters import worker as dask_worker  # noqa: E402
 
 import factory  # noqa: E402
@@ -52,11 +52,8 @@ HOURS = 1.0
 """[h] of a store, in missions of two to four minutes"""
 DONE, TOLD, CRASHED = 0, 3, 4
 """Exit codes of a process: done, one line of error, a traceback"""
-WAIT_S = 300.0
-"""[s] after which a process that should have ended is taken for hung"""
-PARTS = [StorePart(index, 3) for index in range(3)]
-MOST_KILLS = 3
-"""In one history"""
+WAIT_S = 300.0  # after which a process that should have ended is taken for hung
+PARTS, MOST_KILLS = [StorePart(index, 3) for index in range(3)], 3
 KEPT = ("recipe.json", "array.json", "lock")
 """Files of an unfinished store that are not spoilt: without them it is another one"""
 
@@ -93,14 +90,6 @@ def wait(process: int, *, kill: bool = False) -> int:
     os.kill(process, signal.SIGKILL)
     os.waitpid(process, 0)
     raise TimeoutError(f"process {process} did not end in {WAIT_S:g} s")
-
-
-def children(process: int) -> list[int]:
-    """Processes that a process has started and that are there."""
-    with contextlib.suppress(OSError):
-        text = Path(f"/proc/{process}/task/{process}/children").read_text()
-        return [int(word) for word in text.split()]
-    return []
 
 
 def digest(folder: Path, pattern: str = "*") -> str:
@@ -159,10 +148,10 @@ def harm(ground: Ground, kind: str, store: Path) -> int:
         ground.workers.append(dask_worker(ground.address))
         return wait(process)
     process = ground.begin(partial(generate, recipe, store, workers=2, resume=True))
-    if kind == "worker":  # the system does so without memory
-        for one in children(process)[:1]:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(one, signal.SIGKILL)
+    if kind == "worker":
+        with contextlib.suppress(OSError, IndexError):  # it may have ended
+            text = Path(f"/proc/{process}/task/{process}/children").read_text()
+            os.kill(int(text.split()[0]), signal.SIGKILL)
     code = wait(process, kill=kind == "parent")
     return DONE if code == TOLD else code
 
@@ -249,8 +238,8 @@ def of_import(ground: Ground, kind: str, times: int) -> list[str]:
     old, new, store = place / "old.zarr", place / "new.zarr", place / "store.zarr"
 
     def reading(out: Path, period: float) -> Callable[[], object]:
-        options = {"period": period, "overwrite": True}
-        return lambda: factory.import_logs("slocum", [place / "logs"], out, **options)
+        read = partial(factory.import_logs, "slocum", [place / "logs"], out)
+        return partial(read, period=period, overwrite=True)
 
     def values() -> str | None:
         return None if check_files(store).problems else digest(store, "c/**/*")

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.figures import measured
-from learn.networks.context_delay import ContextDelay
+from learn.networks.elman import ContextDelay
 
 SAMPLES = 80_000
 INPUTS = 12

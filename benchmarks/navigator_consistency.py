@@ -37,7 +37,7 @@ from learn.run import open_run
 from twin.navigation.current import Leg, consistency_of
 from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation, VelocityEstimator
 from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, RATES, Navigator
-from twin.seams import BASELINES
+from twin.seams import VELOCITY_ESTIMATORS
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def records(
         latitudes = generated.array("water_latitude").astype(float).tolist()
     found = [legs_of(*one) for one in _velocities(store, vehicle, run)]
     if run is None:
-        return found, BASELINES[METHOD](vehicle=vehicle).deviation, compass, latitudes
+        return found, VELOCITY_ESTIMATORS[METHOD](vehicle, SAMPLE_S).deviation, compass, latitudes
     return found, network_deviation(open_run(run), vehicle), compass, latitudes
 
 
@@ -124,10 +124,11 @@ def _velocities(
                 time = mission.period * np.arange(mission.samples)
                 yield mission, *(np.interp(time, one.time, v) for v in (one.surge, one.sway))
         return
-    method = BASELINES[METHOD](vehicle=vehicle)
-    with Selection(store, list(dict.fromkeys([*CHANNELS, *method.needs(vehicle)]))) as selection:
+    kind = VELOCITY_ESTIMATORS[METHOD]
+    with Selection(store, list(dict.fromkeys([*CHANNELS, *kind.needs(vehicle)]))) as selection:
+        method = kind(vehicle, selection.period)
         for mission in selection.each():
-            found = method.estimate(mission.signals, mission.period)
+            found = method.batch(mission.signals)
             yield mission, found.surge, found.sway
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from factory.generation.generated_store import GeneratedStore
-from factory.generation.manifest import missions_kept
+from factory.generation.job import missions_kept
 from factory.generation.target import unfinished_settings
 from twin.errors import StoreError
 from twin.records.attributes import DURATION, SPLITS
@@ -33,8 +33,8 @@ def unfinished(path: StorePath) -> Unfinished | None:
     """What an unfinished store holds so far; None when the store is complete or no store."""
     if not is_unfinished(path):
         return None
-    for site, settings in unfinished_settings(path):
-        return Unfinished(store=path, settings=settings, missions_kept=missions_kept(site))
+    for folder, settings in unfinished_settings(path):
+        return Unfinished(store=path, settings=settings, missions_kept=missions_kept(folder))
     raise StoreError(
         f"store {path} was begun by an older glider-twin and is incomplete: `factory generate "
         "--overwrite` starts again"

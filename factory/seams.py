@@ -1,6 +1,6 @@
 """Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
 
-Here are those of logs, exports and drawn segments.
+Here are those of logs and exports.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ IMPORTERS: Registry[Any] = Registry(
         "csv": "factory.importing.formats.kinds:CSV",
     },
     apart=dict.fromkeys(("lrauv", "mcap", "rosbag2", "ardusub", "dorado", "lsf"), PROTOCOLS),
-    check="factory.importing.formats.base:check_importer",
+    objects=True,
 )
 """Logs that can be imported."""
 
@@ -43,24 +43,6 @@ EXPORTERS: Registry[Any] = Registry(
         "parquet": "factory.exporting.base:PARQUET",
     },
     apart=dict.fromkeys(("huggingface", "lerobot"), "plugins/hubs") | {"mcap": PROTOCOLS},
-    check="factory.exporting.base:check_exporter",
+    objects=True,
 )
 """Formats that a store can be exported to."""
-
-MISSION_KINDS: Registry[Any] = Registry(
-    "kind of mission",
-    group="glider_twin.mission_kinds",
-    folder="factory/sampling",
-    base="factory.sampling.mission_kind.MissionKind",
-    page="howto/extending.md#a-kind-of-drawn-segment",
-    shipped={
-        "saw-tooth": "factory.sampling.profiles:SAW_TOOTH",
-        "spiral": "factory.sampling.profiles:SPIRAL",
-        "surface": "factory.sampling.surveys:SURFACE",
-        "transect": "factory.sampling.surveys:TRANSECT",
-        "circle": "factory.sampling.profiles:CIRCLE",
-        "lawn-mower": "factory.sampling.surveys:LAWN_MOWER",
-    },
-    check="factory.sampling.mission_kind:check_kind",
-)
-"""Segments that the factory draws."""

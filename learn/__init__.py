@@ -27,23 +27,18 @@ if TYPE_CHECKING:
     from learn.networks.base import Network as Network
     from learn.networks.config import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
-    from learn.report.contents import Contents as Contents
-    from learn.report.contents import ReportFigure as ReportFigure
     from learn.report.contents import RunEvaluation as RunEvaluation
     from learn.run import Run as Run
     from learn.run import newest_run as newest_run
     from learn.run import open_run as open_run
     from learn.seams import NETWORKS as NETWORKS
     from learn.seams import OPTIMISERS as OPTIMISERS
-    from learn.seams import REPORT_FIGURES as REPORT_FIGURES
     from learn.training.fit_config import FitConfig as FitConfig
     from learn.training.fit_config import fit_settings as fit_settings
     from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
     from learn.training.schedule import TrainingConfig as TrainingConfig
-    from twin.navigation.estimators.baseline import Baseline as Baseline
-    from twin.navigation.estimators.baseline import Estimate as Estimate
-    from twin.seams import BASELINES as BASELINES
+    from twin.navigation.estimators.base import Estimate as Estimate
 
 _PLACES = places(__name__)
 __all__ = [*_PLACES]

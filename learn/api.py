@@ -100,7 +100,7 @@ def evaluate(
       run: as `fit` or `open_run` give it, or its folder or name.
       store: of missions or logs; None is the run's own.
       split: test, train, validation or all.
-      baselines: names of `learn.BASELINES`; None runs all, an empty sequence none.
+      baselines: names of velocity estimators; None runs all, an empty sequence none.
       watches: called with every mission and all estimates of it.
 
     Returns:

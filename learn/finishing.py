@@ -38,7 +38,7 @@ from learn.run_evaluation import (
     judge,
 )
 from twin.cli.text_table import counted
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.settings import ESTIMATED
 from twin.numbers import Array

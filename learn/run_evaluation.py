@@ -15,7 +15,7 @@ from learn.networks.familiarity import Familiarity, ended
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 from twin.navigation.flight_filter import FlightFilter
 from twin.records.coordinates import START_LATITUDE
 from twin.records.reader import MissionStore

@@ -14,7 +14,6 @@ import factory.seams
 import learn.seams
 import twin.seams
 from twin.registry import Registry
-from twin.water.current.registry import ENTRY_POINTS, kinds
 
 ROOT = Path(__file__).resolve().parents[1]
 WHITE, INK = "#ffffff", "#1d2733"
@@ -83,18 +82,9 @@ def _row(registry: Registry[Any]) -> Seam:
 
 
 def seams() -> tuple[Seam, ...]:
-    """Every seam: those of the packages' tables, and the kinds of current, which have numbers."""
+    """Every seam of the packages' tables."""
     tables = [vars(module).values() for module in (twin.seams, factory.seams, learn.seams)]
-    rows = [_row(row) for table in tables for row in table if isinstance(row, Registry)]
-    current = Seam(
-        "current",
-        "twin/water/current",
-        "twin.water.current.Current",
-        ENTRY_POINTS,
-        "reference/currents.md#a-kind-of-your-own",
-        tuple(kind.cls for kind in kinds().values()),
-    )
-    return (current, *rows)
+    return tuple(_row(row) for table in tables for row in table if isinstance(row, Registry))
 
 
 def seam_table() -> str:

@@ -111,13 +111,25 @@ def currents() -> Values:
 
 
 def runs() -> Values:
-    """A generated store, and the same after a resume of a half."""
+    """A generated store; another that is interrupted and resumed must have the same values."""
     import factory
+    from factory.generation import generate
+    from factory.sampling import make_recipe
+
+    def interrupt(hours: float, failures: int) -> None:
+        raise KeyboardInterrupt
 
     with tempfile.TemporaryDirectory() as folder:
         for engine in ("mujoco", "lanes"):
-            out = Path(folder) / f"{engine}.zarr"
-            factory.generate(out, preset="field", hours=2.0, seed=7, engine=engine, workers=2)
+            out, half = Path(folder) / f"{engine}.zarr", Path(folder) / f"{engine}-half.zarr"
+            settings: dict[str, Any] = {"hours": 2.0, "seed": 7, "engine": engine}
+            factory.generate(out, preset="field", workers=2, **settings)
+            recipe = make_recipe(preset="field", **settings)
+            with contextlib.suppress(KeyboardInterrupt):
+                generate(recipe, half, workers=2, watch=interrupt)
+            assert not half.exists()
+            generate(recipe, half, workers=2, resume=True)
+            assert digest(_opened(half)) == digest(_opened(out)), "resumed otherwise"
             yield f"field {engine}", _opened(out)
 
 

@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from logs import Flight, write_seaglider
 
+from factory.importing.import_run import import_logs
+from twin.__main__ import PROGRAM
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
@@ -109,6 +112,19 @@ def write_short_store(path: Path) -> Path:
     trajectory = measured(simulate(scenario))
     attributes = {"scenario": json.dumps(scenario.describe())}
     return write_store(dataset_of([trajectory, trajectory], attributes=attributes), path)
+
+
+def write_dives(folder: Path, dives: int) -> Path:
+    """A store of dives of an imaginary Seaglider, with a CTD and currents."""
+    data, _ = import_logs("seaglider", write_seaglider(folder, Flight(dives=dives), "SG1"))
+    return write_store(data, folder / "dives.zarr")
+
+
+def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    """Exit code, output and errors of `twin`."""
+    code = PROGRAM.main([str(word) for word in words])
+    out = capsys.readouterr()
+    return code, out.out, out.err
 
 
 def write_tracks(path: Path, trajectory: Trajectory) -> Path:

@@ -15,7 +15,7 @@ import pytest
 from examples import ROOT
 from PIL import Image
 
-from twin.water.current import registry
+from twin.seams import CURRENTS
 
 EXAMPLES = {path.stem: path for path in sorted((ROOT / "examples").glob("*.py"))}
 LONGEST, WIDEST = 65, 100
@@ -137,13 +137,13 @@ def test_an_example_runs(
     name: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    before = set(registry.kinds())
+    before = set(CURRENTS)
     try:
         names = runpy.run_path(str(EXAMPLES[name]), run_name="__main__")
     finally:
         plt.close("all")
-        for kind in set(registry.kinds()) - before:  # for the tests that come after this one
-            registry.remove(kind)
+        for kind in set(CURRENTS) - before:  # for the tests that come after this one
+            CURRENTS.unregister(kind)
     CHECKS[name](names, capsys.readouterr().out)
     with Image.open(tmp_path / f"{name}.png") as picture:
         assert picture.width >= 600

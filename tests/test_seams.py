@@ -15,18 +15,15 @@ from examples import ROOT, script
 from twin.plugins import imported
 
 NO_KINDS = {
-    "twin.navigation.estimators.steps:BaselineSteps": "the steps of baselines of one's own, too",
     "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
 }
 """Classes derived from a seam's base that are no kind of their own, and why"""
-WIDER = {"learn.MinibatchOptimiser": "learn.training.optimiser.Optimiser"}
-"""The class behind what a page tells users to derive from"""
 SEAMS = script("architecture").seams()
 
 
 def base_of(seam: Any) -> Any:
     """The class or protocol that all kinds of a seam share."""
-    return imported(":".join(WIDER.get(seam.base, seam.base).rsplit(".", 1)))
+    return imported(":".join(seam.base.rsplit(".", 1)))
 
 
 def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]) -> list[str]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
+import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
@@ -36,6 +37,8 @@ from twin.plugins import (
 )
 
 Kind = TypeVar("Kind")
+NAMES = re.compile(r"\w[\w-]*")
+"""Of kinds: they stand in files and on command lines"""
 
 
 class Registry(Mapping[str, Kind]):
@@ -49,39 +52,50 @@ class Registry(Mapping[str, Kind]):
         noun: str,
         *,
         group: str,
-        folder: str = "",
         base: str = "",
+        folder: str = "",
         page: str = "",
         shipped: Mapping[str, str] | None = None,
         apart: Mapping[str, str] | None = None,
-        check: Callable[[str, Any], Kind] | str,
-        check_shipped: bool = True,
         name: str = "name",
+        words: tuple[str, ...] = (),
+        objects: bool = False,
+        error: type[TwinError] = InputError,
+        check: Callable[[str, Any], Kind] | str = "",
+        check_shipped: bool = True,
+        former: str = "",
+        compiled: bool = False,
     ):
         """Make the registry of one seam.
 
         Args:
           noun: what a kind is called in errors.
           group: of the entry points that add kinds.
+          base: the class that a kind is derived from, or an object of. Its method `flaw`, where it
+            has one, says as a clause what a kind lacks; nothing: it is whole.
           folder: where the shipped kinds lie.
-          base: the public class that a kind is derived from, or an object of.
           page: of docs/ that shows one of your own, with its anchor.
           shipped: `package.module:attribute` by name.
           apart: by name, the folder of this project's `plugins/` that brings a kind.
-          check: returns the kind, or raises InputError that says what it lacks. A text
-            `package.module:function` is imported when the first kind is checked.
+          name: attribute of a kind that holds its name; empty: a kind bears none.
+          words: attributes that must hold a text.
+          objects: whether kinds are objects of `base`, in place of classes.
+          error: class of what is raised for a kind that is only half there.
+          check: of kinds that are functions, in place of all that: returns the kind, or raises. A
+            text `package.module:function` is imported when the first kind is checked.
           check_shipped: whether shipped kinds are checked when they are loaded; without it only
             the tests check them.
-          name: attribute of a kind that holds its name, for `add`.
+          former: another group of entry points, of an older version.
+          compiled: whether compiled functions have a branch for each kind, and are made again when
+            kinds come or go.
         """
         self.noun, self.group = noun, group
         self.folder, self.base, self.page = folder, base, page
         self._places, self._apart = dict(shipped or {}), dict(apart or {})
-        self._check = check
-        self._check_shipped = check_shipped
-        self._name = name
-        self.version = 0
-        """Counts the kinds that came or went; what was built from fewer is out of date."""
+        self._name, self._words, self._objects = name, words, objects
+        self._error, self._check, self._check_shipped = error, check, check_shipped
+        self._groups = (group, former) if former else (group,)
+        self._compiled = compiled
         self._registered: dict[str, Kind] = {}
         self._loaded: dict[str, Kind] = {}
 
@@ -111,7 +125,7 @@ class Registry(Mapping[str, Kind]):
         if before is kind or (name in self._places and self[name] is kind):
             return kind
         if name in self._places or (before is not None and not same_place(before, kind)):
-            raise InputError(f"{self.noun} {name!r} exists already: choose another name")
+            raise self._error(f"{self.noun} {name!r} exists already: choose another name")
         self._registered[name] = kind  # the check may look it up by its name
         try:
             self._registered[name] = self.check(name, kind)
@@ -120,7 +134,7 @@ class Registry(Mapping[str, Kind]):
             if before is not None:
                 self._registered[name] = before
             raise
-        self.version += 1
+        self._changed()
         return kind
 
     def unregister(self, name: str) -> None:
@@ -128,14 +142,40 @@ class Registry(Mapping[str, Kind]):
         if name not in self._registered:
             raise UnknownName(f"registered {self.noun}", name, self._registered)
         del self._registered[name]
-        self.version += 1
+        self._changed()
+
+    def _changed(self) -> None:
+        if self._compiled:
+            imported("twin.compiled:changed")()
 
     def check(self, name: str, kind: Any) -> Kind:
-        """The kind when it is complete; raises InputError that says what it lacks otherwise."""
-        if isinstance(self._check, str):
-            self._check = imported(self._check)
-        check: Any = self._check
-        return check(name, kind)
+        """The kind when it is whole; raises an error that says what it lacks otherwise."""
+        if self._check:
+            check: Any = imported(self._check) if isinstance(self._check, str) else self._check
+            return check(name, kind)
+        if flaw := self._flaw(name, kind):
+            place = f" ({place_of(kind)})" if isinstance(kind, type) else ""
+            raise self._error(f"{self.noun} {name!r} is only half there: {flaw}{place}")
+        return kind
+
+    def _flaw(self, name: str, kind: Any) -> str:
+        """What is wrong with a kind, as a clause; empty where nothing is."""
+        base = imported(":".join(self.base.rsplit(".", 1)))
+        derived = isinstance(kind, type) and issubclass(kind, base)
+        if not (isinstance(kind, base) if self._objects else derived):
+            form = "an object of" if self._objects else "a class derived from"
+            return f"{kind!r} must be {form} {self.base}"
+        if not NAMES.fullmatch(name):
+            return "its name must be of letters, digits, - and _"
+        if self._name and (own := getattr(kind, self._name, "")) != name:
+            return f"its `{self._name}` is {own!r}"
+        if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+            return f"it lacks the method {', '.join(f'`{method}`' for method in missing)}"
+        for word in self._words:
+            text = getattr(kind, word, None)
+            if not (isinstance(text, str) and text.strip()):
+                return f"it lacks `{word}`, a text of one line for tables and messages"
+        return kind.flaw(name) if hasattr(kind, "flaw") else ""
 
     def code(self, name: str) -> int:
         """Number by which compiled code knows a kind, the same in every process."""
@@ -225,6 +265,8 @@ class Registry(Mapping[str, Kind]):
                 except BaseException:
                     del self._loaded[name]
                     raise
+            if name not in self._places:
+                self._changed()
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -242,95 +284,12 @@ class Registry(Mapping[str, Kind]):
     def _offered(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Entry points of installed distributions; a shipped name stays the shipped kind's."""
         found: dict[str, importlib.metadata.EntryPoint] = {}
-        for point in importlib.metadata.entry_points(group=self.group):
-            if point.name in self._places:
-                raise InputError(
-                    f"{origin_of(point)} offers a {self.noun} named {point.name!r}, which the "
-                    "package has already: rename its entry point"
-                )
-            found.setdefault(point.name, point)
+        for group in self._groups:
+            for point in importlib.metadata.entry_points(group=group):
+                if point.name in self._places:
+                    raise InputError(
+                        f"{origin_of(point)} offers a {self.noun} named {point.name!r}, which the "
+                        "package has already: rename its entry point"
+                    )
+                found.setdefault(point.name, point)
         return found
-
-
-def instance_of(noun: str, base: type[Kind]) -> Callable[[str, Any], Kind]:
-    """The check of a seam whose kinds are objects that bear their name in `name`.
-
-    Args:
-      noun: what a kind is called in errors.
-      base: the class that it must be an object of.
-    """
-
-    def check(name: str, kind: Any) -> Kind:
-        if not isinstance(kind, base):
-            raise InputError(
-                f"{kind!r} cannot be registered as a{'n' if noun[0] in 'aeiou' else ''} {noun}: "
-                f"it must be a {base.__module__}.{base.__name__}"
-            )
-        own = getattr(kind, "name", None)
-        if own != name:
-            raise InputError(f"{noun} {name!r} leads to {kind!r}, which has another name")
-        return kind
-
-    return check
-
-
-def self_named(
-    noun: str, base: type[Kind], lacks: Callable[[Any], str], error: type[TwinError]
-) -> Callable[[str, Any], type[Kind]]:
-    """The check of a seam whose kinds are classes that bear their name in `kind`.
-
-    Args:
-      noun: what a kind is called in errors.
-      base: the class that it must derive from.
-      lacks: what a class that is only half there lacks; empty when nothing.
-      error: class of the errors.
-    """
-
-    def check(name: str, kind: Any) -> type[Kind]:
-        if not (isinstance(kind, type) and issubclass(kind, base)):
-            raise error(
-                f"{kind!r} cannot be registered as a {noun}: derive it from "
-                f"{base.__module__}.{base.__name__}"
-            )
-        own = getattr(kind, "kind", "")
-        if own != name:
-            raise error(f"{noun} {name!r}: the class {kind.__name__} calls itself {own!r}")
-        missing = lacks(kind)
-        if missing:
-            raise error(f"the {noun} {name!r} is only half there: it lacks {missing}")
-        return kind
-
-    return check
-
-
-def missing_method(kind: type) -> str:
-    """The first method that a class leaves abstract, as `lacks` says it; "" where none is."""
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    return f"the method `{missing[0]}`" if missing else ""
-
-
-def check_class(noun: str, name: str, kind: Any, base: type, words: tuple[str, ...]) -> None:
-    """What a seam whose kinds are classes asks of each.
-
-    Args:
-      base: the class that it must derive from, with nothing left abstract.
-      words: attributes that must hold a text that is not empty.
-
-    Raises:
-      InputError: it is only half there, or its name is not an identifier.
-    """
-    if not name.isidentifier():
-        raise InputError(f"a {noun} needs a name of letters, digits and underscores, not {name!r}")
-    if not (isinstance(kind, type) and issubclass(kind, base)):
-        raise InputError(
-            f"{noun} {name!r} must be a class derived from {base.__module__}.{base.__name__}"
-        )
-    if missing := sorted(getattr(kind, "__abstractmethods__", ())):
-        raise InputError(f"{noun} {name!r} ({place_of(kind)}) lacks {', '.join(missing)}()")
-    for word in words:
-        text = getattr(kind, word, None)
-        if not (isinstance(text, str) and text.strip()):
-            raise InputError(
-                f"{noun} {name!r} ({place_of(kind)}) lacks {word}, a text of one line for tables "
-                "and messages"
-            )

@@ -1,13 +1,10 @@
-"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
-
-The kinds of current are not here: theirs are numbered in compiled programs
-(`twin.water.current.registry`).
-"""
+"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from twin.errors import CurrentError, MissionError, VehicleError
 from twin.registry import Registry
 
 _FEATURES = (
@@ -25,6 +22,31 @@ _FEATURES = (
     "flight_surge flight_sway flight_attack"
 )
 """In the order in which networks take them."""
+
+CURRENTS: Registry[Any] = Registry(
+    "current",
+    group="glider_twin.currents",
+    folder="twin/water/current",
+    base="twin.water.current.Current",
+    page="reference/currents.md#a-kind-of-your-own",
+    shipped={
+        "uniform": "twin.water.current.uniform:Uniform",
+        "profile": "twin.water.current.profile:Profile",
+        "ekman": "twin.water.current.ekman:Ekman",
+        "geostrophic": "twin.water.current.geostrophic:Geostrophic",
+        "tide": "twin.water.current.tide:Tide",
+        "inertial": "twin.water.current.inertial:Inertial",
+        "log-layer": "twin.water.current.log_layer:LogLayer",
+        "gauss-markov": "twin.water.current.gauss_markov:GaussMarkov",
+        "grid": "twin.water.current.grid:Grid",
+        "series": "twin.water.current.series:Series",
+    },
+    name="kind",
+    error=CurrentError,
+    compiled=True,
+    check_shipped=False,
+)
+"""Kinds of current; the shipped ones in the order of their numbers in compiled programs."""
 
 SENSORS: Registry[Any] = Registry(
     "sensor",
@@ -44,7 +66,6 @@ SENSORS: Registry[Any] = Registry(
         "onboard": "twin.sensors.onboard:Onboard",
         "ctd": "twin.sensors.ctd:Ctd",
     },
-    check="twin.sensors.base:check_sensor",
 )
 """Sensors; the shipped ones are in every suite."""
 
@@ -62,8 +83,10 @@ PARTS: Registry[Any] = Registry(
         "fin": "twin.vehicle.parts.fin:Fin",
         "drop-weight": "twin.vehicle.parts.drop_weight:DropWeight",
     },
-    check="twin.vehicle.parts.base:check_part",
     name="kind",
+    words=("unit",),
+    error=VehicleError,
+    compiled=True,
 )
 """Parts that a vehicle file names."""
 
@@ -78,8 +101,9 @@ LAWS: Registry[Any] = Registry(
         "body-axes": "twin.vehicle.laws.body_axes:BodyAxes",
         "ellipsoid": "twin.vehicle.laws.ellipsoid:Ellipsoids",
     },
-    check="twin.vehicle.laws.base:check_law",
     name="kind",
+    error=VehicleError,
+    compiled=True,
 )
 """Laws of drag, lift and moments."""
 
@@ -100,8 +124,8 @@ SEGMENTS: Registry[Any] = Registry(
         "surface": "twin.mission.segments.surface:Surface",
         "hold": "twin.mission.segments.hold:Hold",
     },
-    check="twin.mission.segments.base:check_segment",
     name="kind",
+    error=MissionError,
 )
 """Segments of a mission."""
 
@@ -112,7 +136,8 @@ FEATURES: Registry[Any] = Registry(
     base="twin.navigation.features.Feature",
     page="howto/extending.md#a-feature",
     shipped={name: f"twin.navigation.features.sensed:{name.upper()}" for name in _FEATURES.split()},
-    check="twin.navigation.features.base:check_feature",
+    words=("group", "unit"),
+    objects=True,
     check_shipped=False,
 )
 """What networks see, in the order in which they take it."""
@@ -120,27 +145,10 @@ FEATURES: Registry[Any] = Registry(
 VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     "velocity estimator",
     group="glider_twin.velocity_estimators",
+    former="glider_twin.baselines",
     folder="twin/navigation/estimators",
-    base="twin.navigation.estimators.base.VelocityEstimator",
-    page="howto/navigation.md#an-estimator-of-ones-own",
-    shipped={
-        "ekf": "twin.navigation.estimators.ekf:EkfSteps",
-        "flight_filter": "twin.navigation.estimators.learned_flight:LearnedFlightSteps",
-        "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlightSteps",
-        "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlphaSteps",
-        "dvl": "twin.navigation.estimators.dvl:DvlSteps",
-    },
-    check="twin.navigation.estimators.base:check_estimator",
-    name="kind",
-)
-"""Velocities through the water, sample by sample on board."""
-
-BASELINES: Registry[Any] = Registry(
-    "baseline",
-    group="glider_twin.baselines",
-    folder="twin/navigation/estimators",
-    base="twin.navigation.estimators.baseline.Baseline",
-    page="howto/extending.md#a-baseline",
+    base="twin.navigation.estimators.VelocityEstimator",
+    page="howto/extending.md#a-velocity-estimator",
     shipped={
         "pitch_plus_alpha": "twin.navigation.estimators.pitch_plus_alpha:PitchPlusAlpha",
         "steady_flight": "twin.navigation.estimators.steady_flight:SteadyFlight",
@@ -149,10 +157,11 @@ BASELINES: Registry[Any] = Registry(
         "flight_filter": "twin.navigation.estimators.learned_flight:LearnedFlight",
         "dvl": "twin.navigation.estimators.dvl:Dvl",
     },
-    check="twin.navigation.estimators.baseline:check_baseline",
+    name="kind",
+    words=("summary",),
     check_shipped=False,
 )
-"""What navigators do today, which networks are compared with."""
+"""Velocities through the water, on board and as baselines, with which networks are compared."""
 
 FLIGHT_ESTIMATORS: Registry[Any] = Registry(
     "flight estimator",
@@ -164,8 +173,8 @@ FLIGHT_ESTIMATORS: Registry[Any] = Registry(
         "flight": "twin.logs.flight_estimator:FlightModel",
         "steady": "twin.logs.flight_estimator:SteadyModel",
     },
-    check="twin.logs.flight_estimator:check_flight_estimator",
     name="kind",
+    words=("summary",),
 )
 """Velocities through the water of a logged dive."""
 
@@ -180,17 +189,18 @@ FIGURES: Registry[Any] = Registry(
         "track": "twin.show.figures.track:FIGURE",
         "track_3d": "twin.show.figures.track:TRACK_3D",
         "section": "twin.show.figures.section:FIGURE",
-        "velocity": "twin.show.figures.device:VELOCITIES",
-        "actuator": "twin.show.figures.device:ACTUATORS",
-        "sensor": "twin.show.figures.device:SENSOR_FIGURE",
-        "current": "twin.show.figures.water:FIGURE",
+        "velocity": "twin.show.figures.signals:VELOCITIES",
+        "actuator": "twin.show.figures.signals:ACTUATORS",
+        "sensor": "twin.show.figures.signals:SENSOR_FIGURE",
+        "current": "twin.show.figures.water:CURRENT",
         "map": "twin.show.figures.map:FIGURE",
-        "hydrography": "twin.show.figures.temperature_salinity:HYDROGRAPHY",
+        "hydrography": "twin.show.figures.water:HYDROGRAPHY",
         "transect": "twin.show.figures.section:TRANSECT",
-        "ts": "twin.show.figures.temperature_salinity:FIGURE",
+        "ts": "twin.show.figures.water:DIAGRAM",
         "log": "twin.show.figures.logged_dive:FIGURE",
     },
-    check="twin.show.figures.base:check_figure",
+    words=("summary",),
+    objects=True,
 )
 """Figures of one mission, by the name that the command line uses."""
 
@@ -220,8 +230,8 @@ FAULTS: Registry[Any] = Registry(
         "pack_lost": "twin.faults.power_faults:PackLost",
         "hotel_raised": "twin.faults.power_faults:HotelRaised",
     },
-    check="twin.faults.base:check_fault",
     name="kind",
+    words=("says", "size_name", "source", "shows", "otherwise", "find_out"),
 )
 """Faults of a vehicle."""
 
@@ -237,6 +247,7 @@ TASKS: Registry[Any] = Registry(
         "waypoints": "twin.control.waypoints:waypoints",
         "energy": "twin.control.energy:energy",
     },
+    name="__name__",
     check="twin.control.registry:check_task",
 )
 """Control tasks."""

@@ -29,19 +29,20 @@ from twin.errors import InputError, StoreError, unknown_name
 
 
 def baseline(name: str) -> Rival:
-    """A method that learns nothing, of `twin.seams.BASELINES`."""
+    """A method that learns nothing, of `twin.seams.VELOCITY_ESTIMATORS`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         from learn.data.dataset import Selection
         from twin.records.reader import MissionStore
-        from twin.seams import BASELINES
+        from twin.seams import VELOCITY_ESTIMATORS
 
         with MissionStore(test) as reader:
             vehicle = reader.vehicle
-        runner, rows = BASELINES[name](vehicle=vehicle), {}
-        with Selection(test, runner.needs(vehicle)) as selection:
+        kind, rows = VELOCITY_ESTIMATORS[name], {}
+        with Selection(test, kind.needs(vehicle)) as selection:
+            runner = kind(vehicle, selection.period)
             for mission in selection.each():
-                said = runner.estimate(mission.signals, mission.period)
+                said = runner.batch(mission.signals)
                 rows[mission.index] = {v: getattr(said, v) for v in VELOCITIES}
         return {0: table(rows)}
 

@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.heading_leg import legs_of
 from twin.errors import InputError, TwinError
+from twin.identify.heading_leg import legs_of
 from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]

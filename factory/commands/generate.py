@@ -97,7 +97,7 @@ class Generate(EngineOption, JsonOption):
             if interruption(error) is None:
                 raise
             raise KeyboardInterrupt(
-                f"finished blocks of missions are kept beside {self.out}; the same command with "
+                f"finished shards of missions are kept beside {self.out}; the same command with "
                 "--resume goes on from there"
             ) from None
         if summary.flown == 0:

@@ -17,7 +17,7 @@ from twin.plugins import imported, installation
 from twin.records.storage.checksums import is_listed
 from twin.records.storage.store_path import StorePath, named
 from twin.records.storage.whole import whole_file, whole_folder
-from twin.registry import Registry, instance_of
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from twin.records.reader import MissionStore
@@ -168,9 +168,6 @@ def _is_export(folder: Path) -> bool:
 
     return is_listed(folder) and not is_complete(folder)
 
-
-check_exporter = instance_of("export format", Exporter)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 PARQUET = Exporter(
     name="parquet",

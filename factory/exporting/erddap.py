@@ -102,7 +102,7 @@ def dataset(
     """
     import netCDF4
 
-    from factory.exporting.og1.og1_terms import OG_FORMAT
+    from factory.exporting.og1.og1_terms import TERMS
 
     made = ElementTree.Element(
         "dataset", type="EDDTableFromMultidimNcFiles", datasetID=name, active="true"
@@ -120,11 +120,12 @@ def dataset(
         variables = list(source.variables.values())
         once = ",".join(_destination(one.name) for one in variables if not one.dimensions)
         pages = [_address(source.__dict__.get(word)) for word in ABOUT]
+        manual = TERMS["global"]["references"]
         attributes = {
             "cdm_data_type": "Trajectory",
             "cdm_trajectory_variables": once,
             "subsetVariables": once,
-            "infoUrl": next(filter(re.compile(ADDRESS).fullmatch, pages), OG_FORMAT),
+            "infoUrl": next(filter(re.compile(ADDRESS).fullmatch, pages), manual),
             "sourceUrl": "(local files)",
         }
         if many:

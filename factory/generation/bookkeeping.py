@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from factory.generation.attempts import FlownMission
 from factory.sampling.distribution import Choice, Fixed, Value
-from factory.sampling.mission_kind import kinds_for
 from factory.sampling.mission_water import mission_place
+from factory.sampling.profiles import kinds_for
 from factory.sampling.recipe import Recipe
 from twin.records import attributes as names
 from twin.records.coordinates import ATTRIBUTES, PLACE, place_arrays

@@ -1,4 +1,4 @@
-"""Completion: assembled shards into a store: bookkeeping, metadata, checksums, its name.
+"""Completion: finished shards into a store: bookkeeping, metadata, checksums.
 
 Run log: which machine made a store, when and by which command, beside the store.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
+import itertools
 import json
 import os
 import platform
@@ -19,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.generation.attempts import FailedAttempt
 from factory.generation.bookkeeping import SEGMENT, Column, columns
-from factory.generation.executors import Job
-from factory.generation.store_assembly import ShardRows, open_tree, shard_manifest, stacked
+from factory.generation.job import Job
+from factory.generation.shard import Marker, finished, read_marker
 from factory.sampling.recipe import Recipe, sha256, versions
 from twin.errors import StoreError
 from twin.physics.scenario import SAMPLE_PERIOD
@@ -37,13 +39,13 @@ from twin.records.coordinates import (
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.storage.object_storage import files_at
-from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, flag_attributes
+from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, ShardedStore, flag_attributes
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.stored_files import FileSum
 from twin.version import __version__
 
 RECIPE_COPY = "recipe"
-"""Group whose attributes are the recipe once more: either copy is enough to repair a store"""
+"""Group whose attributes are the recipe once more: either copy is enough to make a store again"""
 FAILURE = "failure"
 """Dimension of the attempts that failed and were replaced."""
 FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
@@ -71,71 +73,71 @@ Part = tuple[str, int, NDArray[Any], ArrayMeta]
 """Name of an array, number and values of a chunk, and the array's metadata."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(kw_only=True)
 class Found:
     """What all shards together hold."""
 
-    files: dict[str, FileSum]
-    signals: list[str]
-    used: set[str]
+    files: dict[str, FileSum] = dataclasses.field(default_factory=dict)
+    used: set[str] = dataclasses.field(default_factory=set)
     """columns that say something"""
-    segments: int
+    segments: int = 0
     """of the mission with most"""
-    failures: int
+    failures: list[FailedAttempt] = dataclasses.field(default_factory=list)
 
 
-def complete(job: Job) -> tuple[dict[str, FileSum], int]:
-    """Write all that is not in the shards; checksums of the tree by key, and the number of attempts
-    that failed.
+def complete(job: Job) -> int:
+    """Write all that is not in the shards; returns how many attempts failed.
 
     Memory does not grow with the store: rows are moved in chunks of `Layout.row_missions`.
 
     Raises:
       StoreError: a shard is missing. OSError: the disk refuses.
     """
-    recipe, target = job.recipe, open_tree(job)
+    recipe, layout = job.recipe, job.layout
     table = columns(recipe)
     found = _survey(job, table)
+    target = ShardedStore(
+        job.tree,
+        missions=layout.missions,
+        samples=recipe.plan.samples,
+        shard_missions=layout.shard_missions,
+        row_missions=layout.row_missions,
+    )
+    target.sums |= found.files
     used = [column for column in table if column.name in found.used]
-    files, arrays = dict(found.files), dict[str, ArrayMeta]()
-    for part in (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(job, found)):
-        for name, number, values, meta in part:
-            key, written = target.write_rows(name, number, values, meta.shape[0], meta.dimensions)
-            files[key], arrays[name] = written, meta
-    beside = {BESIDE: " ".join(COORDINATES)}
+    every = (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(found))
+    for part in itertools.chain(*every):
+        target.write_rows(*part)
+    beside, flown = {BESIDE: " ".join(COORDINATES)}, {key.partition("/")[0] for key in found.files}
     signals: dict[str, tuple[np.dtype[Any], Mapping[str, Any]]] = {
         name: (DTYPE, {**variable.stored_attributes(), **beside})
         for name, variable in VARIABLES.items()
-        if name in found.signals
+        if name in flown
     }
     for name in COORDINATES:
         said = {} if name == DATETIME else FLOWN
         signals[name] = (COORDINATE_DTYPES[name], {**ATTRIBUTES[name], **said})
-    files |= target.write_group(RECIPE_COPY, recipe.document())
-    files |= target.finish(signals, arrays, store_attributes(recipe), files)
-    return files, found.failures
+    target.write_group(RECIPE_COPY, recipe.document())
+    target.finish(signals, store_attributes(recipe))
+    return len(found.failures)
 
 
 def _survey(job: Job, table: list[Column]) -> Found:
     """A first look at all shards."""
-    files: dict[str, FileSum] = {}
-    used: set[str] = set()
-    segments = failures = 0
+    found = Found()
     for number in job.layout.shards:
-        manifest = shard_manifest(job, number)
-        if manifest is None:
+        marker = finished(job, number)
+        if marker is None:
             raise StoreError(f"shard {number} is missing; --resume makes it")
-        files.update(manifest.files)
-        rows = ShardRows(job, number)
-        failures += len(rows.failures)
+        found.files |= marker.files
+        found.failures += marker.failures
         for column in table:
-            values = rows.arrays[column.name]
+            values = marker.rows[column.name]
             if column.per_segment:
-                segments = max(segments, values.shape[1])
-            if column.name not in used and column.says_something(values):
-                used.add(column.name)
-    signals = list(dict.fromkeys(key.partition("/")[0] for key in files))
-    return Found(files=files, signals=signals, used=used, segments=segments, failures=failures)
+                found.segments = max(found.segments, values.shape[1])
+            if column.name not in found.used and column.says_something(values):
+                found.used.add(column.name)
+    return found
 
 
 def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
@@ -163,24 +165,36 @@ def _rows(job: Job, table: list[Column], found: Found) -> Iterator[Part]:
     layout = job.layout
     shards_per_chunk = -(-layout.row_missions // layout.shard_missions)
     for number, first in enumerate(range(0, len(layout.shards), shards_per_chunk)):
-        some = [ShardRows(job, n) for n in layout.shards[first : first + shards_per_chunk]]
+        some = [_marker(job, n) for n in layout.shards[first : first + shards_per_chunk]]
         for column in table:
-            parts = [rows.arrays[column.name] for rows in some]
+            parts = [marker.rows[column.name] for marker in some]
             shape: tuple[int, ...] = (layout.missions,)
             if column.per_segment:
-                values, shape = stacked(parts, found.segments), (layout.missions, found.segments)
-            else:
-                values = np.concatenate(parts)
+                shape = (layout.missions, found.segments)
+                parts = [_widened(values, found.segments, column.empty) for values in parts]
+            values = np.concatenate(parts)
             meta = ArrayMeta(shape, values.dtype, column.dimensions, column.attributes)
             yield column.name, number, values, meta
 
 
-def _failures(job: Job, found: Found) -> Iterator[Part]:
+def _marker(job: Job, number: int) -> Marker:
+    marker = read_marker(job, number)
+    if marker is None:
+        raise StoreError(f"the marker of shard {number} has disappeared; --resume makes it")
+    return marker
+
+
+def _widened(values: NDArray[Any], width: int, empty: float) -> NDArray[Any]:
+    """Rows (missions, segments) filled up to the mission with most segments."""
+    more = ((0, 0), (0, width - values.shape[1]))
+    return np.pad(values, more, constant_values=values.dtype.type(empty))
+
+
+def _failures(found: Found) -> Iterator[Part]:
     """The attempts that failed; no arrays where none did."""
     if not found.failures:
         return
-    every = [item for number in job.layout.shards for item in ShardRows(job, number).failures]
-    mission, attempt, reason, time = zip(*every, strict=True)
+    mission, attempt, reason, time = zip(*found.failures, strict=True)
     whole: dict[str, NDArray[Any]] = {
         FAILED_MISSION: np.array(mission),
         FAILED_ATTEMPT: np.array(attempt, np.int16),

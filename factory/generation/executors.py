@@ -8,9 +8,6 @@ when the parent dies, which the standard pool does not see to.
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import functools
-import json
 import logging
 import multiprocessing
 import multiprocessing.connection
@@ -23,9 +20,7 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from typing import Any
 
-from factory.generation.manifest import Layout
-from factory.generation.site import Site, let_go
-from factory.sampling.recipe import Recipe, read_recipe
+from factory.generation.job import close_locks
 from twin.errors import InputError, TwinError
 from twin.extras import require
 from twin.version import __version__
@@ -61,7 +56,7 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
 def _end(
     executor: ProcessPoolExecutor, children: list[multiprocessing.process.BaseProcess]
 ) -> None:
-    """Let each worker finish its block and drop the others; kill them on a second interrupt."""
+    """Let each worker finish its shard and drop the others; kill them on a second interrupt."""
     try:
         executor.shutdown(wait=True, cancel_futures=True)
     except KeyboardInterrupt:
@@ -72,7 +67,7 @@ def _end(
 
 def _begin() -> None:
     """A worker's first act."""
-    let_go()
+    close_locks()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
     threading.Thread(target=_watch_parent, daemon=True, name="parent watch").start()
@@ -86,81 +81,8 @@ def _watch_parent() -> None:
         os._exit(1)
 
 
-_ALONE = threading.RLock()
-_READY: dict[str, Recipe] = {}
-"""Recipes of this process by their hashes: each is planned and compiled once. Forked workers have
-those of their parent."""
-_MOST_READY = 4
-_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
-"""glibc's; None with another C library"""
-
-
-@contextlib.contextmanager
-def alone() -> Iterator[None]:
-    """One task at a time in this process, whose executor may have threads: MuJoCo's warnings,
-    numba's tables and staging folders are those of the whole process.
-
-    Afterwards what the task freed goes back to the system. glibc would keep it in pieces, and a
-    process that flies for days would hold more and more.
-    """
-    with _ALONE:
-        try:
-            yield
-        finally:
-            if _TRIM is not None:
-                _TRIM(0)
-
-
-class Job:
-    """A recipe and the place of its store.
-
-    It travels to other processes as text, so that whatever a recipe holds, a sensor of a plugin
-    too, is made there by the same registered kinds. The text is read by the task that needs it: a
-    worker that cannot read it can say so then, and would end if it could not even take the task.
-    """
-
-    def __init__(self, recipe: Recipe | str, site: Site):
-        """`recipe` may be its text, as `document` gives it."""
-        self.site = site
-        if isinstance(recipe, str):
-            self._text = recipe
-        else:
-            self.recipe = recipe
-            _keep(recipe, site)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Job, (self._text, self.site)
-
-    @functools.cached_property
-    def _text(self) -> str:
-        return json.dumps(self.recipe.document())
-
-    @functools.cached_property
-    def recipe(self) -> Recipe:
-        """What is to be made.
-
-        Raises:
-          StoreError: libraries have other versions here, so that it would make other bytes.
-        """
-        if self.site.recipe not in _READY:
-            _keep(read_recipe(json.loads(self._text)), self.site)
-        return _READY[self.site.recipe]
-
-    @functools.cached_property
-    def layout(self) -> Layout:
-        """Blocks and shards."""
-        return Layout(len(self.recipe.plan), self.recipe.abreast)
-
-
-def _keep(recipe: Recipe, site: Site) -> None:
-    """Have a recipe ready for the next job of this process."""
-    while len(_READY) >= _MOST_READY:
-        del _READY[next(iter(_READY))]
-    _READY[site.recipe] = recipe
-
-
 RETRIES = 2
-"""Times that a block which raised an error is flown again, perhaps by another worker. One whose
+"""Times that a shard which raised an error is flown again, perhaps by another worker. One whose
 worker is lost is flown again by dask itself, see its setting distributed.scheduler.allowed-failures
 """
 TIMEOUT_S = 30.0
@@ -168,7 +90,7 @@ TIMEOUT_S = 30.0
 WORKERS_S = 10.0
 """[s] after which a scheduler without workers is told of"""
 VERSION = "factory.generation.completion:__version__"
-"""What is there where blocks can be flown"""
+"""What is there where shards can be flown"""
 
 
 @contextlib.contextmanager
@@ -201,7 +123,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         except (KilledWorker, CommClosedError, CancelledError) as error:
             reason = " ".join(str(error).split()) or "its scheduler is gone"
             raise TwinError(
-                f"--scheduler {address}: the cluster was lost ({reason}). Finished blocks are "
+                f"--scheduler {address}: the cluster was lost ({reason}). Finished shards are "
                 "kept: --resume goes on from them"
             ) from error
 
@@ -219,7 +141,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _check_workers(client: Any, address: str) -> None:
-    """Raise InputError unless the scheduler and all workers can fly blocks; warn of no workers.
+    """Raise InputError unless the scheduler and all workers can fly shards; warn of no workers.
 
     A task that a worker cannot even read would end that worker, and then the next one.
     """

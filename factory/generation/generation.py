@@ -1,7 +1,9 @@
 """Generate: all missions of a recipe into one store, resumable at any moment.
 
-The bytes of a mission follow from the recipe and its number alone. So blocks of missions are flown
-by whatever runs them, in any order, and twice if need be; nobody coordinates and nothing conflicts.
+The plan says how long each mission lasts; its bytes follow from the recipe and its number alone. So
+shards of missions are flown by whatever runs them, in any order, and twice if need be; nobody
+coordinates and nothing conflicts. A finished shard has a marker; a run flies those that have none,
+then completes the store, which takes its name in one step.
 
 Into store: missions into any zarr store that a program has opened, such as one of icechunk.
 """
@@ -13,19 +15,17 @@ import contextlib
 import dataclasses
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from factory.generation import completion
-from factory.generation.completion import complete
-from factory.generation.executors import Job, local_pool
-from factory.generation.mission_block import BlockDone, fly_block, sound_block
-from factory.generation.site import Site, locked
-from factory.generation.store_assembly import assemble, open_tree, shard_manifest
+from factory.generation.completion import complete, note
+from factory.generation.executors import local_pool
+from factory.generation.job import Job, locked
+from factory.generation.shard import ShardDone, finished, fly_shard
 from factory.generation.target import check_target, failures_in, give_name
 from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
@@ -34,16 +34,16 @@ from twin.numbers import processors
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.store_arrays import check_empty, copy_into
 from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.stored_files import LocalFiles
+from twin.records.storage.stored_files import Files
 
 if TYPE_CHECKING:
     from twin.records.storage.store_arrays import AnyStore
 
 
 WAITING = 4
-"""Blocks for each worker that wait at the executor: it never runs dry, and holds few at a time"""
+"""Shards for each worker that wait at the executor: it never runs dry, and holds few at a time"""
 UNKNOWN_WORKERS = 64
-"""Blocks that wait at an executor that does not say how many workers it has"""
+"""Shards that wait at an executor that does not say how many workers it has"""
 Watcher = Callable[[float, int], None]
 """Called with the hours [h] of a finished mission and the attempts that it needed beyond one."""
 
@@ -90,7 +90,7 @@ def generate(
     Args:
       workers: processes of this machine; None: as many as it may use CPUs.
       out: a path, or an address such as s3://bucket/missions.zarr.
-      executor: what flies the blocks instead of such processes: any executor of
+      executor: what flies the shards instead of such processes: any executor of
         `concurrent.futures`, that of a dask client too. It must reach `out` by the same path.
       resume: continue a store that an earlier run left incomplete; start one if there is none.
       overwrite: replace what is there, once the new store is complete.
@@ -98,7 +98,7 @@ def generate(
 
     Raises:
       StoreError: something is in the way, another recipe is to be resumed, or the disk refuses.
-        Finished blocks are kept, and `resume` goes on from them.
+        Finished shards are kept, and `resume` goes on from them.
       TwinError: a mission that no attempt could fly, or a dead worker.
     """
     begun = time.perf_counter()
@@ -106,20 +106,31 @@ def generate(
     if executor is not None and isinstance(store, Path):
         store = store.absolute()  # its processes may work in other folders
     workers = check_workers(workers, executor)
-    job = Job(recipe, Site(store, recipe.digest))
-    with told(store):
+    job = Job(recipe, store)
+    with reported(store):
         check_target(recipe, store, resume=resume, overwrite=overwrite)  # before a lock is made
         with locked(store):
             if check_target(recipe, store, resume=resume, overwrite=overwrite, alone=True):
-                job.site.clear()
-                return summary_of(recipe, store, begun, flown=[], failed=failures_in(store))
-            job.site.begin(recipe)
-            job.site.sweep()
-            completion.note(store, recipe, history)
-            flown = _fly(job, workers, executor, watch)
-            _, failed = complete(job)
+                job.clear()
+                return summary_of(job, begun, [], failures_in(store))
+            job.begin()
+            job.sweep()
+            note(store, recipe, history)
+            shards = missing_shards(job, job.layout.shards)
+            report_kept(job, shards, job.layout.shards, watch)
+            with contextlib.ExitStack() as pool:
+                if executor is None and shards:
+                    recipe.warm()
+                    most = min(workers, len(shards))
+                    executor = pool.enter_context(local_pool(most, fork=job.local))
+                    waiting = WAITING * most
+                else:
+                    waiting = UNKNOWN_WORKERS
+                for done in _flown(executor, job, shards, waiting):
+                    report_shard(job, done, watch)
+            failed = complete(job)
             give_name(job)
-    return summary_of(recipe, store, begun, flown=flown, failed=failed)
+    return summary_of(job, begun, shards, failed)
 
 
 def check_workers(workers: int | None, executor: Executor | None) -> int:
@@ -134,7 +145,7 @@ def check_workers(workers: int | None, executor: Executor | None) -> int:
 
 
 @contextlib.contextmanager
-def told(store: StorePath) -> Iterator[None]:
+def reported(store: StorePath) -> Iterator[None]:
     """Say of the errors of a disk or a storage what is kept and how to go on."""
     try:
         yield
@@ -148,111 +159,69 @@ def told(store: StorePath) -> Iterator[None]:
         raise StoreError(what) from error
 
 
-def waiting_blocks(job: Job, blocks: list[int] | None = None) -> tuple[list[int], list[int]]:
-    """Blocks, of these or of all, that have to be flown, and shards that have to be assembled."""
-    wanted = set(job.layout.blocks if blocks is None else blocks)
-    shards = [shard for shard in job.layout.shards if shard_manifest(job, shard) is None]
-    needed = [b for shard in shards for b in job.layout.blocks_of_shard(shard) if b in wanted]
-    return [block for block in needed if not sound_block(job, block)], shards
+def missing_shards(job: Job, shards: Iterable[int]) -> list[int]:
+    """Shards, of these, that have to be flown."""
+    return [shard for shard in shards if finished(job, shard) is None]
 
 
-def _fly(job: Job, workers: int, executor: Executor | None, watch: Watcher | None) -> list[int]:
-    """Fly what is missing and assemble the shards; the missions flown now."""
-    recipe, layout = job.recipe, job.layout
-    blocks, shards = waiting_blocks(job)
-    if blocks and executor is None:
-        recipe.warm()
-    flown = [mission for block in blocks for mission in layout.missions_of_block(block)]
+def report_kept(
+    job: Job, missing: Sequence[int], shards: Iterable[int], watch: Watcher | None
+) -> None:
+    """Report the missions of the shards that were flown before."""
+    for shard in shards:
+        if shard not in missing:
+            report_shard(job, ShardDone(shard, (0,) * len(job.layout.missions_of(shard))), watch)
+
+
+def report_shard(job: Job, done: ShardDone, watch: Watcher | None) -> None:
+    """Report the missions of a finished shard."""
     if watch is not None:
-        for mission in sorted(set(range(len(recipe.plan))) - set(flown)):
-            watch(recipe.plan.durations_s[mission] / HOUR, 0)
-    left = {shard: set(layout.blocks_of_shard(shard)) & set(blocks) for shard in shards}
+        missions = job.layout.missions_of(done.number)
+        for mission, failures in zip(missions, done.failures, strict=True):
+            watch(job.recipe.plan.durations_s[mission] / HOUR, failures)
 
-    def done(block: BlockDone) -> None:
-        if watch is not None:
-            missions = layout.missions_of_block(block.number)
-            for mission, failures in zip(missions, block.failures, strict=True):
-                watch(recipe.plan.durations_s[mission] / HOUR, failures)
-        left[layout.shard_of_block(block.number)].discard(block.number)
 
-    if len(layout.shards) == 1 and executor is None:
-        # one shard: this process assembles it, and gets zarr ready while the others fly
-        if blocks:
-            with local_pool(min(workers, len(blocks)), fork=job.site.local) as pool:
-                flying = _run(pool, job, blocks, workers)
-                open_tree(job).prepare()
-                for block in flying:
-                    done(block)
-        for shard in shards:
-            assemble(job, shard)
-        return flown
-    with contextlib.ExitStack() as stack:
-        tasks: Executor = executor or stack.enter_context(
-            local_pool(min(workers, max(1, len(blocks))), fork=job.site.local)
+def _flown(pool: Executor | None, job: Job, shards: list[int], waiting: int) -> Iterator[ShardDone]:
+    """Have shards flown; yields each as it is kept, in any order."""
+    todo = iter(shards)
+    flying: set[Future[ShardDone]] = set()
+    while True:
+        for shard in todo:
+            assert pool is not None
+            flying.add(pool.submit(fly_shard, job, shard))
+            if len(flying) >= waiting:
+                break
+        import zarr  # noqa: F401 - takes a tenth of a second, while others fly
+
+        if not flying:
+            return
+        done, flying = concurrent.futures.wait(
+            flying, return_when=concurrent.futures.FIRST_COMPLETED
         )
-        assembling = [tasks.submit(assemble, job, s) for s in shards if not left[s]]
-        for block in _run(tasks, job, blocks, None if executor else workers):
-            done(block)
-            shard = layout.shard_of_block(block.number)
-            if not left[shard]:
-                assembling.append(tasks.submit(assemble, job, shard))
-        for future in concurrent.futures.as_completed(assembling):
-            _result(future)
-    return flown
+        for future in done:
+            try:
+                yield future.result()
+            except BrokenProcessPool as error:
+                raise TwinError(
+                    "a worker process ended abruptly; too little memory is the usual reason. "
+                    "Finished shards are kept: --resume goes on from them, with fewer --workers "
+                    "if need be"
+                ) from error
 
 
-def _run(pool: Executor, job: Job, blocks: list[int], workers: int | None) -> Iterator[BlockDone]:
-    """Have blocks flown; yields each as it is kept, in any order."""
-    todo = iter(blocks)
-    most = UNKNOWN_WORKERS if workers is None else WAITING * workers
-    flying: set[Future[BlockDone]] = set()
-
-    def hand_out() -> None:
-        for block in todo:
-            flying.add(pool.submit(fly_block, job, block))
-            if len(flying) >= most:
-                return
-
-    hand_out()
-
-    def collect() -> Iterator[BlockDone]:
-        while flying:
-            finished, _ = concurrent.futures.wait(
-                flying, return_when=concurrent.futures.FIRST_COMPLETED
-            )
-            for future in finished:
-                flying.discard(future)
-                yield _result(future)
-            hand_out()
-
-    return collect()
-
-
-def _result(future: Future[Any]) -> Any:
-    """What a task returns; raises what stopped it."""
-    try:
-        return future.result()
-    except BrokenProcessPool as error:
-        raise TwinError(
-            "a worker process ended abruptly; too little memory is the usual reason. Finished "
-            "blocks are kept: --resume goes on from them, with fewer --workers if need be"
-        ) from error
-
-
-def summary_of(
-    recipe: Recipe, store: StorePath, begun: float, *, flown: list[int], failed: int
-) -> Summary:
-    """What a run that began at `begun` [s] of the clock for durations did."""
-    durations = recipe.plan.durations_s
+def summary_of(job: Job, begun: float, flown: Iterable[int], failed: int) -> Summary:
+    """What a run did that began at `begun` [s] of the clock for durations and flew some shards."""
+    plan, layout = job.recipe.plan, job.layout
+    missions = [mission for shard in flown for mission in layout.missions_of(shard)]
     return Summary(
-        store=store,
-        missions=len(recipe.plan),
-        hours=recipe.plan.hours,
-        flown=len(flown),
-        flown_hours=sum(durations[mission] for mission in flown) / HOUR,
+        store=job.store,
+        missions=len(plan),
+        hours=plan.hours,
+        flown=len(missions),
+        flown_hours=sum(plan.durations_s[mission] for mission in missions) / HOUR,
         failed=failed,
         wall_s=time.perf_counter() - begun,
-        stored_bytes=files_at(store).stored_bytes(),
+        stored_bytes=files_at(job.store).stored_bytes(),
     )
 
 
@@ -283,5 +252,5 @@ def generate_into(
     with tempfile.TemporaryDirectory(prefix="glider-twin-") as folder:
         made = Path(folder) / "missions.zarr"
         summary = generate(recipe, made, workers=workers, executor=executor, watch=watch)
-        copy_into(LocalFiles(made), store)
+        copy_into(Files(made), store)
     return dataclasses.replace(summary, store=store)

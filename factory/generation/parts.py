@@ -1,7 +1,7 @@
 """Parts: one store made by many commands that know nothing of each other, as job arrays are.
 
-Part i of n flies every n-th block and assembles each shard whose blocks are all there. Parts may
-run at once, one after the other, twice, on machines that share a file system or an object storage.
+Part i of n flies every n-th shard. Parts may run at once, one after the other, twice, on machines
+that share a file system or an object storage.
 `finish` completes the store, or says which parts have to run again.
 """
 
@@ -10,23 +10,21 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from factory.generation import completion
-from factory.generation.completion import complete
-from factory.generation.executors import Job
+from factory.generation.completion import complete, note
 from factory.generation.generation import (
     Summary,
     Watcher,
+    missing_shards,
+    report_kept,
+    report_shard,
+    reported,
     summary_of,
-    told,
-    waiting_blocks,
 )
-from factory.generation.manifest import Layout
-from factory.generation.mission_block import block_manifest, fly_block
-from factory.generation.site import Site, locked
-from factory.generation.store_assembly import assemble, shard_manifest
+from factory.generation.job import Job, Layout, locked
+from factory.generation.shard import fly_shard
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
 from factory.sampling.drawn_plan import HOUR
 from factory.sampling.recipe import Recipe
@@ -51,9 +49,9 @@ class StorePart:
     count: int
     first: int = 0
 
-    def blocks(self, layout: Layout) -> list[int]:
-        """Its blocks."""
-        return [b for b in layout.blocks if b % self.count == self.index - self.first]
+    def shards(self, layout: Layout) -> range:
+        """Its shards."""
+        return layout.shards[self.index - self.first :: self.count]
 
 
 def parse_part(text: str) -> StorePart:
@@ -95,7 +93,7 @@ def hours_of(recipe: Recipe, part: StorePart) -> float:
     """Simulated hours of the missions of a part."""
     layout = Layout(len(recipe.plan), recipe.abreast)
     durations = recipe.plan.durations_s
-    missions = (m for b in part.blocks(layout) for m in layout.missions_of_block(b))
+    missions = (m for shard in part.shards(layout) for m in layout.missions_of(shard))
     return sum(durations[m] for m in missions) / HOUR
 
 
@@ -107,35 +105,30 @@ def generate_part(
     history: str = "factory.generate",
     watch: Watcher | None = None,
 ) -> tuple[int, int]:
-    """Fly the blocks of one part that are not there; missions flown now, and missions of the part.
+    """Fly the shards of one part that are not there; missions flown now, and missions of the part.
 
     Raises:
       StoreError: something else is under the name, or the disk refuses. InputError: no such part,
         or a mission that no attempt could fly.
     """
     store = store_path(out)
-    job = Job(recipe, Site(store, recipe.digest))
-    layout = job.layout
-    with told(store):
+    job = Job(recipe, store)
+    with reported(store):
         if check_target(recipe, store, resume=True, overwrite=False):
             return 0, 0
         with locked(store, shared=True):
-            job.site.begin(recipe)
-            part = _fixed(job.site, part)
-            completion.note(store, recipe, f"{history} (part {part.index} of {part.count})")
-            mine = part.blocks(layout)
-            todo, _ = waiting_blocks(job, mine)
-            for block in mine:
-                if block not in todo:
-                    _tell(job, block, [], watch)
-            for block in todo:
-                done = fly_block(job, block)
-                _tell(job, block, done.failures, watch)
-            for shard in layout.shards:
-                if _ready(job, shard):
-                    assemble(job, shard)
-    count = sum(len(layout.missions_of_block(b)) for b in mine)
-    return sum(len(layout.missions_of_block(b)) for b in todo), count
+            job.begin()
+            part = _fixed(job, part)
+            note(store, recipe, f"{history} (part {part.index} of {part.count})")
+            mine = part.shards(job.layout)
+            missing = missing_shards(job, mine)
+            report_kept(job, missing, mine, watch)
+            for shard in missing:
+                report_shard(job, fly_shard(job, shard), watch)
+    flown, missions = (
+        sum(len(job.layout.missions_of(s)) for s in some) for some in (missing, mine)
+    )
+    return flown, missions
 
 
 def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
@@ -147,96 +140,76 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
     started = time.perf_counter()
     store = store_path(out)
     places = begun(store)
-    if not places and is_complete(store):
-        recipe = recipe_of(store)
-        return summary_of(recipe, store, started, flown=[], failed=failures_in(store)), recipe
-    if not places:
+    if not places and not is_complete(store):
         raise StoreError(
             f"{store} was not begun: run its parts first, `factory generate --shard 0/8 "
             f"--out {store}` and so on"
         )
     if len(places) > 1:
         raise StoreError(f"{store} was begun with {len(places)} recipes: {places[0].parent}")
-    recipe = recipe_begun(places[0])
-    job = Job(recipe, Site(store, recipe.digest))
-    with told(store):
+    recipe = recipe_begun(places[0]) if places else recipe_of(store)
+    job = Job(recipe, store)
+    with reported(store):
         if check_target(recipe, store, resume=True, overwrite=False):
-            failed = failures_in(store)
-            return summary_of(recipe, store, started, flown=[], failed=failed), recipe
+            return summary_of(job, started, [], failures_in(store)), recipe
         with locked(store):
-            blocks, shards = waiting_blocks(job)
-            if blocks:
-                raise StoreError(_missing(job, blocks))
-            job.site.sweep()
-            for shard in shards:
-                assemble(job, shard)
-            _, failed = complete(job)
+            missing = missing_shards(job, job.layout.shards)
+            if missing:
+                raise StoreError(_missing(job, missing))
+            job.sweep()
+            failed = complete(job)
             give_name(job)
-    return summary_of(recipe, store, started, flown=[], failed=failed), recipe
+    return summary_of(job, started, [], failed), recipe
 
 
-def _fixed(site: Site, part: StorePart) -> StorePart:
+def _fixed(job: Job, part: StorePart) -> StorePart:
     """The part as the first task of the array counted them: when some tasks run again, Slurm
     counts only these.
 
     Raises:
       InputError: no such part.
     """
-    if not site.files.exists(ARRAY):
+    if not job.files.exists(ARRAY):
         array = {"first": part.first, "count": part.count}
-        site.files.write_safe(ARRAY, json.dumps(array).encode())
-    kept = _array(site)
+        job.files.write(ARRAY, json.dumps(array).encode(), safe=True)
+    kept = _array(job)
     fixed = StorePart(part.index, kept.count, kept.first)
     if not 0 <= fixed.index - fixed.first < fixed.count:
         last = fixed.first + fixed.count - 1
         raise InputError(
-            f"part {part.index}: {site.store} was begun in {fixed.count} parts, {fixed.first} to "
+            f"part {part.index}: {job.store} was begun in {fixed.count} parts, {fixed.first} to "
             f"{last}"
         )
     return fixed
 
 
-def _array(site: Site) -> StorePart:
+def _array(job: Job) -> StorePart:
     """How the first task of the array counted its parts, as its first one.
 
     Raises:
       StoreError: the file that says so is damaged.
     """
     try:
-        kept = json.loads(site.files.read_small(ARRAY))
+        kept = json.loads(job.files.read_small(ARRAY))
         first = StorePart(int(kept["first"]), int(kept["count"]), int(kept["first"]))
         if first.count < 1:
             raise ValueError(f"{first.count} parts")
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise StoreError(
-            f"{site.folder / ARRAY} is damaged ({type(error).__name__}): remove it, then run any "
+            f"{job.folder / ARRAY} is damaged ({type(error).__name__}): remove it, then run any "
             "part of the array again"
         ) from error
     return first
 
 
-def _ready(job: Job, shard: int) -> bool:
-    """Whether a shard can be assembled, and is not."""
-    if shard_manifest(job, shard) is not None:
-        return False
-    return all(block_manifest(job, block) for block in job.layout.blocks_of_shard(shard))
-
-
-def _tell(job: Job, block: int, failures: Sequence[int], watch: Watcher | None) -> None:
-    if watch is not None:
-        durations = job.recipe.plan.durations_s
-        for row, mission in enumerate(job.layout.missions_of_block(block)):
-            watch(durations[mission] / HOUR, failures[row] if failures else 0)
-
-
-def _missing(job: Job, blocks: list[int]) -> str:
+def _missing(job: Job, shards: list[int]) -> str:
     """Which parts have to run again, in words that can be pasted."""
-    site, missing = job.site, sum(len(job.layout.missions_of_block(b)) for b in blocks)
-    start = f"{missing} of {job.layout.missions} missions of {site.store} are missing"
-    if not site.files.exists(ARRAY):
+    missing = sum(len(job.layout.missions_of(shard)) for shard in shards)
+    start = f"{missing} of {job.layout.missions} missions of {job.store} are missing"
+    if not job.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    array = _array(site)
-    parts = sorted({block % array.count + array.first for block in blocks})
+    array = _array(job)
+    parts = sorted({shard % array.count + array.first for shard in shards})
     return f"{start}; run these parts of {array.count} again: --array={_ranges(parts)}"
 
 

@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from factory.generation.completion import FAILED_MISSION
-from factory.generation.executors import Job
-from factory.generation.manifest import missions_kept
-from factory.generation.site import Site
+from factory.generation.job import Job, is_older, missions_kept
 from factory.sampling.recipe import Recipe, differences, read_recipe, recipe_document
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
@@ -51,19 +49,21 @@ def check_target(
         raise StoreError(f"{store} is a link to a missing target; choose another --out")
     present, complete = _present(store), is_complete(store)
     others = begun(store)
-    older = begun_within(store)
+    within = begun_within(store)
+    older = within or any(map(is_older, others))
+    again = ", --overwrite starts again" if local else ""
     if not local and overwrite and (present or others):
         raise StoreError(
             f"{store} is there already, and an object storage cannot replace a store in one step: "
             f"choose another --out, or remove everything below {store} and {generating(store)}"
         )
-    if present and not (complete or older or (others and not local)):
+    if present and not (complete or within or (others and not local)):
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if complete and not overwrite:
         if not resume:
             way = "use --overwrite or another --out" if local else "use another --out"
             raise StoreError(f"store {store} already exists; {way}")
-        if differences(_settings(store), recipe.describe()) and _begun_with(store, recipe):
+        if differences(_settings(store), recipe.describe()) and Job(recipe, store).folder in others:
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
                 "--overwrite --resume completes that"
@@ -72,8 +72,8 @@ def check_target(
         return True
     if older and not overwrite:
         raise StoreError(
-            f"store {store} was begun by an older glider-twin and is incomplete: --overwrite "
-            "starts again"
+            f"store {store} was begun by an older glider-twin and is incomplete: "
+            + ("--overwrite starts again" if local else "use another --out")
         )
     if overwrite and not resume:
         if alone:
@@ -82,12 +82,11 @@ def check_target(
         return False
     for other in others:
         # without locks it is unknown whether a run that has kept nothing yet is alive
-        if local and not missions_kept(Site(store, other.name)):
+        if local and not missions_kept(other):
             if alone:  # nothing is lost
                 files_at(other).remove_all()
             continue
         if not resume:
-            again = ", --overwrite starts again" if local else ""
             raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
         _check_same(store, _document(other)[SETTINGS], recipe)
     return False
@@ -99,25 +98,15 @@ def give_name(job: Job) -> None:
     Raises:
       OSError: the disk refuses; the tree stays, and --resume goes on from it.
     """
-    site = job.site
-    site.tree.settle()
-    if isinstance(site.store, Path) and isinstance(site.folder, Path):
-        take_place(site.folder / "tree", site.store, site.folder / "replaced")
-    site.clear()
+    job.tree.settle()
+    if isinstance(job.store, Path) and isinstance(job.folder, Path):
+        take_place(job.folder / "tree", job.store, job.folder / "replaced")
+    job.clear()
 
 
-def unfinished_settings(store: StorePath) -> list[tuple[Site, dict[str, Any]]]:
-    """What runs were begun for a store and not completed, with the settings of each."""
-    found = []
-    for path in begun(store):
-        settings = _document(path)[SETTINGS]
-        found.append((Site(store, path.name), settings))
-    return found
-
-
-def _begun_with(store: StorePath, recipe: Recipe) -> bool:
-    """Whether a run of this recipe was begun."""
-    return Site(store, recipe.digest).folder in begun(store)
+def unfinished_settings(store: StorePath) -> list[tuple[StorePath, dict[str, Any]]]:
+    """Folders of runs that were begun for a store and not completed, with the settings of each."""
+    return [(path, _document(path)[SETTINGS]) for path in begun(store)]
 
 
 def recipe_begun(path: StorePath) -> Recipe:

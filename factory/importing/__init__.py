@@ -11,10 +11,8 @@ if TYPE_CHECKING:
     from factory.importing.cleaning import clean as clean
     from factory.importing.cleaning import counts_upward as counts_upward
     from factory.importing.cleaning import positions as positions
-    from factory.importing.columns import parse_stamps as parse_stamps
     from factory.importing.columns import read_table as read_table
     from factory.importing.columns import tidy as tidy
-    from factory.importing.columns import unix_seconds as unix_seconds
     from factory.importing.deployment_log import EMPTY as EMPTY
     from factory.importing.deployment_log import NO_FIXES as NO_FIXES
     from factory.importing.deployment_log import OF_THE_MACHINE as OF_THE_MACHINE
@@ -47,6 +45,8 @@ if TYPE_CHECKING:
     from factory.importing.pressures import with_dbar_by_depth as with_dbar_by_depth
     from factory.importing.pressures import without_air as without_air
     from factory.importing.sample_clock import expect_going as expect_going
+    from factory.importing.sample_clock import parse_stamps as parse_stamps
+    from factory.importing.sample_clock import unix_seconds as unix_seconds
     from factory.importing.seawater import ctd_channels as ctd_channels
     from factory.importing.tally import Tally as Tally
     from factory.importing.tally import note_empty as note_empty

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel
-from factory.importing.plausibility import lone_zeros, short_runs, stale, unreachable
+from factory.importing.plausibility import lone_zeros, runs, short_runs, stale, unreachable
 from factory.importing.tally import Tally
 
 Array = NDArray[np.float64]
@@ -105,8 +105,7 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
             why = f"changes faster than {limits.rate:g} m/s"
             if bad.sum() > _MOST * len(bad):
                 long = bad & ~short_runs(bad, _SHORT)
-                ends = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(np.int8), [0]])))
-                for first, last in ends.reshape(-1, 2):
+                for first, last in runs(long):
                     tally.doubt(
                         subject, f"{why}; too many to be removed", int(last - first),
                         start=float(time[first]), end=float(time[last - 1]),

@@ -8,7 +8,6 @@ import math
 import warnings
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.sample_clock import tell_standing
+from factory.importing.sample_clock import FIRST_SECOND, LAST_SECOND, tell_standing
 from factory.importing.tally import Tally
 from twin.bounded import check_unpacked, unpacked_file
 from twin.errors import InputError
@@ -29,16 +28,10 @@ Array = NDArray[np.float64]
 
 MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
 """Words that mean no value (compared in lower case)."""
-CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
-"""SeaExplorer's time stamps."""
 LONGEST_HEADER = 2**20
 """Characters of the line of column names; a Slocum's two thousand names have a tenth"""
 MOST_COLUMNS = 10_000
 """Columns of a table; a Slocum knows three thousand sensors"""
-_SECONDS_FROM, _SECONDS_TO = 3.0e8, 4.2e9
-"""Unix seconds from 1979 to 2103: what a log's time can be."""
-AHEAD = 86400.0
-"""[s] A sound log is no more ahead of this computer's clock"""
 _YEAR = 365.25 * 86400.0
 _JUMP = _YEAR
 """[s] No deployment is silent for so long"""
@@ -270,62 +263,6 @@ def _number(word: str) -> float:
         return math.nan
 
 
-def parse_stamps(words: NDArray[Any], layouts: Sequence[str] = CSV_FORMATS) -> Array:
-    """Unix seconds of written times; NaN where there is none.
-
-    Args:
-      layouts: of `strptime`, in which a time may be written that is no ISO 8601 one.
-    """
-    return np.array([_stamp(str(word), layouts) for word in words], np.float64)
-
-
-def _stamp(word: str, layouts: Sequence[str]) -> float:
-    word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
-    try:
-        moment = datetime.fromisoformat(word)
-    except ValueError:
-        for layout in layouts:
-            try:
-                moment = datetime.strptime(word, layout)
-                break
-            except ValueError:
-                continue
-        else:
-            return math.nan
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
-    """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
-
-    Of what is in no second, no log is from the future.
-
-    Raises:
-      InputError: the numbers cannot be times of a log.
-    """
-    good = time[np.isfinite(time)]
-    if not good.size:
-        return time
-    middle, today = float(np.median(good)), datetime.now(UTC).timestamp()
-    for factor, offset, unit in (
-        (1.0, 0.0, ""),
-        (1e-3, 0.0, "milliseconds"),
-        (1e-6, 0.0, "microseconds"),
-        (1e-9, 0.0, "nanoseconds"),
-        (86400.0, -719529.0, "MATLAB days"),
-        (86400.0, 0.0, "days since 1970"),
-        (86400.0, -7305.0, "days since 1950"),
-    ):
-        latest = today + AHEAD if unit else _SECONDS_TO
-        if _SECONDS_FROM <= (middle + offset) * factor <= latest:
-            if unit:
-                tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
-            return (time + offset) * factor
-    raise InputError(
-        f"{subject}: time {middle:g} is not a unix time in seconds; logs begin in 1979 or later"
-    )
-
-
 def tidy(
     time: Array, columns: Mapping[str, Array], subject: str, tally: Tally
 ) -> tuple[Array, dict[str, Array]]:
@@ -334,7 +271,7 @@ def tidy(
     Rows without a time are left out. Everything is counted; where the clock stands, the rows are
     suspect.
     """
-    known = np.isfinite(time) & (time >= _SECONDS_FROM) & (time <= _SECONDS_TO)
+    known = np.isfinite(time) & (time >= FIRST_SECOND) & (time <= LAST_SECOND)
     tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
     tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
     astray = _astray(time, known)

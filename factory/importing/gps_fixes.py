@@ -78,9 +78,6 @@ def good_fixes(
       depth: [m] below the log's own surface.
       station: a shore station has paired the fixes with the dives.
     """
-    there = (np.abs(fixes.latitude) <= 90.0) & (np.abs(fixes.longitude) <= 360.0)
-    tally.add("removed", FIXES, int((~there).sum()), "no position on Earth")
-    fixes = fixes.keep(there)
     if not len(fixes):
         return fixes
     racing = coasting(fixes, rules.coast_speed)

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.columns import measurable, parse_stamps, unix_seconds
+from factory.importing.columns import measurable
+from factory.importing.sample_clock import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
 from factory.importing.units import declared
 from twin.bounded import check_unpacked

@@ -273,11 +273,15 @@ def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
     return bad
 
 
+def runs(mask: Mask) -> NDArray[np.intp]:
+    """First sample of each run of True and the one after its last, (runs, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], mask, [0]]))).reshape(-1, 2)
+
+
 def short_runs(mask: Mask, longest: int) -> Mask:
     """True where `mask` is, in runs of `longest` samples at most."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     short = np.zeros(len(mask), bool)
-    for start, end in edges.reshape(-1, 2):
+    for start, end in runs(mask):
         if end - start <= longest:
             short[start:end] = True
     return short

@@ -6,7 +6,10 @@ another name, or not at all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,3 +151,69 @@ def tell_standing(
             start=float(max(moments[max(at[begin] - 1, 0)], moments[at[begin]] - LONGEST)),
             end=float(min(moments[min(at[end] + 1, len(moments) - 1)], moments[at[end]] + LONGEST)),
         )
+
+
+CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
+"""SeaExplorer's time stamps."""
+
+FIRST_SECOND, LAST_SECOND = 3.0e8, 4.2e9
+"""Unix seconds from 1979 to 2103: what a log's time can be."""
+
+AHEAD = 86400.0
+"""[s] A sound log is no more ahead of this computer's clock"""
+
+
+def parse_stamps(words: NDArray[Any], layouts: Sequence[str] = CSV_FORMATS) -> Array:
+    """Unix seconds of written times; NaN where there is none.
+
+    Args:
+      layouts: of `strptime`, in which a time may be written that is no ISO 8601 one.
+    """
+    return np.array([_stamp(str(word), layouts) for word in words], np.float64)
+
+
+def _stamp(word: str, layouts: Sequence[str]) -> float:
+    word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
+    try:
+        moment = datetime.fromisoformat(word)
+    except ValueError:
+        for layout in layouts:
+            try:
+                moment = datetime.strptime(word, layout)
+                break
+            except ValueError:
+                continue
+        else:
+            return math.nan
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
+    """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
+
+    Of what is in no second, no log is from the future.
+
+    Raises:
+      InputError: the numbers cannot be times of a log.
+    """
+    good = time[np.isfinite(time)]
+    if not good.size:
+        return time
+    middle, today = float(np.median(good)), datetime.now(UTC).timestamp()
+    for factor, offset, unit in (
+        (1.0, 0.0, ""),
+        (1e-3, 0.0, "milliseconds"),
+        (1e-6, 0.0, "microseconds"),
+        (1e-9, 0.0, "nanoseconds"),
+        (86400.0, -719529.0, "MATLAB days"),
+        (86400.0, 0.0, "days since 1970"),
+        (86400.0, -7305.0, "days since 1950"),
+    ):
+        latest = today + AHEAD if unit else LAST_SECOND
+        if FIRST_SECOND <= (middle + offset) * factor <= latest:
+            if unit:
+                tally.add("repaired", subject, good.size, f"time was in {unit}, not in seconds")
+            return (time + offset) * factor
+    raise InputError(
+        f"{subject}: time {middle:g} is not a unix time in seconds; logs begin in 1979 or later"
+    )

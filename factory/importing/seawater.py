@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gsw
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean, of_kelvin
-from factory.importing.deployment_log import Channel
-from factory.importing.tally import Tally
+from factory.importing.deployment_log import (
+    Channel,
+    DeploymentLog,
+)
+from factory.importing.tally import (
+    Tally,
+)
+from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -123,3 +131,31 @@ def ctd_channels(
         "measured_density": dense,
     }
     return {name: channel for name, channel in channels.items() if len(channel)}
+
+
+_EQUATOR = 0.0
+"""[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
+
+
+def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+
+    A log whose rows are no dives may have neither.
+
+    Raises:
+      InputError: it has neither.
+    """
+    latitude = float(np.median(log.fixes.latitude)) if len(log.fixes) else _EQUATOR
+    track = log.channel("latitude")
+    if not len(log.fixes) and len(track):
+        latitude = float(np.median(track.values))
+    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
+    channels = dict(log.channels)
+    if len(pressure):
+        channels["measured_depth"] = Channel(pressure.time, depth_of(pressure.values, latitude))
+    elif len(depth):
+        channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
+        tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
+    elif log.pieces is None:
+        raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
+    return dataclasses.replace(log, channels=channels)

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from factory.sampling.distribution import Distribution, Drawn, Fixed, Value, number
-from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for
+from factory.sampling.mission_kind import MissionKind
 from factory.sampling.parameters import Table
+from factory.sampling.profiles import MISSION_KINDS, kinds_for
 from factory.sampling.surveys import SURFACE, Streams
-from twin.errors import InputError, MissionError, unknown_name
+from twin.errors import InputError, MissionError, UnknownName, unknown_name
 from twin.vehicle.vehicle import Vehicle
 
 PLAN_STREAM, MISSION_STREAM = 0, 1
@@ -53,7 +54,10 @@ class Parameters:
 
 def kind_of(segment: Drawn) -> MissionKind:
     """The kind of a drawn segment; raises UnknownName for a word that is none."""
-    return MISSION_KINDS[str(segment["mission.kind"])]
+    word = str(segment["mission.kind"])
+    if word not in MISSION_KINDS:
+        raise UnknownName("kind of mission", word, MISSION_KINDS)
+    return MISSION_KINDS[word]
 
 
 def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence:

@@ -1,23 +1,17 @@
-"""What every kind of drawn segment says of itself.
-
-The registry of the kinds of segments that the factory draws.
-"""
+"""Base of the kinds of drawn segments: what every kind says of itself."""
 
 from __future__ import annotations
 
 import math
 from typing import ClassVar
 
-from factory import seams
 from factory.sampling.distribution import Drawn, Parameter
-from twin.errors import InputError
 from twin.mission import Segment
-from twin.registry import Registry, instance_of
 from twin.vehicle.vehicle import Vehicle
 
 
 class MissionKind:
-    """One kind of segment; derive your own from it and register an object of it."""
+    """One kind of segment; `factory.sampling.profiles` has all of them."""
 
     name: ClassVar[str] = ""
     """What `mission.kind` draws"""
@@ -75,30 +69,3 @@ def survey_row(
 ) -> Parameter:
     """A row that is drawn for every segment."""
     return Parameter(f"mission.{name}", unit, paper, field, long_name, why, per_segment=True)
-
-
-GROUP = "glider_twin.mission_kinds"
-"""Entry points of installed distributions: NAME = "module:OBJECT"."""
-NOUN = "kind of mission"
-_is_kind = instance_of(NOUN, MissionKind)
-
-
-def check_kind(name: str, kind: object) -> MissionKind:
-    """The kind; raises InputError when it is only half there."""
-    found = _is_kind(name, kind)
-    for method in ("fits", "shortest_time", "segment"):
-        if getattr(type(found), method) is getattr(MissionKind, method):
-            raise InputError(f"{NOUN} {name!r} is only half there: it lacks the method {method!r}")
-    return found
-
-
-MISSION_KINDS: Registry[MissionKind] = seams.MISSION_KINDS
-"""Every kind by name."""
-
-register = MISSION_KINDS.add
-"""Add a kind of one's own."""
-
-
-def kinds_for(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds that a vehicle can fly; stores keep their positions."""
-    return tuple(name for name, kind in MISSION_KINDS.items() if kind.fits(vehicle))

@@ -16,8 +16,8 @@ from pathlib import Path
 from factory.sampling.distribution import Distribution, Value
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.drawn_plan import TEST, Plan
-from factory.sampling.mission_kind import MISSION_KINDS
 from factory.sampling.parameters import Table, declared, override
+from factory.sampling.profiles import MISSION_KINDS
 from twin.bounded import read_toml
 from twin.errors import InputError, MissionError, unknown_name
 from twin.mission import Mission, Spiral, load_mission

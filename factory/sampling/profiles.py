@@ -8,11 +8,12 @@ Circle: level turns of one radius.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from factory.sampling.distribution import Drawn, Parameter, limit, number
 from factory.sampling.mission_kind import MissionKind, survey_row
-from factory.sampling.surveys import LevelKind
+from factory.sampling.surveys import LAWN_MOWER, SURFACE, TRANSECT, LevelKind
 from twin.mission import Circle, SawTooth, Segment, Spiral
 from twin.mission.way import way
 from twin.vehicle.vehicle import Vehicle
@@ -135,3 +136,19 @@ class CircleKind(LevelKind):
 
 
 CIRCLE = CircleKind()
+
+
+MISSION_KINDS: Mapping[str, MissionKind] = {
+    "saw-tooth": SAW_TOOTH,
+    "spiral": SPIRAL,
+    "surface": SURFACE,
+    "transect": TRANSECT,
+    "circle": CIRCLE,
+    "lawn-mower": LAWN_MOWER,
+}
+"""Segments that the factory draws."""
+
+
+def kinds_for(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the kinds that a vehicle can fly; stores keep their positions."""
+    return tuple(name for name, kind in MISSION_KINDS.items() if kind.fits(vehicle))

@@ -11,7 +11,8 @@ from __future__ import annotations
 import dataclasses
 
 from factory.sampling.distribution import Parameter
-from factory.sampling.mission_kind import MISSION_KINDS, kinds_for, propelled, survey_row
+from factory.sampling.mission_kind import propelled, survey_row
+from factory.sampling.profiles import MISSION_KINDS, kinds_for
 from factory.sampling.surveys import SHALLOWEST_FLOOR_M
 from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.vehicle import Vehicle

@@ -32,14 +32,14 @@ from twin.navigation.dead_reckoning import (
     integrate,
 )
 from twin.navigation.estimators.base import VelocityDeviation
-from twin.navigation.estimators.baseline import SHALLOW_DEPTH
+from twin.navigation.estimators.series import SHALLOW_DEPTH
 from twin.navigation.settings import ADAPTED
 
 if TYPE_CHECKING:
     from learn.data.dataset import MissionSequence
     from learn.evaluation.score import MissionScore, ReferenceVelocity
     from learn.networks.predictor import Adapted
-    from twin.navigation.estimators.baseline import Estimate
+    from twin.navigation.estimators.base import Estimate
 
 SECONDS_PER_HOUR = 3600.0
 BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR

@@ -25,12 +25,12 @@ from learn.evaluation.score import (
     summarise_scores,
     visible,
 )
-from twin.errors import StoreError
-from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
+from twin.errors import StoreError, UnknownName
+from twin.navigation.estimators.base import Estimate, VelocityEstimator, check_estimate
+from twin.navigation.estimators.base import baselines as all_baselines
 from twin.navigation.features import channels_of
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
-from twin.seams import BASELINES
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Evaluation:
             **({"counts": dict(self.counts)} if self.counts else {}),
             **({"against_dvl": summarise(self.against_dvl)} if self.against_dvl else {}),
             FLOOR: figures.pop(FLOOR),
-            "baselines": {name: figures.get(name, empty) for name in BASELINES},
+            "baselines": {name: figures.get(name, empty) for name in all_baselines()},
         }
 
 
@@ -124,36 +124,41 @@ def evaluate(
       StoreError: no store, an empty one, no split in it, a missing channel or one that is not
         finite (named).
     """
-    names = tuple(BASELINES if baselines is None else baselines)
+    known = all_baselines()
+    names = tuple(known if baselines is None else baselines)
+    for name in names:
+        if name not in known:
+            raise UnknownName("baseline", name, known)
     with MissionStore(store) as reader:
         present, attributes = set(map(str, reader.dataset.data_vars)), dict(reader.attributes)
         vehicle, logged = reader.vehicle, reader.logged
-    missing = {name: why for name in names if (why := _unusable(name, vehicle, present))}
-    runners = {name: BASELINES[name](vehicle=vehicle) for name in names if name not in missing}
+    missing = {name: why for name in names if (why := _unusable(known[name], vehicle, present))}
+    kinds = {name: known[name] for name in names if name not in missing}
     wanted = [
         *NAVIGATION_CHANNELS,
         *TRUTH_CHANNELS,
         *(c for ensemble in networks.values() for c in channels_of(ensemble.members[0].features)),
-        *(c for runner in runners.values() for c in runner.needs(vehicle)),
+        *(c for kind in kinds.values() for c in kind.needs(vehicle)),
         *(c for c in GPS_CHANNELS if c in present),
     ]
-    if labels is not None and (logged or DVL in runners):
+    if labels is not None and (logged or DVL in kinds):
         wanted += labels.channels()
     if logged:
         # a log is judged by what it has; one whose rows are no dives may have no depth
         wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
         return _evaluate_logs(
-            networks, store, split, wanted, runners, missing, attributes, vehicle, watch, period,
+            networks, store, split, wanted, kinds, missing, attributes, vehicle, watch, period,
             labels or LabelConfig(),
         )  # fmt: skip
-    scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in runners}}
+    scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in kinds}}
     beside_log: list[DvlComparison] = []
     surge = networks["surge"]
     with Selection(
         store, wanted, split=split, limit=limit, period=period, start=surge.start,
         spread=surge.spread,
     ) as selection:  # fmt: skip
+        runners = {name: kind(vehicle, selection.period) for name, kind in kinds.items()}
         for group in selection.groups(GROUP):
             predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
             for k, mission in enumerate(group):
@@ -165,7 +170,7 @@ def evaluate(
                     }
                     seen = visible(mission)
                     for name, runner in runners.items():
-                        guess = runner.estimate(seen, mission.period)
+                        guess = runner.batch(seen)
                         estimates[name] = check_estimate(name, guess, mission.samples)
                 except StoreError as error:
                     raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
@@ -214,7 +219,7 @@ def _evaluate_logs(
     store: str | StorePath,
     split: str,
     channels: Sequence[str],
-    runners: Mapping[str, Baseline],
+    kinds: Mapping[str, type[VelocityEstimator]],
     missing: Mapping[str, str],
     attributes: Mapping[str, Any],
     vehicle: Vehicle,
@@ -233,7 +238,7 @@ def _evaluate_logs(
             selection.groups(GROUP),
             lambda mission: split in ("all", mission.split),
             networks=networks,
-            baselines=runners,
+            baselines={n: kind(vehicle, selection.period) for n, kind in kinds.items()},
             vehicle=vehicle,
             labels=labels,
             watch=watch,
@@ -248,10 +253,10 @@ def _evaluate_logs(
     )
 
 
-def _unusable(name: str, vehicle: Vehicle, present: set[str]) -> str:
+def _unusable(kind: type[VelocityEstimator], vehicle: Vehicle, present: set[str]) -> str:
     """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
-    why = BASELINES[name].unsuited(vehicle)
-    gone = [channel for channel in BASELINES[name].needs(vehicle) if channel not in present]
+    why = kind.unsuited(vehicle)
+    gone = [channel for channel in kind.needs(vehicle) if channel not in present]
     if not why and gone:
         why = f"the store has no channel {gone[0]}"
     return why

@@ -26,7 +26,7 @@ from learn.evaluation.score import TARGETS, ReferenceVelocity, TrackError, track
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import Array, horizontal_error
 from twin.navigation.dives import CurrentKnowledge, ground_track
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 from twin.records.presence import is_derived
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.whole import (

@@ -42,7 +42,7 @@ from twin.navigation.dead_reckoning import (
     horizontal_velocity,
     integrate,
 )
-from twin.navigation.estimators.baseline import Baseline, Estimate, check_estimate
+from twin.navigation.estimators.base import Estimate, VelocityEstimator, check_estimate
 from twin.navigation.estimators.pitch_plus_alpha import PitchPlusAlpha
 from twin.records.logged import LogRow
 from twin.vehicle.vehicle import Vehicle
@@ -85,7 +85,7 @@ class LogReference:
         rate, path = None, math.nan
         if "measured_depth" in signals:
             rate = depth_rate(finite_channel(signals, "measured_depth"), mission.period)
-            simple = PitchPlusAlpha(vehicle=vehicle).estimate(signals, mission.period)
+            simple = PitchPlusAlpha(vehicle, mission.period).batch(signals)
             assert simple.surge is not None
             assert simple.sway is not None
             velocity = horizontal_velocity(simple.surge, simple.sway, rate, measured)
@@ -198,7 +198,7 @@ def score_logs(
     chosen: Callable[[MissionSequence], bool],
     *,
     networks: Mapping[str, Ensemble],
-    baselines: Mapping[str, Baseline],
+    baselines: Mapping[str, VelocityEstimator],
     vehicle: Vehicle,
     labels: LabelConfig,
     watch: Watch | None = None,
@@ -231,7 +231,7 @@ def score_logs(
             seen = visible(mission)
             for name, runner in baselines.items():
                 try:
-                    found = runner.estimate(seen, mission.period)
+                    found = runner.batch(seen)
                     estimates[name] = check_estimate(name, found, mission.samples)
                 except StoreError:  # this row lacks a channel that others have
                     continue

@@ -43,7 +43,7 @@ from twin.navigation.dives import (
     find_dives,
     gps_fixes,
 )
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 """Names of the networks, of the floor and of the baseline of a Doppler log among the methods"""

@@ -22,8 +22,6 @@ from learn.networks.c_step import CStep
 from learn.networks.config import SIZES, NetworkConfig
 from learn.seams import NETWORKS
 from twin.errors import InputError
-from twin.plugins import place_of
-from twin.registry import check_class
 
 LSTM_WEIGHTS = 8
 """Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most
@@ -81,6 +79,15 @@ class Network(nn.Module, abc.ABC):
             f"`c_step`, export to ONNX, or train a kind that has it: {', '.join(able)}"
         )
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What is wrong with a kind, tried on a few samples."""
+        if unknown := [size for size in cls.sizes if size not in SIZES]:
+            return f"it names size {unknown[0]!r}; there are {', '.join(SIZES)}"
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(0)
+            return _wrong(cls(NetworkConfig(kind=name, **TRIED)))
+
 
 def build_network(config: NetworkConfig) -> Network:
     """The network that `config` describes, with fresh weights from torch's random generator."""
@@ -101,24 +108,6 @@ TIME, BATCH = 7, 2
 """Samples and sequences of the trial."""
 ROUNDING = 1e-4
 """Of float32 outputs near 1 by two ways to work them out."""
-
-
-def check_network(name: str, kind: type[Network]) -> type[Network]:
-    """Try a kind on a few samples.
-
-    Raises:
-      InputError: it is only half there, with what it lacks.
-    """
-    check_class("network", name, kind, Network, ("summary",))
-    if unknown := [size for size in kind.sizes if size not in SIZES]:
-        raise InputError(
-            f"network {name!r} names size {unknown[0]!r}; there are {', '.join(SIZES)}"
-        )
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)
-        if wrong := _wrong(kind(NetworkConfig(kind=name, **TRIED))):
-            raise InputError(f"network {name!r} ({place_of(kind)}) is not whole: {wrong}")
-    return kind
 
 
 def _wrong(network: Network) -> str:

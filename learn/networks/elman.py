@@ -1,14 +1,25 @@
-"""Elman: the paper's network, hidden layers with context delays."""
+"""Elman: the paper's network, hidden tanh layers that are fed back with their own last outputs.
+
+    h_t = tanh(W x_t + sum_{i=1..past} U_i h_{t-i} + b)
+
+`ContextDelay` works on tensors laid out as (time, features, batch). There the past states of one
+step are one contiguous block, so that each step is one matrix product of (hidden, past * hidden)
+with (past * hidden, batch), forward and backward, and every weight gradient is one product over
+all times.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
 from learn.networks.base import Network
 from learn.networks.c_step import CStep, transposed
 from learn.networks.config import NetworkConfig
-from learn.networks.context_delay import ContextDelay
 
 
 class Elman(Network):
@@ -85,3 +96,105 @@ class Elman(Network):
         arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
         lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
         return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))
+
+
+class ContextDelay(nn.Module):
+    """One hidden layer with `past` context delays.
+
+    Parameters: `weight` (hidden, inputs), `recurrent` (hidden, past * hidden) with the oldest
+    delay first, `bias` (hidden,).
+    """
+
+    def __init__(self, inputs: int, hidden: int, past: int) -> None:
+        super().__init__()
+        self.inputs, self.hidden, self.past = inputs, hidden, past
+        self.weight = nn.Parameter(torch.empty(hidden, inputs))
+        self.recurrent = nn.Parameter(torch.empty(hidden, past * hidden))
+        self.bias = nn.Parameter(torch.empty(hidden))
+        self.reset_parameters()
+
+    def reset_parameters(self) -> None:
+        """Glorot's uniform input weights; recurrent ones uniform with the same fan, all delays."""
+        nn.init.xavier_uniform_(self.weight)
+        bound = 1.0 / math.sqrt(self.past * self.hidden)
+        nn.init.uniform_(self.recurrent, -bound, bound)
+        nn.init.zeros_(self.bias)
+
+    def forward(self, x: Tensor, history: Tensor | None = None) -> Tensor:
+        """States after every sample.
+
+        Args:
+          x: (time, inputs, batch).
+          history: (past, hidden, batch), oldest first; None is zeros.
+
+        Returns:
+          (time, hidden, batch).
+        """
+        if history is None:
+            history = x.new_zeros(self.past, self.hidden, x.shape[2])
+        return _Recurrence.apply(x, history, self.weight, self.recurrent, self.bias)
+
+    def step(self, x: Tensor, history: Tensor) -> Tensor:
+        """State (batch, hidden) after x (batch, inputs); history (batch, past * hidden)."""
+        return torch.tanh(x @ self.weight.T + history @ self.recurrent.T + self.bias)
+
+
+class _Recurrence(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, x: Tensor, history: Tensor, weight: Tensor, recurrent: Tensor, bias: Tensor
+    ) -> Tensor:
+        time, _, batch = x.shape
+        past, hidden = history.shape[:2]
+        states = x.new_empty(past + time, hidden, batch)
+        states[:past] = history
+        torch.matmul(weight, x, out=states[past:])
+        states[past:] += bias[:, None]
+        blocks = _blocks(states, past, time)
+        for state, before in zip(states[past:].unbind(), blocks, strict=True):
+            state.addmm_(recurrent, before).tanh_()
+        ctx.save_for_backward(x, states, weight, recurrent)
+        return states[past:]
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
+        x, states, weight, recurrent = ctx.saved_tensors
+        time, _, batch = x.shape
+        past, hidden = states.shape[0] - time, states.shape[1]
+        # blocks transposed, shortest delay first: block i multiplies the gradient i + 1 later
+        turned = recurrent.view(hidden, past, hidden).flip(1).permute(2, 1, 0)
+        transposed = turned.reshape(hidden, past * hidden)
+        deltas = x.new_zeros(past + time + past, hidden, batch)
+        inner = deltas[past : past + time]
+        slopes = 1.0 - states[past:].square()
+        blocks = _blocks(deltas[past + 1 :], past, time)
+        inner.copy_(gradient)
+        steps = zip(inner.unbind(), blocks, slopes.unbind(), strict=True)
+        for delta, after, slope in reversed(list(steps)):
+            delta.addmm_(transposed, after).mul_(slope)
+        rows, columns = _by_feature(inner), _by_feature(states)
+        sums = [rows @ columns[:, d * batch : (d + time) * batch].T for d in range(past)]
+        early = _blocks(deltas[1:], past, past)
+        return (
+            torch.matmul(weight.T, inner) if ctx.needs_input_grad[0] else None,
+            torch.stack([transposed @ block for block in early])
+            if ctx.needs_input_grad[1]
+            else None,
+            rows @ _by_feature(x).T,
+            torch.cat(sums, 1),
+            rows.sum(1),
+        )
+
+
+def _blocks(x: Tensor, past: int, count: int) -> tuple[Tensor, ...]:
+    """`past` rows of (time, features, batch) from each of the first `count` on, as matrices
+    (past * features, batch) that share its memory."""
+    _, features, batch = x.shape
+    shape = (count, past * features, batch)
+    return x.as_strided(shape, (features * batch, batch, 1), x.storage_offset()).unbind()
+
+
+def _by_feature(x: Tensor) -> Tensor:
+    """(time, features, batch) as (features, time * batch)."""
+    return x.transpose(0, 1).reshape(x.shape[1], -1)

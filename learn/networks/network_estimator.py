@@ -54,6 +54,7 @@ class NetworkVelocity(VelocityEstimator):
 
     kind = "network"
     summary = "networks of a run of `learn fit`: network:RUN"
+    takes = "RUN"
 
     def __init__(
         self,

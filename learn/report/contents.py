@@ -18,12 +18,8 @@ from learn.data.dataset import MissionSequence
 from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import Evaluation
 from learn.evaluation.score import ReferenceVelocity
-from twin.errors import InputError, unknown_name
 from twin.navigation.dead_reckoning import Array, sample_times
-from twin.navigation.estimators.baseline import Estimate
-from twin.plugins import place_of
-from twin.registry import check_class
-from twin.seams import BASELINES
+from twin.navigation.estimators.base import Estimate, baselines
 from twin.show.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true velocities"}
@@ -39,16 +35,14 @@ KNOWLEDGE_TITLES = {
 
 def title_of(method: str) -> str:
     """The method in words; of a baseline that is not registered, its name."""
-    if method in BASELINES:
-        return str(BASELINES[method].title)
-    return TITLES.get(method, method.replace("_", " "))
+    kind = baselines().get(method)
+    return (kind and kind.title) or TITLES.get(method, method.replace("_", " "))
 
 
 def colour_of(method: str) -> str:
     """Its colour."""
-    if method in BASELINES and (colour := BASELINES[method].colour):
-        return PALETTE[colour]
-    return COLOURS.get(method, GUIDE)
+    kind = baselines().get(method)
+    return PALETTE[kind.colour] if kind and kind.colour else COLOURS.get(method, GUIDE)
 
 
 DRAWN_MISSIONS = 3
@@ -174,18 +168,3 @@ class ReportFigure(abc.ABC):
     @abc.abstractmethod
     def caption(self, contents: Contents) -> str:
         """What a reader sees in it, in whole sentences."""
-
-
-def check_figure(name: str, kind: type[ReportFigure]) -> type[ReportFigure]:
-    """Make sure that a figure says what it must.
-
-    Raises:
-      InputError: it is only half there, with what it lacks.
-    """
-    check_class("report figure", name, kind, ReportFigure, ("summary", "section"))
-    if kind.section not in SECTIONS:
-        raise InputError(
-            f"report figure {name!r} ({place_of(kind)}): "
-            f"{unknown_name('section', kind.section, SECTIONS)}"
-        )
-    return kind

@@ -20,7 +20,7 @@ from learn.evaluation.score import DVL, FLOOR, NETWORK
 from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.dvl_cleaning import BOTTOM
-from twin.seams import BASELINES
+from twin.navigation.estimators.base import baselines
 from twin.show import style
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
@@ -32,7 +32,7 @@ MARKS = {"start": (0, "o"), "end": (-1, "s")}
 
 def drawn_methods() -> tuple[str, ...]:
     """Those whose tracks are drawn; more would hide each other."""
-    return (NETWORK, *(name for name in BASELINES if BASELINES[name].drawn))
+    return (NETWORK, *(name for name, kind in baselines().items() if kind.drawn))
 
 
 def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from learn.report.contents import KNOWLEDGE_TITLES, title_of
 from twin.cli.text_table import counted
-from twin.seams import BASELINES
+from twin.navigation.estimators.base import baselines
 
 if TYPE_CHECKING:
     from learn.run import Run
@@ -120,11 +120,12 @@ def doppler_rows(evaluation: Figures) -> list[Row]:
 
 def without_track(evaluation: Figures, track: str) -> str:
     """Sentences on the methods that `track_rows` leaves out; empty when there are none."""
+    known = baselines()
     return " ".join(
-        BASELINES[name].without_water
+        known[name].without_water
         for name, figures in methods_of(evaluation)
-        if name in BASELINES
-        and BASELINES[name].without_water
+        if name in known
+        and known[name].without_water
         and figures[f"dr_{track}_percent_mean"] is None
     )
 

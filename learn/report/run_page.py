@@ -12,15 +12,33 @@ from typing import TYPE_CHECKING, Any
 
 from learn.evaluation.log_score import sentences
 from learn.report import result_tables
-from learn.report.contents import Contents, RunEvaluation, Study
-from learn.report.lines import learning_figure
-from learn.report.velocities import dive_figure
-from learn.seams import REPORT_FIGURES
+from learn.report.contents import Contents, ReportFigure, RunEvaluation, Study
+from learn.report.error_figures import DopplerErrors, ErrorDistribution, Errors
+from learn.report.lines import Learning, learning_figure
+from learn.report.track_figures import DopplerTrack, DopplerTrack3d, Track3d, TrackFigure
+from learn.report.training_data import TrainingData
+from learn.report.velocities import Dives, UncertaintyFigure, Velocities, dive_figure
 from twin.cli.text_table import format_number
 from twin.show.figures.page_layout import Page
 
 if TYPE_CHECKING:
     from learn.run import Run
+
+FIGURES: Mapping[str, type[ReportFigure]] = {
+    "velocities": Velocities,
+    "distribution": ErrorDistribution,
+    "doppler_track": DopplerTrack,
+    "doppler_track_3d": DopplerTrack3d,
+    "doppler_errors": DopplerErrors,
+    "dives": Dives,
+    "track": TrackFigure,
+    "track_3d": Track3d,
+    "errors": Errors,
+    "uncertainty": UncertaintyFigure,
+    "training_data": TrainingData,
+    "learning": Learning,
+}
+"""Figures of a report, in the order of the page."""
 
 
 class Drawings:
@@ -37,7 +55,7 @@ class Drawings:
           heading: stands above the first figure.
         """
         drawn = []
-        for name, kind in REPORT_FIGURES.items():
+        for name, kind in FIGURES.items():
             if kind.section != section:
                 continue
             figure = kind()

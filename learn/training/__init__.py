@@ -11,7 +11,5 @@ if TYPE_CHECKING:
     from learn.training.resources import Resources as Resources
     from learn.training.resources import training_resources as training_resources
     from learn.training.trainer import TrainingReport as TrainingReport
-    from learn.training.training_progress import Watcher as Watcher
-    from learn.training.training_progress import event_writer_type as event_writer_type
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -11,10 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from learn.training.schedule import TrainingConfig
-from twin.errors import InputError
 from twin.extras import preload_triton
-from twin.plugins import place_of
-from twin.registry import check_class
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
 """From parameters (n,) to the error and its gradient (n,)."""
@@ -28,6 +25,23 @@ class Optimiser(abc.ABC):
     settings: ClassVar[tuple[str, ...]]
     """Which settings of `TrainingConfig` it uses, of those that not all optimisers do
     (`SETTINGS`); others are refused on the command line."""
+
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What is wrong with a kind, tried on a line through points."""
+        if not issubclass(cls, MinibatchOptimiser | FullBatchOptimiser):
+            return (
+                "it must derive from MinibatchOptimiser or FullBatchOptimiser, which define how "
+                "the trainer calls it"
+            )
+        if unknown := [word for word in cls.settings if word not in SETTINGS]:
+            return f"it names setting {unknown[0]!r}; there are {', '.join(SETTINGS)}"
+        preload_triton()  # torch.optim imports triton where it is installed
+        with torch.random.fork_rng(devices=[]):
+            trial = cls()
+            return (
+                _minibatch(trial) if isinstance(trial, MinibatchOptimiser) else _full_batch(trial)
+            )
 
 
 class MinibatchOptimiser(Optimiser):
@@ -85,31 +99,6 @@ SETTINGS = ("rate", "warmup", "batch", "window", "clip", "full_window", "weight_
 """Settings of `TrainingConfig` that not every optimiser uses."""
 STEPS = 8
 """Of the trial: SOAP's first one only looks."""
-
-
-def check_optimiser(name: str, kind: type[Optimiser]) -> type[Optimiser]:
-    """Try a kind on a line through points.
-
-    Raises:
-      InputError: it is only half there, with what it lacks.
-    """
-    check_class("optimiser", name, kind, Optimiser, ("summary",))
-    if not issubclass(kind, MinibatchOptimiser | FullBatchOptimiser):
-        raise InputError(
-            f"optimiser {name!r} ({place_of(kind)}) must derive from MinibatchOptimiser or "
-            "FullBatchOptimiser, which define how the trainer calls it"
-        )
-    if unknown := [word for word in kind.settings if word not in SETTINGS]:
-        raise InputError(
-            f"optimiser {name!r} names setting {unknown[0]!r}; there are {', '.join(SETTINGS)}"
-        )
-    preload_triton()  # torch.optim imports triton where it is installed
-    with torch.random.fork_rng(devices=[]):
-        trial = kind()
-        wrong = _minibatch(trial) if isinstance(trial, MinibatchOptimiser) else _full_batch(trial)
-    if wrong:
-        raise InputError(f"optimiser {name!r} ({place_of(kind)}) is not whole: {wrong}")
-    return kind
 
 
 def _minibatch(kind: MinibatchOptimiser) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import current_sampling, sensor_cost, store_writing, suite_step, window_reading
+from benchmarks import current_sampling, sensor_cost, suite_step, window_reading
 from twin.sensors import SensorSuite
 
 MAKEFILE = Path(__file__).parents[2] / "Makefile"
@@ -35,12 +35,6 @@ def test_every_device_of_the_preset_has_a_cost(monkeypatch, capsys):
     _, *rows = capsys.readouterr().out.partition("\n\n")[0].splitlines()
     assert [row.split()[0] for row in rows] == list(SensorSuite.preset("field"))
     assert all(numbers(row)[0] > 0.0 for row in rows)
-
-
-def test_both_pipelines_write_the_same_bytes(monkeypatch, capsys):
-    monkeypatch.setattr(store_writing, "SAMPLES", 50)
-    assert store_writing.main(missions=2, repeats=1) == 0
-    assert "the same bytes" in capsys.readouterr().out
 
 
 def test_currents_and_tasks_have_a_cost(monkeypatch, capsys):

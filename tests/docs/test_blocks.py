@@ -24,7 +24,6 @@ from factory.exporting.metadata import parse_metadata
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
-from twin.navigation.estimators.base import VELOCITY_ESTIMATORS
 from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
@@ -158,7 +157,6 @@ def test_pages_about_logs_run(lesson: Any, page: str, capsys: pytest.CaptureFixt
 
 def test_navigation_runs(lesson: Any) -> None:
     lesson.run(text_of("howto/navigation.md"))
-    VELOCITY_ESTIMATORS.unregister("constant")
     assert lesson.session["run"].complete
     assert lesson.session["ahead"].current.shape == (2, 2)
 

@@ -137,9 +137,8 @@ def test_what_they_wrote_holds_their_signals(folder: Path) -> None:
     turbid = open_store(folder / "turbid.zarr")  # flown by worker processes
     assert turbid["measured_turbidity"].attrs["units"] == "NTU"
     assert np.isfinite(turbid["measured_turbidity"].values[0, :100]).all()
-    kinds = open_store(folder / "shallow.zarr")["mission_kind"]
-    code = str(kinds.attrs["flag_meanings"]).split().index("shallow")
-    assert (kinds.values == kinds.attrs["flag_values"][code]).any()
+    navigated = open_store(folder / "by_constant.zarr")
+    assert json.loads(navigated.attrs["scenario"])["navigate"]["estimator"] == "constant_speed"
     assert open_store(folder / "mine.zarr").sizes["mission"] == FLIGHT.dives
 
 

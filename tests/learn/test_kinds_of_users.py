@@ -7,17 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from matplotlib.figure import Figure
 
 import learn
 from learn.__main__ import PROGRAM
 from learn.networks.onnx_export import StepModel
-from learn.report.contents import ReportFigure
 from twin.errors import InputError
-from twin.navigation.estimators.baseline import Baseline, Estimate
+from twin.navigation.estimators.base import VELOCITY_ESTIMATORS, BodyVelocity, VelocityEstimator
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def own_kinds(monkeypatch):
     """What a test registers is gone after it."""
-    for registry in (learn.NETWORKS, learn.OPTIMISERS, learn.BASELINES, learn.REPORT_FIGURES):
+    for registry in (learn.NETWORKS, learn.OPTIMISERS, VELOCITY_ESTIMATORS):
         monkeypatch.setattr(registry, "_registered", {})
 
 
@@ -132,34 +129,20 @@ class Sgd(learn.MinibatchOptimiser):
         return torch.optim.SGD(parameters, lr=config.rate)
 
 
-class Still(Baseline):
+class Still(VelocityEstimator):
+    kind = "my_still"
     title = "standing still"
     summary = "no way at all"
     channels = ("measured_depth",)
 
-    def estimate(self, signals, period):
-        zeros = np.zeros(len(signals["measured_depth"]))
-        return Estimate(surge=zeros, sway=zeros)
+    def step(self, sample):
+        return BodyVelocity(surge=0.0, sway=0.0)
 
 
-class Depths(ReportFigure):
-    summary = "depth of a training mission"
-    section = "training"
-
-    def draw(self, contents):
-        figure = Figure(figsize=(3, 2))
-        figure.subplots().plot(contents.training.signals["measured_depth"])
-        return figure
-
-    def caption(self, contents):
-        return "How deep mission went."
-
-
-def test_an_optimiser_a_baseline_and_a_figure_of_ones_own(flown_store, tmp_path, monkeypatch):
+def test_an_optimiser_and_a_velocity_estimator_of_ones_own(flown_store, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.show.figures.page_layout.DPI", 20)
-    own = ((learn.OPTIMISERS, Sgd), (learn.BASELINES, Still), (learn.REPORT_FIGURES, Depths))
-    for registry, kind in own:
-        registry.register(f"my_{kind.__name__.lower()}")(kind)
+    learn.OPTIMISERS.register("my_sgd")(Sgd)
+    VELOCITY_ESTIMATORS.add(Still)
     settings = {"features": ("sin_pitch",), "network": "mlp", "hidden": 4, "members": 1}
     run = learn.fit(
         flown_store,
@@ -172,5 +155,3 @@ def test_an_optimiser_a_baseline_and_a_figure_of_ones_own(flown_store, tmp_path,
     assert run.figures["baselines"]["my_still"]["surge_mse"] > 0.0
     page = run.report.read_text()
     assert "standing still" in page
-    assert "How deep mission went." in page
-    assert (run.report.parent / "my_depths.png").is_file()

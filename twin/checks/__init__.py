@@ -1,7 +1,4 @@
-"""Checks: the twin against the Fossen model, published figures and real logs, and its own cost.
-
-Against logs a vehicle file is flown in closed loop on the targets of the real vehicle.
-"""
+"""Checks: the twin against the Fossen model and published figures, and its own cost."""
 
 from typing import TYPE_CHECKING
 
@@ -19,11 +16,6 @@ if TYPE_CHECKING:
     from twin.checks.engines import FINER as FINER
     from twin.checks.engines import WITHIN as WITHIN
     from twin.checks.engines import check_engines as check_engines
-    from twin.checks.log_comparison import check_logs as check_logs
-    from twin.checks.log_figures import PhaseFigures as PhaseFigures
-    from twin.checks.log_result import LogCheck as LogCheck
-    from twin.checks.log_result import PhaseComparison as PhaseComparison
-    from twin.checks.log_turns import Oscillation as Oscillation
     from twin.checks.passivity import LARGEST_GAIN as LARGEST_GAIN
     from twin.checks.passivity import check_still_water as check_still_water
     from twin.checks.published import ANGLES as ANGLES

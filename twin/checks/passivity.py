@@ -23,7 +23,7 @@ from twin.compiled import jit
 from twin.fossen import FossenModel
 from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.fossen.forces import damping_wrench, parts_wrench
-from twin.physics.native.effects import law_wrench, part_wrench, refresh
+from twin.physics.native.effects import law_wrench, part_wrench
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 from twin.vehicle.presets import vehicle_names
@@ -202,7 +202,6 @@ def _by_native(vehicle: Vehicle, at: Array) -> Wrenches:
     for row, numbers in zip(rows, parts, strict=True):
         row[: len(numbers)] = numbers
     law, values = LAWS.code(vehicle.law.kind), np.array(vehicle.law.values())
-    refresh()
     density = float(vehicle.reference_density)
     return lambda nu: np.asarray(_native(law, values, rows, density, nu))
 

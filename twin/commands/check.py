@@ -133,9 +133,9 @@ class CheckModels(JsonOption):
 
     def _logs(self, store: Path, console: Console) -> int:
         """The twin beside the logs."""
-        from twin.checks import check_logs
         from twin.cli.options import parse_rows
         from twin.errors import InputError
+        from twin.identify import check_logs
         from twin.show import log_check_rows, write_log_check
         from twin.show.figures import check_page_target
 

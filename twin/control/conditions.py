@@ -73,7 +73,9 @@ limit) and duration [s] of an episode"""
 def check_randomiser(name: str, kind: Any) -> Maker:
     """The function; raises InputError when it is none."""
     if not callable(kind):
-        raise InputError(f"randomiser {name!r} is {kind!r}: it must be a function that makes one")
+        raise InputError(
+            f"randomiser {name!r} is only half there: {kind!r} must be a function that makes one"
+        )
     made: Maker = kind
     return made
 

@@ -21,16 +21,6 @@ Maker = Callable[..., Any]
 """Makes the `twin.control.environment.Environment` of a task"""
 
 
-def register(maker: Maker) -> Maker:
-    """Add a task of your own under its function's name; usable as a decorator.
-
-    Raises:
-      InputError: it is only half there, or its name is taken.
-    """
-    TASKS.register(getattr(maker, "__name__", ""), maker)
-    return maker
-
-
 def check_task(name: str, maker: Any) -> Maker:
     """The function when it is complete; raises InputError otherwise."""
 
@@ -53,6 +43,9 @@ def check_task(name: str, maker: Any) -> Maker:
 
 TASKS: Registry[Maker] = seams.TASKS
 """The functions that make the tasks, by name."""
+
+register = TASKS.add
+"""Add a task of one's own under its function's name; usable as a decorator."""
 
 ALL_TASKS = TASKS.shipped()
 """Names of the tasks that come with the package; `TASKS` has registered ones too."""

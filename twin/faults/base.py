@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from twin import seams
 from twin.errors import InputError, unknown_name
 from twin.numbers import number
-from twin.registry import Registry, self_named
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from twin.vehicle.consumption import Consumption
@@ -229,6 +229,15 @@ class Fault:
         """A JSON-able dict from which `fault_from_dict` rebuilds it."""
         return {"kind": self.kind, **dataclasses.asdict(self)}
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What a kind lacks."""
+        if cls.size_name not in {field.name for field in dataclasses.fields(cls)}:
+            return f"it lacks the field {cls.size_name!r} that `size_name` names"
+        if cls.change is Fault.change and cls.readings is Fault.readings:
+            return "it lacks `change` or `readings`: what it does"
+        return ""
+
 
 @dataclasses.dataclass(eq=False)
 class FaultRun:
@@ -244,21 +253,6 @@ class FaultRun:
         """See `Fault.readings`, of the stretch that follows the one before."""
         return self.fault.readings(signals, size, period, rng)
 
-
-def _lacks(kind: type[Fault]) -> str:
-    """What a kind lacks."""
-    for name in ("says", "size_name", "source", "shows", "otherwise", "find_out"):
-        if not getattr(kind, name):
-            return f"`{name}`"
-    if kind.size_name not in {field.name for field in dataclasses.fields(kind)}:
-        return f"the field {kind.size_name!r} that `size_name` names"
-    if kind.change is Fault.change and kind.readings is Fault.readings:
-        return "`change` or `readings`: what it does"
-    return ""
-
-
-check_fault = self_named("fault", Fault, _lacks, InputError)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 FAULTS: Registry[type[Fault]] = seams.FAULTS
 """Every kind of fault by name."""

@@ -3,6 +3,8 @@
 logs = load_logs("real.zarr")
 found = identify(logs, load_calibration("graver-2005"))
 speed = estimate(logs[0], found.calibration).speed
+
+`check_logs` flies a vehicle file in closed loop on the targets of the real vehicle.
 """
 
 from typing import TYPE_CHECKING
@@ -35,6 +37,11 @@ if TYPE_CHECKING:
     from twin.identify.fit import identify as identify
     from twin.identify.handling import Handling as Handling
     from twin.identify.handling import handle as handle
+    from twin.identify.log_check import LogCheck as LogCheck
+    from twin.identify.log_check import PhaseComparison as PhaseComparison
+    from twin.identify.log_check import check_logs as check_logs
+    from twin.identify.log_figures import Oscillation as Oscillation
+    from twin.identify.log_figures import PhaseFigures as PhaseFigures
     from twin.identify.logged_missions import Log as Log
     from twin.identify.logged_missions import gliding as gliding
     from twin.identify.logged_missions import load_logs as load_logs

@@ -16,7 +16,7 @@ from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of
 from twin.identify.translation import Translation
 from twin.records.reader import MissionStore
-from twin.registry import Registry, missing_method, self_named
+from twin.registry import Registry
 
 
 class FlightEstimator(abc.ABC):
@@ -66,21 +66,6 @@ class FlightEstimator(abc.ABC):
           StoreError: the store lacks a signal that it needs.
         """
 
-
-def _lacks(kind: type[FlightEstimator]) -> str:
-    """What a kind lacks."""
-    if not getattr(kind, "summary", ""):
-        return "a `summary`"
-    return missing_method(kind)
-
-
-check_flight_estimator = self_named(
-    "flight estimator",
-    FlightEstimator,  # type: ignore[type-abstract]
-    _lacks,
-    InputError,
-)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 ESTIMATORS: Registry[type[FlightEstimator]] = seams.FLIGHT_ESTIMATORS
 """Every way to the velocity through the water, by name."""

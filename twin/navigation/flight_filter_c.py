@@ -18,63 +18,12 @@ import math
 
 import numpy as np
 
+from twin.navigation import flight_filter_kernels as kernels
 from twin.navigation.c_math import braced, number
-from twin.navigation.estimators.baseline import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.navigation.flight_filter import FlightFilter
-from twin.navigation.flight_filter_kernels import (
-    AFLOAT_S,
-    BEFORE,
-    CARRIED,
-    COVARIANCE,
-    EVERY_S,
-    FASTEST,
-    FLAT_SINE,
-    FUSED_S,
-    GUESS,
-    ITERATIONS,
-    LEAST_NET,
-    LEAST_SINE,
-    LEAST_SURGE,
-    MEANS,
-    MOST_OFFSET,
-    NUDGE,
-    OFFSET,
-    PROMPT_PITCH,
-    PROMPT_RATE,
-    PROMPT_S,
-    PROMPT_SINKS,
-    QUIET_PITCH,
-    QUIET_RATE,
-    QUIET_S,
-    RELINEARISED,
-    RESTLESS,
-    SINCE_AFLOAT,
-    SINCE_UPDATE,
-    SLOW_RATE,
-    SMOOTHED_S,
-    SPREAD,
-    STANDARD_OCEAN,
-    STARTED,
-    STEP_S,
-    SUNK,
-    VELOCITY,
-    WIDEST,
-)
-from twin.vehicle.laws.flow_frame import (
-    BLEND,
-    CROSS_FLOW,
-    K_ALPHA,
-    K_BETA,
-    K_BETA_LIFT,
-    K_D,
-    K_D0,
-    K_L0,
-    LINEAR,
-    ZERO_LIFT,
-)
-from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.laws import flow_frame
 
-NUMBERS = CARRIED
+NUMBERS = kernels.CARRIED
 """Floats of the filter's state, zero before the first sample. As of `flight_filter_kernels`, but
 for constants in prior deviations, the root of their covariance, and times in samples."""
 
@@ -97,22 +46,24 @@ def c_flight(*flights: FlightFilter) -> str:
     numbers = {
         "INERTIA": braced(inertia.ravel()),
         "INVERSE": braced(inverse.ravel()),
-        "STEPS": str(math.ceil(period / STEP_S)),
-        "STEP": number(period / math.ceil(period / STEP_S)),
-        "CROSS": "induced" if law[CROSS_FLOW] == law[K_D] else number(law[CROSS_FLOW]),
-        "BLENDS": number(1.0 / (law[BLEND] - law[LINEAR])),
+        "STEPS": str(math.ceil(period / kernels.STEP_S)),
+        "STEP": number(period / math.ceil(period / kernels.STEP_S)),
+        "CROSS": "induced"
+        if law[flow_frame.CROSS_FLOW] == law[flow_frame.K_D]
+        else number(law[flow_frame.CROSS_FLOW]),
+        "BLENDS": number(1.0 / (law[flow_frame.BLEND] - law[flow_frame.LINEAR])),
         **{name: number(law[place]) for name, place in _LAW.items()},
         "PRIOR": braced(prior),
-        "GROWTH": braced(np.expm1(NUDGE * prior)),
+        "GROWTH": braced(np.expm1(kernels.NUDGE * prior)),
         "BEGINS": "{" + ",\n".join(begins) + "}",
-        "AFLOAT": number(samples_beyond(AFLOAT_S, period)),
-        "EVERY": number(samples_beyond(EVERY_S, period)),
+        "AFLOAT": number(samples_beyond(kernels.AFLOAT_S, period)),
+        "EVERY": number(samples_beyond(kernels.EVERY_S, period)),
         "NEUTRAL": number(mass - reference * volume),
-        "FUSED": number(-math.expm1(-period / FUSED_S)),
-        "BRIEF": number(-math.expm1(-period / SMOOTHED_S)),
-        "PROMPT": number(-math.expm1(-period / PROMPT_S)),
-        "QUIET": number(-math.expm1(-period / QUIET_S)),
-        "MOST_SINE": number(math.sin(MOST_OFFSET)),
+        "FUSED": number(-math.expm1(-period / kernels.FUSED_S)),
+        "BRIEF": number(-math.expm1(-period / kernels.SMOOTHED_S)),
+        "PROMPT": number(-math.expm1(-period / kernels.PROMPT_S)),
+        "QUIET": number(-math.expm1(-period / kernels.QUIET_S)),
+        "MOST_SINE": number(math.sin(kernels.MOST_OFFSET)),
         "DEGREE": number(math.radians(1.0)),
         "VOLUME": number(volume),
         "GRAVITY": number(gravity),
@@ -120,8 +71,8 @@ def c_flight(*flights: FlightFilter) -> str:
         "HEAVIER": number(reference * gravity),
         "SQUEEZE": number(squeeze),
         "PERIOD": number(period),
-        "OCEAN": number(STANDARD_OCEAN[0]),
-        "DEEPER": number(STANDARD_OCEAN[1]),
+        "OCEAN": number(kernels.STANDARD_OCEAN[0]),
+        "DEEPER": number(kernels.STANDARD_OCEAN[1]),
         **{name: number(value) for name, value in _SETTINGS.items()},
         **{name: str(value) for name, value in _PLACES.items()},
     }
@@ -140,24 +91,30 @@ def samples_beyond(seconds: float, period: float) -> int:
     return count
 
 
-_SETTINGS: dict[str, float] = {
-    "CUBIC_CM": CUBIC_CM, "FASTEST": FASTEST, "FLAT2": FLAT_SINE**2, "LEAST_NET": LEAST_NET,
-    "LEAST_SINE": LEAST_SINE, "LEAST_SURGE": LEAST_SURGE, "MOST_OFFSET": MOST_OFFSET,
-    "NUDGE": NUDGE, "PROMPT_RATE": PROMPT_RATE, "QUIET_PITCH": QUIET_PITCH,
-    "QUIET_RATE": QUIET_RATE, "RESTING_RATE": RESTING_RATE, "SHALLOW": SHALLOW_DEPTH,
-    "SURFACE": SURFACE_DEPTH, "WIDEST": WIDEST, "HALF_WIDEST": 0.5 * WIDEST,
+_SETTINGS = {
+    name: getattr(kernels, name)
+    for name in (
+        "CUBIC_CM", "FASTEST", "LEAST_NET", "LEAST_SINE", "LEAST_SURGE", "MOST_OFFSET", "NUDGE",
+        "PROMPT_RATE", "QUIET_PITCH", "QUIET_RATE", "RESTING_RATE", "WIDEST",
+    )
+} | {
+    "FLAT2": kernels.FLAT_SINE**2, "HALF_WIDEST": 0.5 * kernels.WIDEST,
+    "SHALLOW": kernels.SHALLOW_DEPTH, "SURFACE": kernels.SURFACE_DEPTH,
 }  # fmt: skip
 _PLACES = {
-    "BEFORE": BEFORE, "GUESS": GUESS, "ITERATIONS": ITERATIONS, "MEANS": MEANS, "OFFSET": OFFSET,
-    "PROMPT_PITCH": PROMPT_PITCH, "PROMPT_SINKS": PROMPT_SINKS,
-    "RELINEARISED": RELINEARISED, "RESTLESS": RESTLESS, "ROOT": COVARIANCE,
-    "SINCE_AFLOAT": SINCE_AFLOAT, "SINCE_UPDATE": SINCE_UPDATE, "SLOW_RATE": SLOW_RATE,
-    "SPREAD": SPREAD, "STARTED": STARTED, "SUNK": SUNK, "VELOCITY": VELOCITY,
+    name: getattr(kernels, name)
+    for name in (
+        "BEFORE", "COVARIANCE", "GUESS", "ITERATIONS", "MEANS", "OFFSET", "PROMPT_PITCH",
+        "PROMPT_SINKS", "RELINEARISED", "RESTLESS", "SINCE_AFLOAT", "SINCE_UPDATE", "SLOW_RATE",
+        "SPREAD", "STARTED", "SUNK", "VELOCITY",
+    )
 }  # fmt: skip
 """Of numbers in the state, and counts"""
 _LAW = {
-    "K_D0": K_D0, "K_D": K_D, "K_L0": K_L0, "K_ALPHA": K_ALPHA, "K_BETA": K_BETA,
-    "K_BETA_LIFT": K_BETA_LIFT, "ZERO_LIFT": ZERO_LIFT, "LINEAR": LINEAR,
+    name: getattr(flow_frame, name)
+    for name in (
+        "K_D0", "K_D", "K_L0", "K_ALPHA", "K_BETA", "K_BETA_LIFT", "ZERO_LIFT", "LINEAR",
+    )
 }  # fmt: skip
 """Of the hull's numbers, by their places"""
 
@@ -399,7 +356,7 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
                       float *estimated)
 {
     const int first = carried[@STARTED@] == 0.0f;
-    float *c = carried + @GUESS@, *root = carried + @ROOT@;
+    float *c = carried + @GUESS@, *root = carried + @COVARIANCE@;
     if (first) {
         memcpy(c, begin->constants, sizeof begin->constants);
         memcpy(root, begin->root, sizeof begin->root);

@@ -24,7 +24,7 @@ from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation
 from twin.navigation.dead_reckoning import LEAST_COSINE
 from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimators.base import State, VelocityEstimator
-from twin.navigation.estimators.baseline import SHALLOW_DEPTH
+from twin.navigation.estimators.series import SHALLOW_DEPTH
 
 Array = NDArray[np.float64]
 

@@ -117,7 +117,7 @@ class SteppedVehicle:
             self.step(controller(self.seen()), every)
 
     def seen(self) -> Observation:
-        """What a controller sees now."""
+        """Observation of a controller now."""
         simulation = self._simulation
         return observe(simulation.data, self.vehicle, simulation.tables.floor)
 
@@ -133,8 +133,8 @@ class SteppedVehicle:
         return {name: value for name, value in signals.items() if name not in _OF_THE_WATER}
 
     def failsafe(self) -> Command:
-        """What the vehicle does when nobody commands it: its parts rest, and those that can bring
-        it up do."""
+        """Command of a vehicle that nobody commands: its parts rest, and those that can bring it
+        up do."""
         return Command(**{part.name: part.failsafe for part in self.vehicle.parts})
 
     def saved(self) -> tuple[Saved, int]:
@@ -152,7 +152,7 @@ class SteppedVehicle:
         self._change, self._done = np.zeros(6), 0
 
     def trajectory(self) -> Trajectory:
-        """What was flown so far, as `twin.simulate` gives it.
+        """Trajectory flown so far, as of `twin.simulate`.
 
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.

@@ -32,7 +32,7 @@ from twin.show import style
 from twin.show.dates import LABEL, draw_dates, moment_of
 from twin.show.figures.map import Currents, MapContent, draw_content, joined
 from twin.show.figures.page_layout import MINUTES, add_caption
-from twin.show.figures.temperature_salinity import ocean_map
+from twin.show.figures.water import ocean_map
 
 if TYPE_CHECKING:
     import xarray as xr

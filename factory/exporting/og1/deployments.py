@@ -7,9 +7,8 @@ coordinate and stays complete.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,32 +23,24 @@ from factory.exporting.og1.og1_terms import (
     COORDINATES,
     DESCENT,
     INFLECTION,
-    LONG_NAMES,
     MEASURED,
     NOT_LOGGED,
-    PAYLOAD,
     RAW_TIMES,
-    SENSOR_TYPES,
     SURFACING,
-    TIME_FILL,
+    TERMS,
     TRACKS,
-    UNITS,
     VARIATION,
-    VOCABULARY,
     log_attributes,
 )
 from factory.exporting.og1.variables import (
     ENDING,
     Og1Variable,
-    deployment_place,
-    depth_variable,
-    dvl_mode,
-    phase_variable,
+    Variables,
     quality,
-    text,
-    time_attributes,
+    variable,
     write_og1,
 )
+from factory.exporting.og1.variables import deployment as began
 from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
 
@@ -62,17 +53,13 @@ PROFILER = (
     *("true_current_north", "true_current_east"),
 )
 """What a Doppler log or profiler measured."""
-SENSOR_NAMES = {
-    "SENSOR_PRESSURE": "pressure transducer",
-    "SENSOR_AHRS": "attitude and heading sensor",
-    "SENSOR_CTD": "conductivity, temperature and depth sensor",
-    "SENSOR_DVL": "Doppler velocity log",
-}
+SENSOR_NAMES = {"SENSOR_AHRS": "attitude and heading sensor"}
+"""Of logs, where they differ from those of simulated missions"""
 DVL_MODE = "measured_dvl_mode"
 ELSEWHERE = frozenset(
     {
         *("measured_depth", "measured_phase", "measured_gap", DVL_MODE),
-        *("measured_gps_north", "measured_gps_east", *PAYLOAD),
+        *("measured_gps_north", "measured_gps_east", *TERMS["payload"]),
         *(f"{stored}_{axis}" for stored, _, _ in TRACKS for axis in ("north", "east")),
     }
 )
@@ -130,47 +117,37 @@ def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
 
 def _series(
     track: JoinedDives, deployment: str, found: FlownTracks, metadata: Metadata
-) -> Iterator[tuple[str, Og1Variable]]:
+) -> Variables:
     logs = track.logs
-    at = {"coordinates": COORDINATES}
-    yield "TRAJECTORY", text(deployment, "trajectory name", cf_role="trajectory_id")
-    yield "WMO_IDENTIFIER", text(metadata.wmo or NOT_LOGGED, "wmo id")
-    model = {"platform_model_vocabulary": "n/a"}
-    name = metadata.model or logs.platform
-    yield "PLATFORM_MODEL", text(name, "model of the glider", **model)
-    serial = metadata.serial or deployment
-    yield "PLATFORM_SERIAL_NUMBER", text(serial, "glider serial number")
+    yield variable("TRAJECTORY", deployment)
+    yield variable("WMO_IDENTIFIER", metadata.wmo or NOT_LOGGED)
+    yield variable("PLATFORM_MODEL", metadata.model or logs.platform)
+    yield variable("PLATFORM_SERIAL_NUMBER", metadata.serial or deployment)
     time = track.gather(logs.time)
-    elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
-    elapsed |= {"time_vocabulary": VOCABULARY + "TIME/", "axis": "T"}
-    elapsed["ancillary_variables"] = f"TIME{ENDING}"
-    yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
+    yield variable("TIME", time, ancillary_variables=f"TIME{ENDING}")
     yield quality("TIME", time)
     yield from corrected_places(track, found)
     yield from tracks(track)
     gap = track.signal("measured_gap") > 0.0
     depth = track.signal("measured_depth")
-    yield "DEPTH", _depth(depth)
+    yield variable(
+        "DEPTH",
+        np.maximum(depth, 0.0),
+        long_name="depth below the surface, TEOS-10 from pressure",
+        comment="interpolated where PRES is missing; above the surface 0, PRES keeps it",
+    )
     yield quality("DEPTH", depth, estimated=gap)
     yield from gps_fixes(track, time)
-    start = np.array(time[0])
-    yield (
-        "DEPLOYMENT_TIME",
-        Og1Variable(start, time_attributes("date of deployment"), dimensions=()),
-    )
-    yield from deployment_place(*logs.fixes(track.missions[0])[0])
-    yield "PHASE", _phase(track.signal("measured_phase"))
-    dive = {"long_name": "number of the dive", "units": UNITS["DIVE_NUMBER"], **at}
-    yield "DIVE_NUMBER", Og1Variable(track.repeated("dive"), dive, fill=-1, kind="i4")
+    yield from began(time[0], *logs.fixes(track.missions[0])[0])
+    codes, how = _phase(track.signal("measured_phase")), "depth and its rate over 20 s"
+    yield variable("PHASE", codes, phase_calculation_method=how)
+    yield variable("DIVE_NUMBER", track.repeated("dive"))
     if "magnetic_variation" in logs.dataset:
-        added = {"long_name": "magnetic variation that HEADING contains, east positive", **at}
-        added["units"] = UNITS[VARIATION]
-        values = track.repeated("magnetic_variation")
-        yield VARIATION, Og1Variable(values, added, fill=np.nan)
+        yield variable(VARIATION, track.repeated("magnetic_variation"))
     seen = set(logs.signals())
     fitted = [sensor for _, stored, sensor in MEASURED if sensor and stored in seen]
     for name in dict.fromkeys(fitted):
-        yield name, _sensor(name, metadata)
+        yield variable(name, 0, like="sensor", **_sensor(name, metadata))
     for name, stored, sensor in MEASURED:
         if stored in seen:
             values = track.signal(stored)
@@ -180,77 +157,58 @@ def _series(
             if sensor:
                 own["ancillary_variables"] = f"{name}{ENDING}"
                 yield quality(name, values)
-            yield name, _signal(values, stored, own)
+            yield _signal(name, values, stored, **own)
     yield from conductivity(track)
     yield from payload(track)
     for stored in PROFILER:
         if stored in seen:
-            yield stored.upper(), _signal(track.signal(stored), stored, {})
+            yield _signal(stored.upper(), track.signal(stored), stored)
     written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE}
     for stored in logs.signals():  # parts of other vehicles, commands, any payload
         if stored not in written and stored not in RAW_TIMES:
-            yield stored.upper(), _signal(track.signal(stored), stored, {})
+            yield _signal(stored.upper(), track.signal(stored), stored)
     if DVL_MODE in seen:
-        yield "DVL_MODE", dvl_mode(track.signal(DVL_MODE), VARIABLES[DVL_MODE].long_name)
+        word = VARIABLES[DVL_MODE].long_name
+        yield variable("DVL_MODE", track.signal(DVL_MODE), long_name=word)
     for stored, name in RAW_TIMES.items():
         if stored in seen:
-            yield name, _raw_time(track, stored)
+            word = VARIABLES[stored].long_name
+            values = _raw_time(track, stored)
+            yield variable(name, values, like="moment", long_name=word, coordinates=COORDINATES)
     yield from flight_terms(track, found)
     yield from _currents(track)
 
 
-def _raw_time(track: JoinedDives, stored: str) -> Og1Variable:
+def _raw_time(track: JoinedDives, stored: str) -> Array:
     """Times of the original samples, where the store has those since each row's start."""
     logs = track.logs
-    values = track.gather(lambda mission: logs.starts[mission] + logs.signal(stored, mission))
-    attributes = time_attributes(VARIABLES[stored].long_name)
-    return Og1Variable(values, {**attributes, "coordinates": COORDINATES}, TIME_FILL)
+    return track.gather(lambda mission: logs.starts[mission] + logs.signal(stored, mission))
 
 
-def _depth(depth: Array) -> Og1Variable:
-    return depth_variable(
-        np.maximum(depth, 0.0),
-        "depth below the surface, TEOS-10 from pressure",
-        "interpolated where PRES is missing; above the surface 0, PRES keeps it",
-    )
-
-
-def _phase(flag: Array) -> Og1Variable:
+def _phase(flag: Array) -> Array:
     known = np.isfinite(flag)
-    codes = np.where(known, PHASE_CODES[np.where(known, flag, 0).astype(int)], 0)
-    return phase_variable(codes, "depth and its rate over 20 s")
+    return np.where(known, PHASE_CODES[np.where(known, flag, 0).astype(int)], 0)
 
 
-def _currents(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
+def _currents(track: JoinedDives) -> Variables:
     """Depth-averaged currents of the dives as stored, repeated at their samples."""
-    for axis, standard in (("north", "northward"), ("east", "eastward")):
+    for axis in ("north", "east"):
         for stored, name in (
             (f"dac_{axis}", f"DAC_{axis.upper()}"),
             (f"vehicle_dac_{axis}", f"DAVG_CURR_{axis.upper()}"),
         ):
             if stored in track.logs.dataset:
-                attributes = {
-                    "long_name": str(track.logs.dataset[stored].attrs["long_name"]),
-                    "standard_name": f"{standard}_sea_water_velocity",
-                    "units": UNITS[name],
-                    "coordinates": COORDINATES,
-                    "comment": "mean over the depths of the dive",
-                }
-                yield (
-                    name,
-                    Og1Variable(track.repeated(stored), attributes, fill=np.nan, kind="f4"),
-                )
+                word = str(track.logs.dataset[stored].attrs["long_name"])
+                yield variable(name, track.repeated(stored), long_name=word)
 
 
-def _sensor(name: str, metadata: Metadata) -> Og1Variable:
+def _sensor(name: str, metadata: Metadata) -> dict[str, str]:
     known = metadata.sensor(name)
     attributes = {
-        "long_name": known.get("long_name", SENSOR_NAMES[name]),
+        "long_name": known.get("long_name", SENSOR_NAMES.get(name, TERMS["sensors"][name][1])),
         "sensor_model": known.get("make_model", known.get("model", NOT_LOGGED)),
-        "sensor_model_vocabulary": "n/a",
         "sensor_maker": known.get("make", known.get("maker", NOT_LOGGED)),
         "sensor_serial_number": known.get("serial_number", known.get("serial", "n/a")),
-        "sensor_type_vocabulary": SENSOR_TYPES,
     }
     for ours, theirs in (
         ("sensor_calibration_date", ("calibration_date", "factory_calibrated")),
@@ -259,15 +217,10 @@ def _sensor(name: str, metadata: Metadata) -> Og1Variable:
         found = next((known[word] for word in theirs if word in known), "")
         if found:
             attributes[ours] = found
-    return Og1Variable(np.array(0, np.int8), attributes, dimensions=(), kind="i1")
+    return attributes
 
 
-def _signal(values: Array, stored: str, attributes: dict[str, Any]) -> Og1Variable:
-    described = {
-        **VARIABLES[stored].attributes(),
-        "coordinates": COORDINATES,
-        **attributes,
-    }
-    if stored in LONG_NAMES:
-        described["long_name"] = LONG_NAMES[stored]
-    return Og1Variable(values, described, fill=np.nan, kind="f4")
+def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
+    told = VARIABLES[stored].attributes()
+    told["long_name"] = TERMS["long_names"].get(stored, told["long_name"])
+    return variable(name, values, like="signal", **{**told, **more})

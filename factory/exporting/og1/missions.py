@@ -13,7 +13,7 @@ Places: the positions that an OG1.0 file of a logged deployment holds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +25,13 @@ from factory.exporting.og1.flight_terms import JoinedDives, reckoning
 from factory.exporting.og1.flown_track import FlownTrack, FlownTracks, flown
 from factory.exporting.og1.og1_terms import (
     ASCENT,
-    COORDINATES,
     DESCENT,
     INFLECTION,
-    LONG_NAMES,
-    SENSORS,
     STILL_SPEED,
     SURFACE_DEPTH_M,
     SURFACING,
-    TIME_FILL,
+    TERMS,
     TRACKS,
-    VOCABULARY,
     global_attributes,
     sensor_attributes,
     simulated_terms,
@@ -44,14 +40,10 @@ from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.variables import (
     ENDING,
     Og1Variable,
-    deployment_place,
-    depth_variable,
-    dvl_mode,
-    phase_variable,
-    position,
+    Variables,
+    deployment,
     quality,
-    text,
-    time_attributes,
+    variable,
     write_og1,
 )
 from factory.generation.generated_store import GeneratedStore, StoredFlight
@@ -111,99 +103,67 @@ def _series(
     identity: Mapping[str, Any],
     facts: SimulatedMission,
     track: FlownTrack,
-) -> Iterator[tuple[str, Og1Variable]]:
+) -> Variables:
     samples = int(run.samples[mission])
 
     def row(name: str) -> Array:
         return run.row(name, mission)[:samples].astype(float)
 
     place, start = (facts.latitude, facts.longitude), facts.start.timestamp()
+
+    def degrees(name: str) -> tuple[Array, Array]:
+        return from_tangent_plane(row(f"{name}_north"), row(f"{name}_east"), *place)
+
     time = start + np.arange(samples) * run.period
     depth = np.maximum(row("measured_depth"), 0.0)  # valid_min is 0: the gauge's zero error
-    yield (
-        "TRAJECTORY",
-        text(
-            str(identity["id"]).removesuffix("_delayed"), "trajectory name", cf_role="trajectory_id"
-        ),
-    )
-    yield "WMO_IDENTIFIER", text("none: simulation", "wmo id")
-    model = {"platform_model_vocabulary": "n/a"}
-    yield (
-        "PLATFORM_MODEL",
-        text(f"simulated {facts.vehicle} glider", "model of the glider", **model),
-    )
-    yield "PLATFORM_SERIAL_NUMBER", text(f"sim{mission:06d}", "glider serial number")
-    elapsed = time_attributes("Time elapsed since 1970-01-01T00:00:00Z")
-    elapsed |= {"time_vocabulary": VOCABULARY + "TIME/", "axis": "T"}
-    yield "TIME", Og1Variable(time, elapsed, TIME_FILL)
+    yield variable("TRAJECTORY", str(identity["id"]).removesuffix("_delayed"))
+    yield variable("WMO_IDENTIFIER", "none: simulation")
+    yield variable("PLATFORM_MODEL", f"simulated {facts.vehicle} glider")
+    yield variable("PLATFORM_SERIAL_NUMBER", f"sim{mission:06d}")
+    yield variable("TIME", time)
     latitude, longitude = from_tangent_plane(track.position[:, 0], track.position[:, 1], *place)
     method = {
         "interpolation_methodology": f"{track.method} (simulated)",
         "ancillary_variables": "POSITION_SD DEAD_RECKONING",
     }
-    long_name = "longitude of each measurement and GPS location"
-    own = {**method, "longitude_vocabulary": VOCABULARY + "LON/"}
-    yield "LONGITUDE", position(longitude, long_name, "longitude", own)
-    own = {**method, "latitude_vocabulary": VOCABULARY + "LAT/"}
-    yield "LATITUDE", position(latitude, "Latitude north (WGS84)", "latitude", own)
+    yield variable("LONGITUDE", longitude, **method)
+    yield variable("LATITUDE", latitude, **method)
     yield from reckoning(track.reckoned > 0, track.deviation)
-    own_track = from_tangent_plane(
-        row("measured_onboard_north"), row("measured_onboard_east"), *place
-    )
-    for name, values in zip(("LATITUDE", "LONGITUDE"), own_track, strict=True):
-        word = f"{name.lower()} by the simulated on-board dead reckoning"
-        yield f"{name}_ONBOARD", position(values, word, name.lower(), {"coordinates": COORDINATES})
-    yield (
+    for word, values in zip(("latitude", "longitude"), degrees("measured_onboard"), strict=True):
+        long_name = f"{word} by the simulated on-board dead reckoning"
+        yield variable(f"{word.upper()}_ONBOARD", values, like=word, long_name=long_name)
+    yield variable(
         "DEPTH",
-        depth_variable(
-            depth,
-            "depth below the surface by the simulated pressure transducer",
-            "readings above the surface, by the zero error of the gauge, are 0 here; PRES keeps "
-            "them",
-        ),
+        depth,
+        long_name="depth below the surface by the simulated pressure transducer",
+        comment="readings above the surface, by the zero error of the gauge, are 0 here; PRES "
+        "keeps them",
     )
-    gps_latitude, gps_longitude = from_tangent_plane(
-        row("measured_gps_north"), row("measured_gps_east"), *place
-    )
-    fixed = np.isfinite(gps_latitude)
-    gps_time = np.where(fixed, time, np.nan)
-    yield "TIME_GPS", Og1Variable(gps_time, time_attributes("time of each GPS location"), TIME_FILL)
-    at = {"coordinates": COORDINATES}
-    yield (
-        "LONGITUDE_GPS",
-        position(gps_longitude, "longitude of each GPS location", "longitude", at),
-    )
-    yield "LATITUDE_GPS", position(gps_latitude, "latitude of each GPS location", "latitude", at)
-    yield (
-        "DEPLOYMENT_TIME",
-        Og1Variable(np.array(start), time_attributes("date of deployment"), dimensions=()),
-    )
-    yield from deployment_place(*place)
-    yield (
-        "PHASE",
-        phase_variable(
-            phases(depth, row("true_velocity_down")), "depth and vertical speed of the simulation"
-        ),
-    )
+    gps_latitude, gps_longitude = degrees("measured_gps")
+    yield variable("TIME_GPS", np.where(np.isfinite(gps_latitude), time, np.nan))
+    yield variable("LONGITUDE_GPS", gps_longitude)
+    yield variable("LATITUDE_GPS", gps_latitude)
+    yield from deployment(start, *place)
+    codes = phases(depth, row("true_velocity_down"))
+    how = "depth and vertical speed of the simulation"
+    yield variable("PHASE", codes, phase_calculation_method=how)
     terms = simulated_terms(run.signals())
     fitted = {sensor for _, _, sensor in terms}
-    for name in SENSORS:
-        if name not in fitted:
-            continue  # no CTD in water of density alone
-        empty = np.array(0, np.int8)
-        yield name, Og1Variable(empty, sensor_attributes(run, name), dimensions=(), kind="i1")
+    for name in TERMS["sensors"]:
+        if name in fitted:  # no CTD in water of density alone
+            yield variable(name, 0, like="sensor", **sensor_attributes(run, name))
     for name, stored, sensor in terms:
-        yield name, _signal(row(stored), stored, {"sensor": sensor} if sensor else {})
+        yield _signal(name, row(stored), stored, **({"sensor": sensor} if sensor else {}))
     word = "what the DVL's velocity is relative to (simulated)"
-    yield "DVL_MODE", dvl_mode(row("measured_dvl_mode"), word)
-    true_latitude, true_longitude = from_tangent_plane(row("true_north"), row("true_east"), *place)
-    yield "TRUE_LONGITUDE", position(true_longitude, "true longitude", "longitude", at)
-    yield "TRUE_LATITUDE", position(true_latitude, "true latitude", "latitude", at)
+    yield variable("DVL_MODE", row("measured_dvl_mode"), long_name=word)
+    true_latitude, true_longitude = degrees("true")
+    yield variable("TRUE_LONGITUDE", true_longitude, like="longitude", long_name="true longitude")
+    yield variable("TRUE_LATITUDE", true_latitude, like="latitude", long_name="true latitude")
     written = {stored for _, stored, _ in terms} | {"measured_dvl_mode", "measured_depth"}
     places = {f"{one}_{axis}" for one in PLACES for axis in ("north", "east")}
     for stored in run.signals():  # truth, commands, whatever sensors of one's own measured
         if stored not in written | places:
-            yield stored.upper(), _signal(row(stored), stored, {})
+            yield _signal(stored.upper(), row(stored), stored)
 
 
 def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
@@ -213,37 +173,25 @@ def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
     return np.where(depth < SURFACE_DEPTH_M, SURFACING, phase).astype(np.int8)
 
 
-def _signal(values: Array, stored: str, attributes: Mapping[str, Any]) -> Og1Variable:
-    variable = VARIABLES[stored]
-    described: dict[str, Any] = {
-        **variable.attributes(),
-        "long_name": f"{LONG_NAMES.get(stored, variable.long_name)} (simulated)",
-        "coordinates": COORDINATES,
-        **attributes,
-    }
-    return Og1Variable(values, described, fill=np.nan, kind="f4")
+def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
+    told = VARIABLES[stored].attributes()
+    told["long_name"] = f"{TERMS['long_names'].get(stored, told['long_name'])} (simulated)"
+    return variable(name, values, like="signal", **{**told, **more})
 
 
-def corrected_places(track: JoinedDives, found: FlownTracks) -> Iterator[tuple[str, Og1Variable]]:
+def corrected_places(track: JoinedDives, found: FlownTracks) -> Variables:
     """The corrected track, its deviation and flags."""
     methods = ", ".join(dict.fromkeys(found.tracks[mission].method for mission in track.missions))
     latitude, longitude = _degrees(track, lambda mission: found.tracks[mission].position)
     reckoned = track.gather(lambda mission: found.tracks[mission].reckoned) > 0.0
-    for name, values, word, vocabulary in (
-        ("LONGITUDE", longitude, "longitude of each measurement and GPS location", "LON/"),
-        ("LATITUDE", latitude, "Latitude north (WGS84)", "LAT/"),
-    ):
-        own = {
-            "interpolation_methodology": methods,
-            f"{name.lower()}_vocabulary": VOCABULARY + vocabulary,
-            "ancillary_variables": f"{name}{ENDING} POSITION_SD DEAD_RECKONING",
-        }
-        yield name, position(values, word, name.lower(), own)
+    for name, values in (("LONGITUDE", longitude), ("LATITUDE", latitude)):
+        beside = f"{name}{ENDING} POSITION_SD DEAD_RECKONING"
+        yield variable(name, values, interpolation_methodology=methods, ancillary_variables=beside)
         yield quality(name, values, estimated=reckoned, good=~reckoned)
     yield from reckoning(reckoned, track.gather(lambda mission: found.tracks[mission].deviation))
 
 
-def tracks(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
+def tracks(track: JoinedDives) -> Variables:
     """Tracks that the store has in metres from each row's start, on Earth: nothing else would say
     where they are, since a file has no rows."""
     for stored, ending, word in TRACKS:
@@ -255,11 +203,12 @@ def tracks(track: JoinedDives) -> Iterator[tuple[str, Og1Variable]]:
             return np.stack([track.logs.signal(name, mission) for name in names], axis=1)
 
         for name, values in zip(("latitude", "longitude"), _degrees(track, metres), strict=True):
-            at = {"coordinates": COORDINATES}
-            yield ending.format(name.upper()), position(values, f"{name} {word}", name, at)
+            yield variable(
+                ending.format(name.upper()), values, like=name, long_name=f"{name} {word}"
+            )
 
 
-def gps_fixes(track: JoinedDives, time: Array) -> Iterator[tuple[str, Og1Variable]]:
+def gps_fixes(track: JoinedDives, time: Array) -> Variables:
     """The fixes at the ends of the dives, each at its own time beside the nearest sample."""
     logs = track.logs
     places = np.full((3, len(time)), np.nan)
@@ -270,16 +219,9 @@ def gps_fixes(track: JoinedDives, time: Array) -> Iterator[tuple[str, Og1Variabl
         for when, fix in ((begin, start), (last, end)):
             if np.isfinite([*fix, when]).all():
                 places[:, int(np.argmin(np.abs(time - when)))] = when, *fix
-    at = {"coordinates": COORDINATES}
-    yield (
-        "TIME_GPS",
-        Og1Variable(places[0], time_attributes("time of each GPS location"), TIME_FILL),
-    )
-    yield (
-        "LONGITUDE_GPS",
-        position(_wrap(places[2]), "longitude of each GPS location", "longitude", at),
-    )
-    yield "LATITUDE_GPS", position(places[1], "latitude of each GPS location", "latitude", at)
+    yield variable("TIME_GPS", places[0])
+    yield variable("LONGITUDE_GPS", _wrap(places[2]))
+    yield variable("LATITUDE_GPS", places[1])
 
 
 def _wrap(longitude: Array) -> Array:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata, with_metadata
@@ -23,64 +25,31 @@ from twin.version import __version__
 Array = NDArray[np.float64]
 
 N_MEASUREMENTS = "N_MEASUREMENTS"
-EPOCH = "seconds since 1970-01-01T00:00:00Z"
-FILL = -9999.9
-"""Of positions and depth, as the format prescribes"""
-TIME_FILL = -1.0
-ROLES = "https://vocab.nerc.ac.uk/collection/W08/current/"
-OG_FORMAT = "https://oceangliderscommunity.github.io/OG-format-user-manual/OG_Format.html"
-PLATFORM = "https://vocab.nerc.ac.uk/collection/L06/current/27/"
-VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"
-PHASES = (
-    "https://github.com/OceanGlidersCommunity/OG-format-user-manual/blob/main/"
-    "vocabularyCollection/phase.md"
+TERMS: dict[str, Any] = yaml.safe_load(
+    Path(__file__).with_name("og1.yaml").read_text(encoding="utf-8")
 )
+"""Variables and attributes of the format, see the file"""
 COORDINATES = "TIME LONGITUDE LATITUDE DEPTH"
 ASCENT, DESCENT, SURFACING, INFLECTION = 1, 2, 3, 5
 """Codes of the format's phase vocabulary"""
-PHASE_FLAGS = {
-    ASCENT: "ascent",
-    DESCENT: "descent",
-    SURFACING: "surfacing",
-    INFLECTION: "inflexion",
-}
-"""Those that occur here, spelt as in the vocabulary"""
-DVL_MODES = {0: "none", 1: "bottom", 2: "water"}
-"""What the DVL's velocity is relative to; with the bottom it contains the current"""
-DVL_MODE_FILL = -1
 SURFACE_DEPTH_M = 1.5
 """Shallower the glider counts as at the surface: half a hull and some"""
 STILL_SPEED = 0.03
 """[m/s] vertical: slower under water it is turning"""
 
-SIMULATED_MEASURED = (
-    ("PRES", "measured_pressure", "SENSOR_PRESSURE"),
-    ("PITCH", "measured_pitch", "SENSOR_AHRS"),
-    ("ROLL", "measured_roll", "SENSOR_AHRS"),
-    ("HEADING", "measured_heading", "SENSOR_AHRS"),
-    ("ROLL_RATE", "measured_roll_rate", "SENSOR_AHRS"),
-    ("PITCH_RATE", "measured_pitch_rate", "SENSOR_AHRS"),
-    ("YAW_RATE", "measured_yaw_rate", "SENSOR_AHRS"),
-    ("SPECIFIC_FORCE_X", "measured_specific_force_x", "SENSOR_AHRS"),
-    ("SPECIFIC_FORCE_Y", "measured_specific_force_y", "SENSOR_AHRS"),
-    ("SPECIFIC_FORCE_Z", "measured_specific_force_z", "SENSOR_AHRS"),
-    ("BATTERY_SHIFT", "measured_shift", ""),
-    ("BATTERY_ROTATION", "measured_rotation", ""),
-    ("PUMPED_VOLUME", "measured_pump", ""),
-    ("DVL_SURGE", "measured_dvl_surge", "SENSOR_DVL"),
-    ("DVL_SWAY", "measured_dvl_sway", "SENSOR_DVL"),
-    ("DVL_HEAVE", "measured_dvl_heave", "SENSOR_DVL"),
-)
-"""(name in the file, name in the store, sensor variable) of simulated missions of gliders"""
-CTD_MEASURED = (
-    ("DENSITY", "measured_density", "SENSOR_CTD"),
-    ("TEMP", "measured_temperature", "SENSOR_CTD"),
-    ("PSAL", "measured_salinity", "SENSOR_CTD"),
-)
-"""The same of the CTD, where the water has temperature and salinity; logs have them too"""
+Term = tuple[str, str, str]
+"""Name in the file, name in the store, sensor variable"""
 
 
-def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
+def _measured(part: str) -> tuple[Term, ...]:
+    return tuple((name, stored, sensor) for name, (stored, sensor) in TERMS[part].items())
+
+
+SIMULATED_MEASURED, CTD_MEASURED = _measured("measured"), _measured("ctd")
+MEASURED = (*SIMULATED_MEASURED, *CTD_MEASURED, ("RUDDER", "measured_fin", ""))
+
+
+def simulated_terms(signals: Sequence[str]) -> list[Term]:
     """The terms of a store of simulated missions, by the parts that its vehicle has.
 
     Args:
@@ -96,8 +65,6 @@ def simulated_terms(signals: Sequence[str]) -> list[tuple[str, str, str]]:
     return terms + [(name.upper(), name, "") for name in sorted(own - named)]
 
 
-LOGGED_MEASURED = (("RUDDER", "measured_fin", ""),)
-"""The same of what only real vehicles log"""
 TRACKS = (
     ("measured_onboard", "{}_ONBOARD", "by the vehicle's own dead reckoning"),
     ("commanded_waypoint", "WAYPOINT_{}", "of the waypoint that the vehicle was sent to"),
@@ -111,69 +78,13 @@ RAW_TIMES = {
 }
 """Times of the original samples beside those of the grid"""
 VARIATION = "MAGNETIC_VARIATION"
-PAYLOAD = {
-    "measured_oxygen": "DOXY",
-    "measured_chlorophyll": "CHLA",
-    "measured_dissolved_organic_matter": "CDOM",
-    "measured_turbidity": "TURBIDITY",
-}
-"""Name in the file of what the format has names for; oxygen is per mass there."""
-VELOCITY = "m s-1"
-UNITS = {
-    "TIME": EPOCH,
-    "LATITUDE": "degrees_north",
-    "LONGITUDE": "degrees_east",
-    "DEPTH": "m",
-    "POSITION_SD": "m",
-    "DIVE_NUMBER": "1",
-    VARIATION: "degree",
-    "CNDC": "S m-1",
-    "DOXY": "umol kg-1",
-    "CHLA": "mg m-3",  # 1 ug L-1
-    "CDOM": "1e-9",
-    "TURBIDITY": "1",
-    "ANGLE_OF_ATTACK_MODEL": "degree",
-    **dict.fromkeys(
-        (
-            "GLIDER_SPEED_MODEL", "GLIDER_HORZ_VELO_MODEL", "GLIDER_VERT_VELO_MODEL",
-            "GLIDER_SURGE_MODEL", "GLIDER_SWAY_MODEL", "VERT_CURR_MODEL", "DAC_NORTH_MODEL",
-            "DAC_EAST_MODEL", "DAC_SD_MODEL", "DAC_NORTH", "DAC_EAST", "DAVG_CURR_NORTH",
-            "DAVG_CURR_EAST",
-        ),
-        VELOCITY,
-    ),
-}  # fmt: skip
-"""Units, as UDUNITS writes them, of the variables that the format names and a store has not: a
-store's own signals keep theirs"""
-MEASURED = SIMULATED_MEASURED + CTD_MEASURED + LOGGED_MEASURED
-LONG_NAMES = {
-    "measured_pressure": "sea water pressure, equals 0 at sea level, by the transducer",
-    "measured_dvl_surge": "DVL velocity relative to DVL_MODE, forward",
-    "measured_dvl_sway": "DVL velocity relative to DVL_MODE, starboard",
-    "measured_dvl_heave": "DVL velocity relative to DVL_MODE, down",
-}
-"""Of signals whose own long name would mislead in this format"""
-SENSOR_TYPES = "https://vocab.nerc.ac.uk/collection/L05/current/"
-SENSORS = {
-    "SENSOR_PRESSURE": ("pressure", "pressure transducer", "pressure transducer"),
-    "SENSOR_AHRS": (
-        "imu",
-        "attitude and heading reference",
-        "Microstrain 3DM-GX5-25 attitude and heading reference",
-    ),
-    "SENSOR_DVL": ("dvl", "Doppler velocity log", "LinkQuest 600 kHz micro DVL"),
-    "SENSOR_CTD": (
-        "ctd",
-        "conductivity, temperature and depth sensor",
-        "Sea-Bird Glider Payload CTD",
-    ),
-}
-"""Sensor variable: device of the sensor suite, what it is, and the model whose errors it has"""
+NOT_LOGGED: str = TERMS["logged"]["institution"]
+"""Value of attributes that the format demands and a vehicle's log cannot know"""
 
 
 def sensor_attributes(run: GeneratedStore | StoredFlight, name: str) -> dict[str, str]:
     """Attributes of a sensor variable; a device without errors is nobody's model."""
-    device, kind, model = SENSORS[name]
+    device, kind, model = TERMS["sensors"][name]
     settings = getattr(run.suite, device)
     called = f"simulated {model}"
     if not getattr(settings, "fitted", True):
@@ -183,10 +94,8 @@ def sensor_attributes(run: GeneratedStore | StoredFlight, name: str) -> dict[str
     return {
         "long_name": called,
         "sensor_model": called,
-        "sensor_model_vocabulary": "n/a",
         "sensor_maker": "none: simulation",
         "sensor_serial_number": "n/a",
-        "sensor_type_vocabulary": SENSOR_TYPES,
         "comment": "simulated",
     }
 
@@ -200,9 +109,9 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
     """ACDD's limits of the data, which search engines of data portals read."""
     limits: dict[str, float | str] = {"geospatial_vertical_positive": "down"}
     for name, values, units in (
-        ("lat", latitude, UNITS["LATITUDE"]),
-        ("lon", longitude, UNITS["LONGITUDE"]),
-        ("vertical", depth, UNITS["DEPTH"]),
+        ("lat", latitude, "degrees_north"),
+        ("lon", longitude, "degrees_east"),
+        ("vertical", depth, "m"),
     ):
         if np.isfinite(values).any():  # a log without fixes has no place
             limits[f"geospatial_{name}_min"] = float(np.nanmin(values))
@@ -219,61 +128,34 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
     return limits
 
 
-KEYWORDS = (
-    "EARTH SCIENCE > OCEANS > OCEAN TEMPERATURE > WATER TEMPERATURE, "
-    "EARTH SCIENCE > OCEANS > SALINITY/DENSITY > SALINITY, "
-    "EARTH SCIENCE > OCEANS > OCEAN CIRCULATION > OCEAN CURRENTS"
-)
-"""GCMD's, of what gliders measure"""
-FORMAT = {
-    "featureType": "trajectory",
-    "cdm_data_type": "Trajectory",
-    # attributes are ACDD-1.3's, which wants a standard name of each variable: CF has none of a
-    # rudder or a pump, so that the convention is not declared
-    "Conventions": "CF-1.10, OG-1.0",
-    "standard_name_vocabulary": "CF Standard Name Table v93",
-}
-"""What every file says of its layout"""
-
-
 def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata) -> dict[str, Any]:
     """Global attributes; those that depend on the data are `bounds`."""
     serial = f"sim{mission:06d}"
     start = stamp(facts.start)
     end = facts.start + datetime.timedelta(seconds=facts.duration)
     own = {
-        "title": "SIMULATED OceanGliders trajectory file",
-        "summary": "Simulated underwater glider mission: not an observation of the ocean.",
-        "platform": "sub-surface gliders",
-        "platform_vocabulary": PLATFORM,
-        "id": f"{serial}_{start}_delayed",
-        "naming_authority": "glider-twin",
-        "institution": "none: simulation",
-        "internal_mission_identifier": facts.name,
-        "time_coverage_start": start,
+        **_identity(serial, start, facts.name),
+        **TERMS["simulated"],
         "time_coverage_end": stamp(end),
-        "contributor_name": "glider-twin simulation",
-        "contributor_email": "n/a",
-        "contributor_role": "originator",
-        "contributor_role_vocabulary": ROLES,
-        "contributing_institutions": "none: simulation",
-        "contributing_institutions_role": "Operator",
-        "contributing_institutions_role_vocabulary": ROLES,
-        "rtqc_method": "No QC applied",
-        "rtqc_method_doi": "n/a",
         "comment": f"SIMULATED DATA. {facts.said} LATITUDE and LONGITUDE are dead-reckoned as "
         "interpolation_methodology says, TRUE_* variables what really happened in the simulation.",
         "source": facts.source,
         "history": facts.history,
-        "references": OG_FORMAT,
+    }
+    own["keywords"] = f"simulation, {own['keywords']}"
+    return with_metadata(own, metadata, simulated=True)
+
+
+def _identity(serial: str, start: str, deployment: str) -> dict[str, Any]:
+    """Attributes of every file."""
+    return {
+        **TERMS["global"],
+        "id": f"{serial}_{start}_delayed",
+        "internal_mission_identifier": deployment,
+        "time_coverage_start": start,
         "start_date": start,
         "date_created": stamp(made_at()),
-        "keywords": f"simulation, {KEYWORDS}",
-        "keywords_vocabulary": "GCMD Science Keywords",
-        "processing_level": "simulated sensors, as measured",
-        **FORMAT,
     }
-    return with_metadata(own, metadata, simulated=True)
 
 
 def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) -> dict[str, Any]:
@@ -286,44 +168,14 @@ def log_attributes(logs: LogStore, missions: Sequence[int], metadata: Metadata) 
     )
     serial = file_names(logs.deployments, "glider", "-")[deployment]
     kind = "SIMULATED OceanGliders" if logs.simulated else "OceanGliders"
-    files = logs.files
+    source = f"logs of a vehicle ({logs.source}: {logs.files}), read by glider-twin {__version__}"
     own = {
+        **_identity(serial, start, deployment),
+        **TERMS["logged"],
         "title": f"{kind} trajectory file, deployment {deployment}",
         "summary": f"{len(missions)} dives of deployment {deployment}, {logs.platform}.",
-        "platform": "sub-surface gliders",
-        "platform_vocabulary": PLATFORM,
-        "id": f"{serial}_{start}_delayed",
-        "naming_authority": "glider-twin",
-        "institution": NOT_LOGGED,
-        "internal_mission_identifier": deployment,
-        "time_coverage_start": start,
         "time_coverage_end": end,
-        "contributor_name": NOT_LOGGED,
-        "contributor_email": "n/a",
-        "contributor_role": "n/a",
-        "contributor_role_vocabulary": ROLES,
-        "contributing_institutions": NOT_LOGGED,
-        "contributing_institutions_role": "Operator",
-        "contributing_institutions_role_vocabulary": ROLES,
-        "rtqc_method": "No QC applied",
-        "rtqc_method_doi": "n/a",
-        "comment": ON_A_GRID,
-        "source": f"logs of a vehicle ({logs.source}: {files}), read by glider-twin {__version__}",
+        "source": source,
         "history": logs.history,
-        "references": OG_FORMAT,
-        "start_date": start,
-        "date_created": stamp(made_at()),
-        "keywords": KEYWORDS,
-        "keywords_vocabulary": "GCMD Science Keywords",
-        "processing_level": "sensor values as logged, cleaned of impossible ones, on a time grid",
-        **FORMAT,
     }
     return with_metadata(own, metadata, simulated=logs.simulated)
-
-
-ON_A_GRID = (
-    "On one time grid for each dive; LATITUDE and LONGITUDE between the fixes are "
-    "as interpolation_methodology says. Attitude and PRES are missing where the log had gaps."
-)
-NOT_LOGGED = "unknown: the log does not say"
-"""Value of attributes that the format demands and a vehicle's log cannot know"""

@@ -6,7 +6,7 @@ Quality: the flags beside variables, which OceanGliders has taken over from Argo
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.exporting.og1.og1_terms import (
-    COORDINATES,
-    DVL_MODE_FILL,
-    DVL_MODES,
-    FILL,
-    N_MEASUREMENTS,
-    PHASE_FLAGS,
-    PHASES,
-    UNITS,
-    VOCABULARY,
-    bounds,
-)
+from factory.exporting.og1.og1_terms import COORDINATES, N_MEASUREMENTS, TERMS, bounds
 
 Array = NDArray[np.float64]
 
@@ -40,6 +29,10 @@ class Og1Variable:
     fill: float | int | None = None
     dimensions: tuple[str, ...] = (N_MEASUREMENTS,)
     kind: str = field(default="f8")
+
+
+Variables = Iterator[tuple[str, Og1Variable]]
+"""With their names"""
 
 
 def write_og1(
@@ -113,111 +106,32 @@ def _duration(time: Array) -> dict[str, str]:
     return words
 
 
-def text(value: str, long_name: str, **attributes: str) -> Og1Variable:
-    """A word or a sentence about the whole file."""
-    return Og1Variable(
-        np.array(value), {"long_name": long_name, **attributes}, dimensions=(), kind="str"
-    )
+def variable(
+    name: str, values: NDArray[Any] | float | str, *, like: str = "", **more: Any
+) -> tuple[str, Og1Variable]:
+    """A variable with its attributes of `og1.yaml` and these.
+
+    Args:
+      name: in the file.
+      values: NaN where missing.
+      like: variable whose attributes it takes, where it has none of its own there.
+      more: further attributes; `kind` and `fill` say how it is stored.
+    """
+    told = {**TERMS["variables"][like or name], **more}
+    kind, fill = told.pop("kind", "f8"), told.pop("fill", None)
+    dimensions = () if told.pop("once", False) else (N_MEASUREMENTS,)
+    if meanings := told.pop("flags", None):
+        told["flag_values"] = np.array(list(meanings), np.int8)
+        told["flag_meanings"] = " ".join(meanings.values())
+    return name, Og1Variable(np.asarray(values), told, fill, dimensions, kind)
 
 
-def flags(meanings: Mapping[int, str]) -> dict[str, Any]:
-    """CF's attributes of a variable that holds codes."""
-    return {
-        "flag_values": np.array(list(meanings), np.int8),
-        "flag_meanings": " ".join(meanings.values()),
-    }
-
-
-def dvl_mode(values: Array, long_name: str) -> Og1Variable:
-    """What the Doppler log's velocity is relative to, as codes."""
-    attributes = {
-        "long_name": long_name,
-        **flags(DVL_MODES),
-        "coordinates": COORDINATES,
-        "sensor": "SENSOR_DVL",
-    }
-    return Og1Variable(values, attributes, fill=DVL_MODE_FILL, kind="i1")
-
-
-def time_attributes(long_name: str) -> dict[str, Any]:
-    """Attributes of a time in seconds since 1970."""
-    return {
-        "long_name": long_name,
-        "standard_name": "time",
-        "units": UNITS["TIME"],
-        "calendar": "standard",
-        "valid_min": 1e9,
-        "valid_max": 4e9,
-    }
-
-
-def position(
-    values: Array, long_name: str, standard_name: str, attributes: Mapping[str, Any]
-) -> Og1Variable:
-    """Latitudes or longitudes [degree]; NaN becomes the fill value."""
-    largest = 90.0 if standard_name == "latitude" else 180.0
-    return Og1Variable(
-        values,
-        {
-            "long_name": long_name,
-            "standard_name": standard_name,
-            "units": UNITS[standard_name.upper()],
-            "valid_min": -largest,
-            "valid_max": largest,
-            **attributes,
-        },
-        fill=FILL,
-    )
-
-
-def deployment_place(latitude: float, longitude: float) -> Iterable[tuple[str, Og1Variable]]:
-    """Variables of the place where the deployment began [degree]."""
-    for kind, value in (("latitude", latitude), ("longitude", longitude)):
-        attributes = {
-            "long_name": f"{kind} of deployment",
-            "standard_name": kind,
-            "units": UNITS[kind.upper()],
-        }
-        fill = FILL if np.isnan(value) else None
-        yield (
-            f"DEPLOYMENT_{kind.upper()}",
-            Og1Variable(np.array(value), attributes, fill=fill, dimensions=()),
-        )
-
-
-def depth_variable(depth: Array, long_name: str, comment: str) -> Og1Variable:
-    """DEPTH [m], nowhere below 0."""
-    return Og1Variable(
-        depth,
-        {
-            "long_name": long_name,
-            "standard_name": "depth",
-            "units": UNITS["DEPTH"],
-            "positive": "down",
-            "axis": "Z",
-            "valid_min": 0.0,
-            "valid_max": 10000.0,
-            "depth_vocabulary": VOCABULARY + "DEPTH/",
-            "comment": comment,
-        },
-        fill=FILL,
-    )
-
-
-def phase_variable(codes: NDArray[Any], method: str) -> Og1Variable:
-    """PHASE by the codes of PHASE_FLAGS, and how they were found."""
-    return Og1Variable(
-        codes,
-        {
-            "long_name": "behavior of the glider at sea",
-            "phase_vocabulary": PHASES,
-            "phase_calculation_method": method,
-            **flags(PHASE_FLAGS),
-            "coordinates": COORDINATES,
-        },
-        fill=0,
-        kind="i1",
-    )
+def deployment(start: float, latitude: float, longitude: float) -> Variables:
+    """When and where the deployment began [s since 1970], [degree]."""
+    yield variable("DEPLOYMENT_TIME", start)
+    for name, value in (("LATITUDE", latitude), ("LONGITUDE", longitude)):
+        known: dict[str, Any] = {} if np.isnan(value) else {"fill": None}
+        yield variable(f"DEPLOYMENT_{name}", value, **known)
 
 
 Mask = NDArray[np.bool_]

@@ -12,12 +12,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from factory.importing.columns import AHEAD
-from factory.importing.deployment_log import TRUNCATED, Array, Channel, DeploymentLog
-from factory.importing.dives.computer import computer_of
+from factory.importing.deployment_log import EMPTY, TRUNCATED, Array, Channel, DeploymentLog
 from factory.importing.dives.segments import CLIMB, DESCENT, LogSegment
-from factory.importing.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules, runs
+from factory.importing.sample_clock import AHEAD
 from factory.importing.tally import Tally
 from twin.records.coordinates import utc_minute
 from twin.records.logged import DRIVEN
@@ -96,7 +96,7 @@ _ABOVE_SEA = 5.0
 
 
 def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
-    """Whether the log holds a dive from its first fix to its last; says so where it does not."""
+    """Check that the log holds a dive from its first fix to its last; report what is missing."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
     if not len(inside):
         return False
@@ -171,12 +171,8 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
     if len(pitch):
         same = (np.diff(depth.values) == 0.0) & below[1:]
         same &= np.abs(pitch.known(depth.time[1:])) > _PITCHED
-        # the longest run of repeated depths
-        ends = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-        runs = ends.reshape(-1, 2)
-        longest = max(
-            (float(depth.time[end] - depth.time[start]) for start, end in runs), default=0.0
-        )
+        repeated = (float(depth.time[end] - depth.time[start]) for start, end in runs(same))
+        longest = max(repeated, default=0.0)
         if longest > _STANDS:
             tally.add(
                 "suspect", "measured_depth", 1,
@@ -271,3 +267,45 @@ def _too_flat(signals: Mapping[str, Array], period: float) -> list[Reason]:
     if np.median(np.abs(np.gradient(depth, period))[glide]) < FALLS:
         return []
     return [("measured_pitch", f"below {FLAT:g} degree at {FALLS:g} m/s of sinking; wrong unit?")]
+
+
+ATTITUDE = ("measured_pitch", "measured_heading", "measured_roll")
+
+DEEP = 10.0
+"""[m], [dbar] No vehicle with a fix is so deep."""
+
+
+def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
+    """Channel that shows when the vehicle's computer runs in a row: its own, or an attitude that
+    comes all the time; empty where nothing shows it."""
+    for name in ("awake", *ATTITUDE):
+        one = log.channel(name).within(segment.start, segment.end)
+        if len(one) >= _FEWEST and not one.on_change:
+            return one
+    return EMPTY
+
+
+def running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np.bool_]:
+    """When the vehicle's computer runs; always, where nothing shows it."""
+    shown = computer_of(log, segment)
+    if not len(shown):
+        return np.ones(len(times), bool)
+    return shown.covers(times) | floating(shown, log, segment, times)
+
+
+def floating(
+    channel: Channel, log: DeploymentLog, segment: LogSegment, times: Array
+) -> NDArray[np.bool_]:
+    """When a vehicle waits at the surface for the fix of a row's end, and says little: before the
+    first and after the last sample of a channel."""
+    floats = np.zeros(len(times), bool)
+    depth = log.channel("measured_depth").within(segment.start, segment.end)
+    inside = channel.within(segment.start, segment.end)
+    if not len(depth) or not len(inside):
+        return floats
+    first, last = inside.time[0], inside.time[-1]
+    if segment.start_fix is not None and depth.at(first) < DEEP:
+        floats |= times < first
+    if segment.end_fix is not None and depth.at(last) < DEEP:
+        floats |= times > last
+    return floats

@@ -17,7 +17,6 @@ from factory.importing.deployment_log import (
     UNREADABLE,
     Channel,
     DeploymentLog,
-    LoggedFixes,
     naming,
 )
 from factory.importing.dives.dive_checks import (
@@ -30,13 +29,13 @@ from factory.importing.dives.dive_checks import (
     tell_silent,
 )
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
-from factory.importing.dives.positions import averaged_current, row_positions
-from factory.importing.dives.regular_times import frame_origin, grid, not_empty, on_grid
-from factory.importing.dives.segments import LogSegment, cut
-from factory.importing.gps_fixes import good_fixes, tell_fixes, tell_read
+from factory.importing.dives.positions import averaged_current, frame_origin, row_positions
+from factory.importing.dives.regular_times import grid, not_empty, on_grid
+from factory.importing.dives.segments import LogSegment, cut, pieces
+from factory.importing.gps_fixes import tell_read
 from factory.importing.plausibility import DiveRules, check_signs
-from factory.importing.seawater import depth_of, pressure_of
-from factory.importing.surface_offset import zeroed
+from factory.importing.pressures import zeroed
+from factory.importing.seawater import with_depth
 from factory.importing.tally import (
     Entry,
     ImportReport,
@@ -47,7 +46,6 @@ from factory.importing.tally import (
     unread,
 )
 from twin.errors import InputError
-from twin.geodesy import offset
 from twin.records.attributes import (
     COMMENT,
     FILES,
@@ -63,64 +61,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-NEAR_END = 5.0
-"""[s] A fix so near to a row's end stands for it."""
-
-
-def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegment]:
-    """The rows that the reader of a log has found, in time order, with their fixes.
-
-    Rows shorter than `rules.min_duration` are left out, counted.
-    """
-    assert log.pieces is not None
-    fixes = good_fixes(log.fixes, log.channel("measured_depth"), rules, tally)
-    long = [span for span in log.pieces if span[1] - span[0] >= rules.min_duration]
-    tally.add(
-        "left out", "rows", len(log.pieces) - len(long), f"shorter than {rules.min_duration:g} s"
-    )
-    used = np.zeros(len(fixes), bool)
-    for start, end in long:
-        used |= (fixes.time >= start) & (fixes.time <= end)
-    tell_fixes(fixes, used, tally, kept="within rows", left_out="outside rows")
-    return [_segment(start, end, fixes.within(start, end)) for start, end in long]
-
-
-def _segment(start: float, end: float, inside: LoggedFixes) -> LogSegment:
-    nothing = (float("nan"), float("nan"))
-    first, last = _near(inside, start), _near(inside, end)
-    moved = nothing
-    if first is not None and last is not None:
-        north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
-        moved = (float(north), float(east))
-    return LogSegment(
-        start=start,
-        end=end,
-        start_fix=first,
-        end_fix=last,
-        displacement=moved,
-        surface_duration=float("nan"),
-        surface_drift=nothing,
-        inside=inside,
-    )
-
-
-def _near(fixes: LoggedFixes, time: float) -> tuple[float, float] | None:
-    """Latitude and longitude of the fix nearest to a row's end, where one is near."""
-    if not len(fixes):
-        return None
-    k = int(np.argmin(np.abs(fixes.time - time)))
-    if abs(fixes.time[k] - time) > NEAR_END:
-        return None
-    return float(fixes.latitude[k]), float(fixes.longitude[k])
-
-
 WANTED = (
     "measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
     "measured_rotation", "measured_density",
 )  # fmt: skip
 """Channels whose absence the report names."""
-_EQUATOR = 0.0
-"""[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
 
 
 def build(
@@ -378,30 +323,6 @@ def dataset_of_rows(
     if simulated:
         attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
     return rows_dataset(rows, period, attributes), report
-
-
-def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
-
-    A log whose rows are no dives may have neither.
-
-    Raises:
-      InputError: it has neither.
-    """
-    latitude = float(np.median(log.fixes.latitude)) if len(log.fixes) else _EQUATOR
-    track = log.channel("latitude")
-    if not len(log.fixes) and len(track):
-        latitude = float(np.median(track.values))
-    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
-    channels = dict(log.channels)
-    if len(pressure):
-        channels["measured_depth"] = Channel(pressure.time, depth_of(pressure.values, latitude))
-    elif len(depth):
-        channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
-        tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
-    elif log.pieces is None:
-        raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
-    return dataclasses.replace(log, channels=channels)
 
 
 def _tell_outside(

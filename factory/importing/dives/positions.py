@@ -7,7 +7,8 @@ vehicle that
 is taken to rest moves on the straight line between its fixes, and is nowhere outside them.
 `twin flight` does better: it knows the vehicle.
 
-Depth-averaged current of a dive, from its two GPS fixes and its way through the water.
+Depth-averaged current of a dive, from its two GPS fixes and its way through the water. Fixes and
+tracks of the log in metres from the row's start.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from factory.importing.deployment_log import NEAR, Channel, DeploymentLog, LoggedFixes
+from factory.importing.dives.dive_checks import floating
 from factory.importing.dives.segments import SURFACE, LogSegment
-from twin.geodesy import position, wrap_longitude
+from twin.geodesy import offset, position, wrap_longitude
 from twin.records.coordinates import rounded_degrees
 from twin.records.logged import DRIVEN
 from twin.water.current.axes import HIGHEST_LATITUDE
@@ -199,3 +202,82 @@ def row_positions(
         longitude=rounded_degrees(wrap_longitude(longitude)),
         method=method,
     )
+
+
+def put_fixes(
+    log: DeploymentLog, segment: LogSegment, times: Array, period: float, signals: dict[str, Array]
+) -> None:
+    """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
+    origin = frame_origin(log, segment)
+    if origin is None:
+        return
+    north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
+    if len(segment.inside):
+        k = np.clip(np.round((segment.inside.time - times[0]) / period), 0, len(times) - 1)
+        place = offset(segment.inside.latitude, segment.inside.longitude, *origin)
+        north[k.astype(np.intp)], east[k.astype(np.intp)] = place
+    for fix, k in ((segment.start_fix, 0), (segment.end_fix, len(times) - 1)):
+        if fix is not None:
+            north[k], east[k] = offset(np.float64(fix[0]), np.float64(fix[1]), *origin)
+    signals["measured_gps_north"], signals["measured_gps_east"] = north, east
+
+
+def frame_origin(log: DeploymentLog, segment: LogSegment) -> tuple[float, float] | None:
+    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
+    if len(segment.inside):
+        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    return segment.start_fix or segment.end_fix
+
+
+def _first(fixes: LoggedFixes) -> tuple[float, float]:
+    return float(fixes.latitude[0]), float(fixes.longitude[0])
+
+
+def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
+    """Latitude and longitude of the vehicle's own track at a time; None without one."""
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if not len(latitude) or not len(longitude):
+        return None
+    at = np.array([time])
+    return float(latitude.at(at)[0]), float(longitude.at(at)[0])
+
+
+def put_true_track(
+    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
+) -> None:
+    """Where a simulated vehicle really was [m] from the row's start, which is a fix."""
+    latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
+    origin = segment.start_fix or segment.end_fix
+    if origin is None or not len(latitude):
+        return
+    values = offset(latitude.at(times), longitude.at(times), *origin)
+    signals["true_north"], signals["true_east"] = values
+
+
+def put_onboard(
+    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
+) -> None:
+    """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
+    north, east = log.channel("onboard_north"), log.channel("onboard_east")
+    if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
+        latitude, longitude = log.channel("latitude"), log.channel("longitude")
+        origin = segment.start_fix or _onboard_at(log, segment.start)
+        assert origin is not None
+        common = latitude.within(segment.start, segment.end - 1e-3)
+        if len(common) < 2:
+            return
+        values = offset(common.values, longitude.at(common.time), *origin)
+        north, east = Channel(common.time, values[0]), Channel(common.time, values[1])
+    else:
+        north = north.within(segment.start, segment.end - 1e-3)
+        east = east.within(segment.start, segment.end - 1e-3)
+        if len(north) < 2 or len(east) < 2:
+            return
+        north = Channel(north.time, north.values - north.values[0])
+        east = Channel(east.time, east.values - east.values[0])
+    # a track goes on as far as its vehicle: between its positions on a line
+    longest = max(NEAR, float(np.diff(north.time).max()))
+    known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)
+    known |= floating(north, log, segment, times)
+    signals["measured_onboard_north"] = np.where(known, north.at(times), np.nan)
+    signals["measured_onboard_east"] = np.where(known, east.at(times), np.nan)

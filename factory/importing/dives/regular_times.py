@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import NEAR, Channel, DeploymentLog, LoggedFixes
-from factory.importing.dives.computer import DEEP, floating, running
+from factory.importing.deployment_log import NEAR, Channel, DeploymentLog
+from factory.importing.dives.dive_checks import DEEP, floating, running
+from factory.importing.dives.positions import put_fixes, put_onboard, put_true_track
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
 from factory.importing.gps_fixes import nearest
 from factory.importing.plausibility import DiveRules
@@ -153,7 +154,7 @@ def on_grid(
         if name in signals:  # of a simulated log, from its own origin
             signals[name] = signals[name] - signals[name][0]
     _fill_density(signals, tally)
-    _put_true_track(log, segment, times, signals)
+    put_true_track(log, segment, times, signals)
     gap = _gaps(log, times, period)
     tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
     signals["measured_gap"] = gap.astype(np.float64)
@@ -167,10 +168,10 @@ def on_grid(
             segment,
             period,
         )
-    _put_fixes(log, segment, times, period, signals)
+    put_fixes(log, segment, times, period, signals)
     _put_waypoint(log, segment, times, signals)
     _put_times(log, times, period, signals)
-    _put_onboard(log, segment, times, signals)
+    put_onboard(log, segment, times, signals)
     _put_truth(log, times, signals)
     return signals
 
@@ -294,56 +295,6 @@ _BEYOND = 25.0
 """[m] A profile says nothing of the water that is further above or below it."""
 
 
-def _put_fixes(
-    log: DeploymentLog, segment: LogSegment, times: Array, period: float, signals: dict[str, Array]
-) -> None:
-    """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
-    origin = frame_origin(log, segment)
-    if origin is None:
-        return
-    north, east = np.full(len(times), np.nan), np.full(len(times), np.nan)
-    if len(segment.inside):
-        k = np.clip(np.round((segment.inside.time - times[0]) / period), 0, len(times) - 1)
-        place = offset(segment.inside.latitude, segment.inside.longitude, *origin)
-        north[k.astype(np.intp)], east[k.astype(np.intp)] = place
-    for position, k in ((segment.start_fix, 0), (segment.end_fix, len(times) - 1)):
-        if position is not None:
-            north[k], east[k] = offset(np.float64(position[0]), np.float64(position[1]), *origin)
-    signals["measured_gps_north"], signals["measured_gps_east"] = north, east
-
-
-def frame_origin(log: DeploymentLog, segment: LogSegment) -> tuple[float, float] | None:
-    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
-    if len(segment.inside):
-        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
-    return segment.start_fix or segment.end_fix
-
-
-def _first(fixes: LoggedFixes) -> tuple[float, float]:
-    return float(fixes.latitude[0]), float(fixes.longitude[0])
-
-
-def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
-    """Latitude and longitude of the vehicle's own track at a time; None without one."""
-    latitude, longitude = log.channel("latitude"), log.channel("longitude")
-    if not len(latitude) or not len(longitude):
-        return None
-    at = np.array([time])
-    return float(latitude.at(at)[0]), float(longitude.at(at)[0])
-
-
-def _put_true_track(
-    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
-) -> None:
-    """Where a simulated vehicle really was [m] from the row's start, which is a fix."""
-    latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
-    origin = segment.start_fix or segment.end_fix
-    if origin is None or not len(latitude):
-        return
-    values = offset(latitude.at(times), longitude.at(times), *origin)
-    signals["true_north"], signals["true_east"] = values
-
-
 def _put_waypoint(
     log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
 ) -> None:
@@ -375,35 +326,6 @@ def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[st
             signals[name] = _close(kept, times, _step(log, period)) - times[0]
         elif channel is not None:
             signals[name] = nearest(channel.time, times) - times[0]
-
-
-def _put_onboard(
-    log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
-) -> None:
-    """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
-    north, east = log.channel("onboard_north"), log.channel("onboard_east")
-    if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
-        latitude, longitude = log.channel("latitude"), log.channel("longitude")
-        origin = segment.start_fix or _onboard_at(log, segment.start)
-        assert origin is not None
-        common = latitude.within(segment.start, segment.end - 1e-3)
-        if len(common) < 2:
-            return
-        values = offset(common.values, longitude.at(common.time), *origin)
-        north, east = Channel(common.time, values[0]), Channel(common.time, values[1])
-    else:
-        north = north.within(segment.start, segment.end - 1e-3)
-        east = east.within(segment.start, segment.end - 1e-3)
-        if len(north) < 2 or len(east) < 2:
-            return
-        north = Channel(north.time, north.values - north.values[0])
-        east = Channel(east.time, east.values - east.values[0])
-    # a track goes on as far as its vehicle: between its positions on a line
-    longest = max(NEAR, float(np.diff(north.time).max()))
-    known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)
-    known |= floating(north, log, segment, times)
-    signals["measured_onboard_north"] = np.where(known, north.at(times), np.nan)
-    signals["measured_onboard_east"] = np.where(known, east.at(times), np.nan)
 
 
 def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:

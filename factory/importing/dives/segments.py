@@ -7,14 +7,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import (
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.deployment_log import NO_FIXES, Channel, DeploymentLog, LoggedFixes
 from factory.importing.gps_fixes import good_fixes, tell_fixes
-from factory.importing.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules, runs
 from factory.importing.tally import Tally
 from twin.geodesy import offset
 
@@ -157,10 +152,9 @@ def longest_stretch(depth: Channel, deeper: float) -> float:
         return float("inf")  # too few to tell a dive from noise
     gap = np.minimum(np.diff(depth.time), _STANDS_FOR * depth.spacing)
     stands = 0.5 * (np.append(gap, gap[-1]) + np.append(gap[:1], gap))
-    under = np.concatenate([[0], (depth.values > deeper).astype(np.int8), [0]])
-    edges = np.flatnonzero(np.diff(under)).reshape(-1, 2)
+    under = runs(depth.values > deeper)
     fewest = _SEVERAL if depth.spacing < _OFTEN else 1
-    long = [float(stands[start:end].sum()) for start, end in edges if end - start >= fewest]
+    long = [float(stands[start:end].sum()) for start, end in under if end - start >= fewest]
     return max(long, default=0.0)
 
 
@@ -244,9 +238,7 @@ def split_without_fixes(depth: Channel, rules: DiveRules) -> list[tuple[float, f
     pieces: list[tuple[float, float]] = []
     breaks = np.flatnonzero(gaps) + 1
     for part in np.split(np.arange(len(depth)), breaks):
-        under = wet[part].astype(np.int8)
-        turns = np.diff(np.concatenate([[0], under, [0]]))
-        for down, up in zip(np.flatnonzero(turns == 1), np.flatnonzero(turns == -1), strict=True):
+        for down, up in runs(wet[part]):
             rows = part[down:up]
             if longest_stretch(Channel(depth.time[rows], depth.values[rows]), rules.min_depth) < (
                 rules.min_stretch
@@ -302,3 +294,54 @@ def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: floa
         count = int(np.argmax(left)) if left.any() else len(left)
         phase[order][:count] = SURFACE
     return phase
+
+
+NEAR_END = 5.0
+"""[s] A fix so near to a row's end stands for it."""
+
+
+def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegment]:
+    """The rows that the reader of a log has found, in time order, with their fixes.
+
+    Rows shorter than `rules.min_duration` are left out, counted.
+    """
+    assert log.pieces is not None
+    fixes = good_fixes(log.fixes, log.channel("measured_depth"), rules, tally)
+    long = [span for span in log.pieces if span[1] - span[0] >= rules.min_duration]
+    tally.add(
+        "left out", "rows", len(log.pieces) - len(long), f"shorter than {rules.min_duration:g} s"
+    )
+    used = np.zeros(len(fixes), bool)
+    for start, end in long:
+        used |= (fixes.time >= start) & (fixes.time <= end)
+    tell_fixes(fixes, used, tally, kept="within rows", left_out="outside rows")
+    return [_row_of(start, end, fixes.within(start, end)) for start, end in long]
+
+
+def _row_of(start: float, end: float, inside: LoggedFixes) -> LogSegment:
+    nothing = (float("nan"), float("nan"))
+    first, last = _near(inside, start), _near(inside, end)
+    moved = nothing
+    if first is not None and last is not None:
+        north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
+        moved = (float(north), float(east))
+    return LogSegment(
+        start=start,
+        end=end,
+        start_fix=first,
+        end_fix=last,
+        displacement=moved,
+        surface_duration=float("nan"),
+        surface_drift=nothing,
+        inside=inside,
+    )
+
+
+def _near(fixes: LoggedFixes, time: float) -> tuple[float, float] | None:
+    """Latitude and longitude of the fix nearest to a row's end, where one is near."""
+    if not len(fixes):
+        return None
+    k = int(np.argmin(np.abs(fixes.time - time)))
+    if abs(fixes.time[k] - time) > NEAR_END:
+        return None
+    return float(fixes.latitude[k]), float(fixes.longitude[k])

@@ -19,7 +19,7 @@ from factory.importing.tally import OtherKind, Tally
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
 from twin.plugins import imported
-from twin.registry import Registry, instance_of
+from twin.registry import Registry
 
 if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog
@@ -144,9 +144,6 @@ class WrongFormat(OtherKind):
         """The first names."""
         return ", ".join(self.names[:5]) or "nothing"
 
-
-check_importer = instance_of("kind of log", Importer)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 IMPORTERS: Registry[Importer] = seams.IMPORTERS
 """Every kind of log that can be imported, by name."""

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import LoggedAngle, attitude_degrees, reference_declination
 from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
-from factory.importing.cleaning import clean, downward, positions
+from factory.importing.cleaning import clean, downward
 from factory.importing.columns import stacked, tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
-    NO_FIXES,
     Channel,
     DeploymentLog,
     LoggedFixes,
@@ -35,21 +34,23 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.ngdac_profiles import (
-    by_standard_name,
-    currents_of,
-    place_once,
-    profile_numbers,
-    reported_currents,
-)
-from factory.importing.formats.ngdac_pyglider import (
     ACTUATORS,
+    FIXES,
     MAGNETIC,
     RECKONS,
     SERIES,
     SLOCUM,
+    TRACKS,
     actuators,
+    by_standard_name,
+    currents_of,
+    fixes_in,
     fixes_of_track,
+    place_once,
+    profile_numbers,
+    reported_currents,
     sensor_columns,
+    track_in,
 )
 from factory.importing.netcdf import attributes_of, open_netcdf, unit_in
 from factory.importing.payload import payload_channels, payload_names
@@ -77,12 +78,6 @@ ANGLES = {
 }
 """Names of the attitude, where a file keeps it; a Slocum's own are radian, its heading magnetic."""
 PRECISE = "precise_time"
-TRACKS = (
-    ("precise_lat", "precise_lon"), ("lat", "lon"), ("latitude", "longitude"),
-    ("profile_lat", "profile_lon"),
-)  # fmt: skip
-"""Positions, in order of preference; the last are one for a profile, the first one for a sample."""
-FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
 CTD = ("temperature", "salinity", "conductivity")
 UNITS = {
     "pressure": "dbar", "depth": "m", "temperature": "degree_Celsius", "salinity": PRACTICAL,
@@ -257,8 +252,8 @@ def _log(
     attributes: dict[str, dict[str, Any]] = {}
     for one in profiles:
         attributes |= one.attributes
-    fixes = _fixes(time, columns, tally)
-    track = _track(time, columns, tally)
+    fixes = fixes_in(time, columns, tally)
+    track = track_in(time, columns, tally)
     places = places_for(fixes, track)
     if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
         latitude, longitude = track["latitude"], track["longitude"]
@@ -312,34 +307,6 @@ def _log(
         auxiliary=track,
         files=tuple(files),
     )
-
-
-def _fixes(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
-    if not all(n in columns and np.isfinite(columns[n]).any() for n in FIXES[:2]):
-        return NO_FIXES
-    status = columns.get(FIXES[2], np.full(len(time), np.nan))
-    bad = np.isfinite(status) & (status != 0.0)
-    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
-    latitude, longitude = positions(columns[FIXES[0]], columns[FIXES[1]], "GPS fixes", tally)
-    good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
-    return LoggedFixes(time[good], latitude[good], longitude[good])
-
-
-def _track(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
-    """The file's own track."""
-    there = [pair for pair in TRACKS if all(n in columns for n in pair)]
-    best = next((p for p in there if np.isfinite(columns[p[0]]).any()), None)
-    if best is None:
-        return {}
-    for pair in there:
-        if pair != best:
-            leave_out(pair, f"the track is {best[0]}, {best[1]}", tally)
-    latitude, longitude = positions(columns[best[0]], columns[best[1]], ", ".join(best), tally)
-    good = np.isfinite(latitude) & np.isfinite(longitude)
-    return {
-        "latitude": Channel(time[good], latitude[good]),
-        "longitude": Channel(time[good], longitude[good]),
-    }
 
 
 def _attitude(

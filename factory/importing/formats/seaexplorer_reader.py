@@ -26,15 +26,7 @@ from factory.importing.angles import (
 )
 from factory.importing.batteries import from_inside
 from factory.importing.cleaning import clean, degrees_minutes
-from factory.importing.columns import (
-    Table,
-    parse_stamps,
-    read_table,
-    stacked,
-    tidy,
-    unix_seconds,
-    with_values,
-)
+from factory.importing.columns import Table, read_table, stacked, tidy, with_values
 from factory.importing.deployment_log import (
     NEAR,
     NO_FIXES,
@@ -47,7 +39,7 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.sample_clock import expect_going
+from factory.importing.sample_clock import expect_going, parse_stamps, unix_seconds
 from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
 from factory.importing.units import in_unit

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import FLYING, from_degrees, heading_degrees
 from factory.importing.cleaning import clean
-from factory.importing.columns import stacked, tidy, unix_seconds
+from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
 from factory.importing.formats.seaglider_dive_files import first_time
 from factory.importing.pressures import pressure_by_flight, to_dbar
+from factory.importing.sample_clock import unix_seconds
 from factory.importing.seawater import ctd_channels
 from factory.importing.tally import Tally
 from factory.importing.units import to_cm3

@@ -18,14 +18,7 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
 from factory.importing.batteries import GAUGES, PUMPED, seaglider_batteries
-from factory.importing.columns import (
-    Table,
-    read_table,
-    stacked,
-    tidy,
-    unix_seconds,
-    with_values,
-)
+from factory.importing.columns import Table, read_table, stacked, tidy, with_values
 from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
@@ -37,7 +30,7 @@ from factory.importing.formats.seaglider_dive_files import dive_fixes, per_dive
 from factory.importing.formats.seaglider_log_signals import signals_of, water_of
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.sample_clock import expect_going
+from factory.importing.sample_clock import expect_going, unix_seconds
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from twin.bounded import LONGEST_NAME
 from twin.errors import InputError

@@ -308,4 +308,4 @@ def test_installed_the_formats_need_no_import_and_without_it_the_way_is_told() -
     installed = run([sys.executable, "-c", code.replace("{}", repr(points))])
     assert installed.stdout == "-lerobot\n", installed.stderr
     missing = run([sys.executable, "-c", code])
-    assert "lerobot is a plug-in of its own: `pip install ./plugins/hubs` in a" in missing.stderr
+    assert "lerobot comes with a plugin: `pip install ./plugins/hubs` in a" in missing.stderr

@@ -1,4 +1,4 @@
-"""Pipelines: what a flight model says, added to the netCDF files of pyglider and basestation3.
+"""Pipelines: results of a flight model in the netCDF files of pyglider and basestation3.
 
 from glider_twin_pipelines import add_flight
 
@@ -20,7 +20,7 @@ KINDS = {
     "ngdac": "a time series of pyglider",
     "seaglider": "a dive of basestation3",
 }
-"""Of files that are added to, as `factory import` calls them"""
+"""Kinds of files that are added to, by the names of `factory import`"""
 
 
 def add_flight(path: str | Path, vehicle: str | None = None) -> bool:

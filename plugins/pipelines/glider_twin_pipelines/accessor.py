@@ -117,7 +117,7 @@ class GliderAccessor:
         return draw_map(content)
 
     def log(self, vehicle: str | None = None) -> ModelledLog:
-        """What all of these are made of; computed once for each vehicle."""
+        """Log that all of these are made of; computed once for each vehicle."""
         if vehicle not in self._logs:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "data_set.nc"

@@ -35,7 +35,7 @@ from twin.records import LogStore, write_store
 Array = NDArray[np.float64]
 
 POSITIONS = ("LATITUDE", "LONGITUDE", "POSITION_SD")
-"""Of the corrected track"""
+"""Variables of the corrected track"""
 CURRENTS = ("DAC_NORTH_MODEL", "DAC_EAST_MODEL", "DAC_SD_MODEL")
 """Held from fix to fix; all other variables are linear between the samples of the store"""
 W = "VERT_CURR_MODEL"

@@ -26,7 +26,7 @@ CLOCK = "time"
 COORDINATES = (CLOCK, "depth", "latitude", "longitude")
 """Named as coordinates of what is added, where they are along the same dimension"""
 OURS = "glider-twin"
-"""How the attribute `source` of what is added begins"""
+"""Beginning of the attribute `source` of added variables"""
 
 
 def times_of(path: Path) -> NDArray[np.float64]:
@@ -92,7 +92,7 @@ def _attributes(file: Any, one: Og1Variable) -> dict[str, Any]:
 
 
 def _same(file: Any, name: str, one: Og1Variable) -> bool:
-    """Whether the file says so already."""
+    """Compare a variable of the file with a new one."""
     if name not in file.variables:
         return False
     said = {key: str(value) for key, value in attributes_of(file[name]).items()}

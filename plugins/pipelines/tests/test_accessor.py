@@ -31,8 +31,9 @@ from factory.exporting.og1.variables import Og1Variable
 from factory.importing import import_logs
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import degrees_minutes
-from factory.importing.columns import parse_stamps, read_table
+from factory.importing.columns import read_table
 from factory.importing.deployment_log import LoggedFixes
+from factory.importing.sample_clock import parse_stamps
 from factory.importing.tally import Tally
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError, StoreError

@@ -76,7 +76,7 @@ class Channels:
 
 @dataclass
 class Served:
-    """What a server did."""
+    """Account of a server."""
 
     frames: int = 0
     repeated: int = 0
@@ -224,7 +224,7 @@ class ArduPilotServer:
             self._telemetry(self.flown)
 
     def _may_drive(self, sender: tuple[str, int]) -> bool:
-        """Whether a sender is of this machine or among those that the server is exposed to."""
+        """Accept a sender of this machine, or one that the server is exposed to."""
         address = ipaddress.ip_address(sender[0])
         return address.is_loopback or any(address in one for one in self._allowed)
 
@@ -249,7 +249,7 @@ class ArduPilotServer:
 
 
 def own_machine(host: str) -> bool:
-    """Whether a host is reached from this machine alone."""
+    """Tell a host that is reached from this machine alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -55,7 +55,7 @@ STANDARD = {
     "onboard_north": Signal(column="XKF1 PN", unit="m"),
     "onboard_east": Signal(column="XKF1 PE", unit="m"),
 }
-"""What ArduPilot's fields are, in the units of its documentation where a log does not say them"""
+"""Signals of ArduPilot's fields, in the units of its documentation where a log names none"""
 FIRST = ("I", "Instance", "C")
 """Fields that number sensors and filter cores: the first of them is read"""
 FIXED = 3
@@ -141,7 +141,7 @@ def _log_of(path: Path, log: Any, options: ReadOptions, tally: Tally) -> Deploym
 
 
 def _unit(name: str, signal: Signal, units: Mapping[str, str], tally: Tally) -> str | None:
-    """What a log's own table of units says of a field, else ArduPilot's documentation."""
+    """Look a field's unit up in the log's own table, else in ArduPilot's documentation."""
     said, wanted = units.get(signal.column, ""), signal.wanted(name)
     return unit_to_take(said, wanted, signal.column, tally, native=signal.unit)
 

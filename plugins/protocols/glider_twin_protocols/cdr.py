@@ -35,7 +35,7 @@ PRIMITIVES = {
     )
 }
 LENGTH = np.dtype("<u4")
-"""Of the numbers before texts and lists"""
+"""Type of the numbers before texts and lists"""
 
 
 def encode(types: Typestore, name: str, values: Mapping[str, Any], count: int) -> Bytes:

@@ -86,7 +86,7 @@ STANDARD: tuple[_Standard, ...] = (
     ("latitude", "navigation", "latitudeNav", "rad"),
     ("longitude", "navigation", "longitudeNav", "rad"),
 )
-"""Of the vehicle's own logs: signal, instrument, field, unit; the first of two that is there"""
+"""Signal, instrument, field, unit of the vehicle's own logs; of two the first that is there"""
 OF_PRODUCTS: tuple[_Standard, ...] = (
     ("measured_roll", "navigation", "roll", "deg"),
     ("measured_pitch", "navigation", "pitch", "deg"),
@@ -102,7 +102,7 @@ OF_PRODUCTS: tuple[_Standard, ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class Instruments:
-    """What one file holds."""
+    """Content of one file."""
 
     product: bool
     tables: dict[str, MessageTable]
@@ -126,9 +126,8 @@ def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
         known = missions.setdefault((place, found.product), {})
         twice = sorted(known.keys() & found.tables.keys())
         if twice:
-            tally.add(
-                "left out", path.name, 1, f"another file of the folder has {', '.join(twice)}"
-            )
+            why = f"another file of the folder has {', '.join(twice)}"
+            tally.add("left out", path.name, 1, why)
         known.update({name: one for name, one in found.tables.items() if name not in twice})
         files.setdefault((place, found.product), []).append(path)
         units |= found.units
@@ -168,7 +167,7 @@ def _log(
 def _standard(
     tables: dict[str, MessageTable], units: dict[str, str], product: bool, tally: Tally
 ) -> dict[str, Signal]:
-    """What the known fields are that are there; the track by its metres where it has no places.
+    """Signals of the known fields; the track by its metres where it has no places.
 
     Fields are in what a netCDF file declares, but for those whose unit headers have wrong.
     """
@@ -206,9 +205,8 @@ def _turn_west(tables: dict[str, MessageTable], tally: Tally) -> None:
     if not np.isfinite(west).any():
         return
     if not names:
-        tally.add(
-            "note", "gps longitude", 1, "taken as eastward: no track in degrees says its sign"
-        )
+        why = "taken as eastward: no track in degrees says its sign"
+        tally.add("note", "gps longitude", 1, why)
         return
     there, here = np.nanmedian(west), np.nanmedian(own.columns[names[0]])
     if abs(there + here) < NEAR < abs(there - here):
@@ -287,9 +285,8 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
             units[f"{topic} {field}"] = unit_in(attributes_of(variable))
             table = tables.setdefault(topic, MessageTable(time, {}))
             if len(table.time) == len(time):
-                tables[topic] = MessageTable(
-                    table.time, {**table.columns, field: as_array(variable[:])}
-                )
+                found = {**table.columns, field: as_array(variable[:])}
+                tables[topic] = MessageTable(table.time, found)
     if not tables:
         raise WrongFormat(path, names)
     for topic, table in tables.items():

@@ -10,7 +10,7 @@ PLUGIN = "plugins/protocols"
 """Where the packages come from that readers and writers need"""
 
 DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
-"""What gliders have and most other vehicles lack."""
+"""Channels that gliders have and most other vehicles lack."""
 
 LRAUV = Importer(
     name="lrauv",

@@ -13,7 +13,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,10 +50,6 @@ from factory.importing.netcdf import as_array, attributes_of, open_netcdf, unit_
 from twin import load_vehicle
 from twin.errors import InputError
 from twin.physics import declare_parts
-
-if TYPE_CHECKING:
-    from factory.importing import DeploymentLog, Tally
-
 
 Array = NDArray[np.float64]
 
@@ -223,9 +219,7 @@ def _log(
             channels[target] = channel(target, source, unit_of(target))
     if "measured_charge" in channels:
         channels["measured_charge"] = used_of_left(channels["measured_charge"])
-    if not len(channels.get("measured_depth", ())) and not len(
-        channels.get("measured_pressure", ())
-    ):
+    if not any(len(channels.get(f"measured_{name}", ())) for name in ("depth", "pressure")):
         raise InputError(f"{path.name} holds no depth")
     tally.add("read", path.name, max(len(c) for c in channels.values()), "samples")
     channels = with_dbar_by_depth(channels, tally, deployment)
@@ -270,9 +264,7 @@ def _log(
             auxiliary |= {"latitude": latitude, "longitude": longitude}
     spin = channels.get("measured_propeller", EMPTY)
     if len(spin):
-        auxiliary["thruster"] = Channel(
-            spin.time, (np.abs(spin.values) > _TURNING).astype(np.float64)
-        )
+        auxiliary["thruster"] = Channel(spin.time, (np.abs(spin.values) > _TURNING).astype(float))
     return DeploymentLog(
         deployment=deployment,
         platform="LRAUV",

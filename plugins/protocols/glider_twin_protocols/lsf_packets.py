@@ -34,18 +34,18 @@ the message has one (`id`), or -1 where that is not read"""
 
 @dataclasses.dataclass
 class Packets:
-    """What the packets of a log hold."""
+    """Content of the packets of a log."""
 
     rows: dict[Source, list[tuple[float, ...]]] = dataclasses.field(default_factory=dict)
     """Time [s] unix and the wanted fields of each message, in the order of the log"""
     fields: dict[str, list[str]] = dataclasses.field(default_factory=dict)
-    """Those of the wanted fields that a message has as numbers"""
+    """Wanted fields that a message has as numbers"""
     labels: dict[tuple[int, int], str] = dataclasses.field(default_factory=dict)
-    """What a system calls its entities (EntityInfo)"""
+    """Labels of a system's entities (EntityInfo)"""
     names: dict[Source, int] = dataclasses.field(default_factory=dict)
-    """How many there are of every message"""
+    """Count of every message"""
     title: str = ""
-    """What the vehicle called the log (LoggingControl)"""
+    """Name of the log by the vehicle (LoggingControl)"""
 
 
 def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) -> Packets:
@@ -133,7 +133,7 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
 
 
 def _is_whole(packet: bytes) -> bool:
-    """Whether a packet's sum is right, of a message that is known."""
+    """Check the sum of a packet, whose message must be known."""
     import imcpy
 
     try:
@@ -154,7 +154,7 @@ def _known(name: str) -> bool:
 
 
 def _name(number: int) -> tuple[str, bool]:
-    """What IMC calls the message of a number, and whether it numbers parts of its sender."""
+    """Name of IMC's message of a number; True if it numbers parts of its sender."""
     import imcpy
 
     message = imcpy.Factory.produce(number)

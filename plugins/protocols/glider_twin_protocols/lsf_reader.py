@@ -148,7 +148,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 
 
 def _deployment(path: Path, title: str) -> str:
-    """What the vehicle called the log, or its folder: DUNE calls every file Data."""
+    """Name of the log by the vehicle, or of its folder: DUNE calls every file Data."""
     name = path.name.partition(".")[0]
     if title:
         return title.replace("/", "_")
@@ -273,7 +273,7 @@ def _pairs(servos: Dict[int, MessageTable]) -> MessageTable:
 
 
 def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal]:
-    """What the fields of known messages are; of several senders one, the rest told."""
+    """Signals of the fields of known messages; of several senders one, the rest reported."""
     sources: dict[str, list[Signal]] = {}
     for signal, name, field, unit in STANDARD:
         topic = _source(name, tables)
@@ -313,13 +313,13 @@ def _fullness(table: MessageTable) -> int:
 
 
 def _is_magnetic(name: str, field: str, table: MessageTable) -> bool:
-    """Whether a sensor has no heading but the magnetic one: then it says the same twice."""
+    """Tell a sensor that has no heading but the magnetic one: it writes that twice."""
     if (name, field) != ("EulerAngles", "psi"):
         return False
     return bool(np.array_equal(table.columns["psi"], table.columns["psi_magnetic"]))
 
 
 def _is_specific_force(table: MessageTable) -> bool:
-    """Whether accelerations hold gravity, upwards: DUNE's simulators and some sensors differ."""
+    """Check that accelerations hold gravity, upwards: DUNE's simulators and some sensors differ."""
     force = np.median(np.stack([table.columns[axis] for axis in VELOCITY]), axis=1)
     return bool(force[2] < 0.0 and abs(np.linalg.norm(force) - GRAVITY) < FAR * GRAVITY)

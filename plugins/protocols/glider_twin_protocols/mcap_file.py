@@ -102,7 +102,7 @@ def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, lis
 
 
 def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dict[str, str]:
-    """What a file says of itself."""
+    """Metadata of a file."""
     said = {
         name: str(run.attributes[name])
         for name in (TITLE, SOURCE, COMMENT, HISTORY, PLATFORM)

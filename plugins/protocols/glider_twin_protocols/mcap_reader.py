@@ -53,7 +53,7 @@ from twin.vehicle import shipped_files
 Array = NDArray[np.float64]
 
 KIND = "recording"
-"""What the report calls the files"""
+"""Name of the files in the report"""
 GAP = 60.0
 """[s] A longer hole in all topics ends a row"""
 OWN = "glider-twin"
@@ -94,7 +94,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 
 
 def _metadata(path: Path) -> dict[str, str]:
-    """What a file of ours says of itself; empty of another's."""
+    """Metadata of a file that `factory export` wrote; empty of another one."""
     from mcap.reader import make_reader
     from mcap.records import Metadata
 

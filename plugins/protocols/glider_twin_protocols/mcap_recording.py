@@ -19,14 +19,14 @@ from twin.bounded import check_unpacked
 from twin.errors import InputError
 
 CDR = "cdr"
-"""How ROS 2 writes messages"""
+"""Encoding of messages in ROS 2"""
 DEFINITIONS = ("ros2msg", "ros2idl")
-"""How it writes what they consist of"""
+"""Encodings of their definitions"""
 _RULE = "=" * 80 + "\n"
 """Between the definitions of one text"""
 _COMPRESSED = re.compile(r"^\s*compression_mode:\s*[\"']?(file|message)\b", re.IGNORECASE | re.M)
 SAID = "metadata.yaml"
-"""What makes a folder a recording"""
+"""File that makes a folder a recording"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,7 +237,7 @@ def recorded(path: Path) -> Iterator[Any]:
 
 
 def _unpacked(compression: str, data: bytes, size: int) -> bytes:
-    """What a chunk holds, or one byte more than its size."""
+    """Unpack a chunk, up to one byte more than its size."""
     if compression == "zstd":
         import zstandard
 

@@ -100,7 +100,7 @@ _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
         ("current_down", "vector.z", "m/s", {"sign": -1.0}),
     ],
 }
-"""What fields of standard messages are: signal without its first word, field, unit, and how it
+"""Fields of standard messages: signal without its first word, field, unit, and how it
 differs. Of two sources of a signal the earlier kind is taken."""
 
 
@@ -114,7 +114,7 @@ _IMU = "sensor_msgs/msg/Imu"
 NED = {kind: _pose_ned(prefix) for kind, prefix in _POSES.items()} | {
     _IMU: [(signal, field, unit, {"frame": "FRD"}) for signal, field, unit, _ in _KINDS[_IMU]]
 }
-"""What the same fields are in frames that are north, east, down"""
+"""The fields in frames that are north, east, down"""
 
 
 NO_MEASUREMENT = frozenset({"orientation_covariance.0", "angular_velocity_covariance.0",
@@ -149,7 +149,7 @@ def _ours(topic: str) -> bool:
 
 
 def _is_ned(frames: tuple[str, str]) -> bool:
-    """Whether the name of a frame says that it is north, east, down."""
+    """Read from the name of a frame that it is north, east, down."""
     return any(re.search(r"(^|[^a-z])ned([^a-z]|$)", name.lower()) for name in frames)
 
 
@@ -160,7 +160,7 @@ def merged_topic(topic: str) -> str:
 
 
 def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
-    """What the fields of a standard message are.
+    """Signals of the fields of a standard message.
 
     Args:
       ned: whether its frames are north, east, down and forward, starboard, down.

@@ -50,10 +50,10 @@ NOT_MEASURED = (-1.0, *(0.0,) * 8)
 
 
 class Samples(Protocol):
-    """What topics are made of."""
+    """Mission, or moment of a flight, that topics are made of."""
 
     names: list[str]
-    """Of its signals, as in a store"""
+    """Names of its signals, as in a store"""
     count: int
     time: NDArray[np.int64]
     """[ns] unix time of each sample"""
@@ -61,7 +61,7 @@ class Samples(Protocol):
     longitude: Array
     """[degree] of each sample"""
     logged: bool
-    """Whether a real vehicle logged it, so that nobody knows the truth"""
+    """True if a real vehicle logged it, so that nobody knows the truth"""
     imu_position: Array
     """[m] from the centre of buoyancy, forward, starboard, down"""
     gps_deviation: float | None
@@ -94,11 +94,11 @@ class Topic:
     known: NDArray[np.bool_]
     """Samples that have a message"""
     signals: tuple[str, ...]
-    """What it was made of"""
+    """Signals that it was made of"""
     frame: str = ""
-    """Of the header; empty where the type has none"""
+    """Frame of the header; empty where the type has none"""
     units: str = ""
-    """Of a bare number"""
+    """Units of a bare number"""
 
 
 def topics(samples: Samples) -> Iterator[Topic]:
@@ -260,7 +260,7 @@ def _fix(
 
 
 def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Of rates [(rad/s)2] and specific force [(m/s2)2]; zeros, that is unknown, of other sensors.
+    """Covariances of rates [(rad/s)2] and specific force [(m/s2)2]; zeros mean unknown.
 
     White noise, bias instability and turn-on bias of a sample, each as its deviation.
     """

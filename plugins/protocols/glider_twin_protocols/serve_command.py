@@ -183,7 +183,7 @@ class Serve(JsonOption):
 
 
 def _until_interrupted(server: Any, console: Console) -> tuple[Any, Ended | None]:
-    """What was served, and the signal that ended it where that was not Ctrl-C."""
+    """Account of the server, and the signal that ended it where that was not Ctrl-C."""
     ended = None
     try:
         server.run()

@@ -45,7 +45,7 @@ DISTRIBUTION = "ROS2_JAZZY"
 DOMAINS = 232
 """Highest ROS_DOMAIN_ID, docs.ros.org, About Domain ID"""
 USER = "twin"
-"""Who a client with the token is, for Zenoh's user and password"""
+"""User name of a client with the token, for Zenoh's user and password"""
 NODE = "glider_twin"
 QOS = "::,10:,:,:,,"
 """rmw_zenoh's default quality of service, ten messages deep"""
@@ -57,7 +57,7 @@ LITTLE, BIG = HEADER[:2], b"\0\0"
 
 @dataclass
 class ServedRos:
-    """What a server did."""
+    """Account of a server."""
 
     frames: int = 0
     commands: int = 0
@@ -71,7 +71,7 @@ class ServedRos:
 
 @dataclass
 class _Wanted:
-    """What clients asked for; written by Zenoh's threads."""
+    """Positions that clients asked for; written by Zenoh's threads."""
 
     positions: dict[str, float] = field(default_factory=dict)
     heard: float = -math.inf
@@ -251,7 +251,7 @@ class ZenohServer:
 
 
 def _taker(wanted: _Wanted, served: ServedRos, part: str, factor: float) -> Callable[[Any], None]:
-    """What takes the commands of a part; the message is its position times the factor."""
+    """Make the receiver of a part's commands; a message is its position times the factor."""
 
     def take(sample: Any) -> None:
         data = bytes(sample.payload)

@@ -14,7 +14,7 @@ from compliance import complaints, needs_checker
 from factory.exporting import EXPORTERS
 from factory.exporting.flat_table import export_parquet
 from factory.exporting.og1.missions import export_og1, phases
-from factory.exporting.og1.og1_terms import PHASES, sensor_attributes
+from factory.exporting.og1.og1_terms import TERMS, sensor_attributes
 from factory.generation.generated_store import GeneratedStore
 from factory.missions_page import store_page
 from twin.errors import InputError, StoreError
@@ -51,7 +51,7 @@ def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
                      "DEPLOYMENT_TIME", "DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE"):  # fmt: skip
             assert file[name].dimensions == (), name
         assert file["TRAJECTORY"].cf_role == "trajectory_id"
-        assert file["PHASE"].phase_vocabulary == PHASES
+        assert file["PHASE"].phase_vocabulary == TERMS["variables"]["PHASE"]["phase_vocabulary"]
         np.testing.assert_allclose(np.diff(file["TIME"][:]), 0.5)
         assert file.dimensions["N_MEASUREMENTS"].isunlimited()
         for name in ("TIME", "TIME_GPS"):

@@ -17,10 +17,10 @@ from trees import contents
 import factory
 from factory.description import unfinished
 from factory.generation import executors as cluster
-from factory.generation.executors import Job, dask_executor
+from factory.generation.executors import dask_executor
 from factory.generation.generation import generate
-from factory.generation.mission_block import fly_block
-from factory.generation.site import Site
+from factory.generation.job import Job
+from factory.generation.shard import fly_shard
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError, TwinError
 
@@ -38,7 +38,7 @@ def address() -> Iterator[str]:
 def test_a_lost_worker_and_one_that_joins_change_no_byte(
     tmp_path: Path, recipe: Recipes, address: str
 ) -> None:
-    made = recipe(hours=2.0)  # some forty missions, twenty blocks
+    made = recipe(hours=2.0)  # some forty missions, eight shards
     generate(made, tmp_path / "one.zarr", workers=1)
     store = tmp_path / "cluster.zarr"
     workers = [worker(address), worker(address)]
@@ -113,5 +113,5 @@ def test_workers_of_another_version_are_told_before_they_fly(
 def test_a_worker_that_does_not_see_the_folder_says_so(recipe: Recipes, tmp_path: Path) -> None:
     made = recipe()
     with pytest.raises(StoreError, match=r"does not see .*missions\.zarr\.generating"):
-        fly_block(Job(made, Site(tmp_path / "missions.zarr", made.digest)), 0)
+        fly_shard(Job(made, tmp_path / "missions.zarr"), 0)
     assert not list(tmp_path.iterdir())

@@ -23,18 +23,16 @@ from patience import HANG_S
 from trees import contents
 
 import factory.generation.generation
-import factory.generation.mission_block
-import twin.records.storage.stored_files
+import factory.generation.shard
 from factory.description import unfinished
-from factory.generation.executors import Job
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
-from factory.generation.manifest import LEAST_SHARD
-from factory.generation.mission_block import fly_block
-from factory.generation.site import Site, generating, locked
+from factory.generation.job import MOST_IN_SHARD, Job, locked
+from factory.generation.shard import fly_shard
 from factory.sampling.recipe import Recipe
 from factory.soundness import replay_failure, verify_store
 from twin.errors import InputError, StoreError, TwinError
+from twin.records.presence import generating
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
@@ -46,8 +44,11 @@ def kept(store: Path) -> int:
     return begun.missions_kept if begun else 0
 
 
-def site_of(made: Recipe, store: Path) -> Site:
-    return Site(store, made.digest)
+def markers_of(made: Recipe, store: Path) -> list[Path]:
+    """Markers of the shards of an unfinished store."""
+    folder = Job(made, store).folder
+    assert isinstance(folder, Path)
+    return sorted((folder / "done").iterdir())
 
 
 def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
@@ -55,7 +56,7 @@ def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(
 ) -> None:
     settings = {"hours": 3.4, "changes": {"mission.duration_h": "uniform(0.03, 0.06)"}}
     made = recipe(**settings)
-    assert len(made.plan) > LEAST_SHARD  # more than one shard
+    assert len(made.plan) > MOST_IN_SHARD
     generate(made, tmp_path / "one.zarr", workers=1)
     generate(made, tmp_path / "two.zarr", workers=2)
     expected = contents(tmp_path / "one.zarr")
@@ -95,28 +96,19 @@ def _kill_after(process: subprocess.Popen[bytes], store: Path, missions: int) ->
     return kept(store)
 
 
-def test_a_kill_between_any_two_files_of_a_shard_loses_nothing(
-    tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
+def test_every_file_is_on_the_disk_before_the_store_has_its_name(
+    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = twin.records.storage.stored_files.LocalFiles._parent
+    synced, sync = set(), os.fsync
+
+    def heard(descriptor: int) -> None:
+        synced.add(os.fstat(descriptor).st_ino)
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", heard)
     store = tmp_path / "missions.zarr"
-    for allowed in (0, 3, 40, 70, 90):  # blocks, the shard, and among the last files
-        left = [allowed]
-
-        def parent(files: Any, key: str, left: list[int] = left) -> Path:
-            if left[0] == 0:
-                raise KeyboardInterrupt
-            left[0] -= 1
-            return written(files, key)
-
-        monkeypatch.setattr(twin.records.storage.stored_files.LocalFiles, "_parent", parent)
-        with pytest.raises(KeyboardInterrupt):
-            generate(recipe(), store, executor=Here(), resume=True)
-        assert unfinished(store) is not None
-        assert not store.exists()
-    monkeypatch.setattr(twin.records.storage.stored_files.LocalFiles, "_parent", written)
-    generate(recipe(), store, executor=Here(), resume=True)
-    assert contents(store) == contents(paper_store)
+    generate(recipe(), store, executor=Here())
+    assert all(path.stat().st_ino in synced for path in store.rglob("*") if path.is_file())
 
 
 def test_any_executor_makes_the_same_bytes(
@@ -129,44 +121,46 @@ def test_any_executor_makes_the_same_bytes(
         generate(recipe(), tmp_path / "both.zarr", executor=Here(), workers=2)
 
 
-def test_a_damaged_block_is_flown_again(
+def test_a_shard_with_a_damaged_marker_or_file_is_flown_again(
     tmp_path: Path, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "missions.zarr"
-    _stop_before_shards(monkeypatch, recipe(), store)
-    blocks = sorted((site_of(recipe(), store).folder / "blocks").glob("*.npz"))
-    assert len(blocks) == len(recipe().plan)
-    whole = blocks[0].read_bytes()
-    blocks[0].write_bytes(whole[: len(whole) // 2])  # cut short
-    whole = blocks[1].read_bytes()
-    blocks[1].write_bytes(whole[:1000] + bytes([whole[1000] ^ 1]) + whole[1001:])  # one bit
+    _stop_before_completion(monkeypatch, recipe(), store)
+    markers = markers_of(recipe(), store)
+    assert len(markers) == len(recipe().plan)
+    whole = markers[0].read_bytes()
+    markers[0].write_bytes(whole[: len(whole) // 2])  # cut short
+    whole = markers[1].read_bytes()
+    markers[1].write_bytes(whole[:1000] + bytes([whole[1000] ^ 1]) + whole[1001:])  # one bit
+    Job(recipe(), store).tree.remove("true_depth/c/2/0")
     summary = generate(recipe(), store, workers=1, resume=True)
-    assert summary.flown == 2
+    assert summary.flown == 3
     assert contents(store) == contents(paper_store)
 
 
-def test_a_block_of_another_recipe_is_never_taken(
+def test_a_shard_of_another_recipe_is_never_taken(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mine, other = tmp_path / "mine.zarr", tmp_path / "other.zarr"
-    _stop_before_shards(monkeypatch, recipe(), mine)
-    _stop_before_shards(monkeypatch, recipe(seed=1), other)
-    for path in (site_of(recipe(seed=1), other).folder / "blocks").iterdir():
-        shutil.copy(path, site_of(recipe(), mine).folder / "blocks" / path.name)
+    _stop_before_completion(monkeypatch, recipe(), mine)
+    _stop_before_completion(monkeypatch, recipe(seed=1), other)
+    for path in markers_of(recipe(seed=1), other):
+        shutil.copy(path, markers_of(recipe(), mine)[0].with_name(path.name))
     with pytest.raises(StoreError, match=rf"recipe {recipe(seed=1).digest[:12]}, expected") as told:
         generate(recipe(), mine, workers=1, resume=True)
     assert recipe().digest[:12] in str(told.value)
 
 
-def test_a_block_made_twice_with_other_bytes_is_told(
+def test_a_shard_made_twice_with_other_bytes_is_told(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two kinds of processor in one cluster would do that."""
     made, store = recipe(), tmp_path / "missions.zarr"
-    _stop_before_shards(monkeypatch, made, store)
-    job = Job(made, site_of(made, store))
-    assert fly_block(job, 0).number == 0  # the same bytes again
-    fly = factory.generation.mission_block.fly_missions
+    _stop_before_completion(monkeypatch, made, store)
+    job = Job(made, store)
+    before = contents(store.with_name(f"{store.name}.generating"))
+    assert fly_shard(job, 0).number == 0  # the same bytes again
+    fly = factory.generation.shard.fly_missions
 
     def rounded(*arguments: Any) -> Any:
         return [
@@ -174,17 +168,18 @@ def test_a_block_made_twice_with_other_bytes_is_told(
             for flown, signals in fly(*arguments)
         ]
 
-    monkeypatch.setattr(factory.generation.mission_block, "fly_missions", rounded)
-    with pytest.raises(StoreError, match="block 0 was made twice with different bytes"):
-        fly_block(job, 0)
+    monkeypatch.setattr(factory.generation.shard, "fly_missions", rounded)
+    with pytest.raises(StoreError, match="shard 0 was made twice with different bytes"):
+        fly_shard(job, 0)
+    assert contents(store.with_name(f"{store.name}.generating")) == before
 
 
-def _stop_before_shards(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Path) -> None:
+def _stop_before_completion(monkeypatch: pytest.MonkeyPatch, made: Recipe, store: Path) -> None:
     def stop(*arguments: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generation, "assemble", stop)
+        patch.setattr(factory.generation.generation, "complete", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
 
@@ -220,7 +215,7 @@ def test_resume_starts_completes_and_repeats(
     assert again.flown == 0
     assert contents(store) == contents(paper_store)
     other = tmp_path / "other.zarr"
-    _stop_before_shards(monkeypatch, recipe(), other)
+    _stop_before_completion(monkeypatch, recipe(), other)
     with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
         generate(recipe(), other, workers=1)
     assert generate(recipe(), other, workers=1, resume=True).flown == 0
@@ -248,7 +243,7 @@ def test_resume_with_other_settings_is_refused_with_the_difference(
     difference: str,
 ) -> None:
     begun = tmp_path / "begun.zarr"
-    _stop_before_shards(monkeypatch, recipe(), begun)
+    _stop_before_completion(monkeypatch, recipe(), begun)
     for store in (paper_store, begun):
         with pytest.raises(StoreError, match="started with other settings") as caught:
             generate(recipe(**settings), store, workers=1, resume=True)
@@ -284,7 +279,7 @@ def test_a_full_disk_is_told_and_leaves_a_store_to_resume(
     tmp_path: Path, recipe: Recipes, paper_store: Path, size: int
 ) -> None:
     store = tmp_path / "missions.zarr"
-    # 2 000 bytes stop the recipe, 20 000 and 60 000 the blocks
+    # 2 000 bytes stop the recipe, 20 000 and 60 000 the shards
     with largest_file(size), pytest.raises(StoreError, match=r"cannot write .*--resume") as caught:
         generate(recipe(), store, workers=2)
     assert "\n" not in str(caught.value)
@@ -364,7 +359,7 @@ def test_a_dead_worker_is_told(
     tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        factory.generation.mission_block,
+        factory.generation.shard,
         "fly_missions",
         lambda *_: os.kill(os.getpid(), signal.SIGKILL),
     )
@@ -378,7 +373,7 @@ def test_a_bug_in_a_worker_keeps_its_traceback(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(factory.generation.mission_block, "fly_missions", fail)
+    monkeypatch.setattr(factory.generation.shard, "fly_missions", fail)
     with pytest.raises(ZeroDivisionError, match="a bug") as caught:
         generate(recipe(), tmp_path / "missions.zarr", workers=1)
     assert "in fail" in str(caught.value.__cause__)
@@ -422,7 +417,7 @@ def test_an_overwrite_that_was_stopped_is_resumed(
     store = tmp_path / "missions.zarr"
     shutil.copytree(paper_store, store)
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generation, "assemble", _interrupt)
+        patch.setattr(factory.generation.generation, "complete", _interrupt)
         with pytest.raises(KeyboardInterrupt):
             generate(recipe(seed=1), store, workers=1, overwrite=True)
     assert contents(store) == contents(paper_store)

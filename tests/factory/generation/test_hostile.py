@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,16 +12,14 @@ import pytest
 import factory.sampling.fly
 from factory.__main__ import PROGRAM
 from factory.generation.attempts import fly_missions
-from factory.generation.executors import Job
-from factory.generation.manifest import Manifest, missions_kept, read_manifest
-from factory.generation.mission_block import TABLE, Block
+from factory.generation.job import Job, missions_kept
 from factory.generation.parts import ARRAY, StorePart, generate_part
-from factory.generation.site import Site
+from factory.generation.shard import Marker, read_marker
 from factory.generation.target import recipe_begun
 from factory.sampling.recipe import Recipe
 from twin.errors import FloorError, NoSteadyState, StoreError
 from twin.records.presence import read_attributes
-from twin.records.storage.stored_files import GiantFile, LocalFiles
+from twin.records.storage.stored_files import Files, GiantFile
 from twin.records.store import open_store
 
 Recipes = Callable[..., Recipe]
@@ -42,16 +38,15 @@ def test_a_giant_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     store, recipe = tmp_path / "store.zarr", tmp_path / "recipe"
     sparse(store / "zarr.json")
     sparse(recipe / "recipe.json")
-    monkeypatch.setattr(LocalFiles, "read", lambda *_: pytest.fail("it is read"))
+    monkeypatch.setattr(Files, "read", lambda *_: pytest.fail("it is read"))
     for read in (read_attributes, open_store):
         with pytest.raises(StoreError, match="no such file needs"):
             read(store)
     with pytest.raises(StoreError, match="is damaged"):
         recipe_begun(recipe)
-    sparse(tmp_path / "manifest.json")
-    assert read_manifest(LocalFiles(tmp_path), "manifest.json", unit="u", recipe="r") is None
+    sparse(tmp_path / "array.json")
     with pytest.raises(GiantFile, match="no such file needs"):
-        LocalFiles(tmp_path).read_small("manifest.json")
+        Files(tmp_path).read_small("array.json")
 
 
 @pytest.mark.parametrize("version", ["1e999", '"x"', "null", "[]"])
@@ -62,61 +57,39 @@ def test_a_version_that_is_none_is_refused(tmp_path: Path, version: str) -> None
         open_store(tmp_path)
 
 
-def test_missions_of_manifests_are_counted_without_being_listed(
-    tmp_path: Path, recipe: Recipes
-) -> None:
-    site = Site(tmp_path / "missions.zarr", recipe().digest)
-    for name, first, last in (("blocks/0", 0, 3), ("shards/0", 0, 7), ("blocks/1", 9, 10**15)):
-        site.files.write(f"{name}.json", json.dumps({"first": first, "last": last}).encode())
-    site.files.write("blocks/2.json", b'{"first": 1e999, "last": 0}')
-    site.files.write("blocks/3.json", b"[" * 100_000)
-    assert missions_kept(site) == 8 + 10**15 - 8
+def test_missions_kept_are_those_that_markers_name(tmp_path: Path, recipe: Recipes) -> None:
+    job = Job(recipe(), tmp_path / "missions.zarr")
+    names = ("0000000-0000003", "0000004-0000007", "0000009-999999999999", "0000005-0000002", "x")
+    for name in names:
+        job.files.write(f"done/{name}", b"")
+    assert missions_kept(job.folder) == 8 + 10**12 - 9
 
 
 @pytest.mark.parametrize("text", ["{}", '{"first": 0, "count": 0}', "[]", "[" * 100_000])
 def test_a_damaged_count_of_parts_is_told(tmp_path: Path, recipe: Recipes, text: str) -> None:
     made, store = recipe(), tmp_path / "missions.zarr"
     generate_part(made, store, StorePart(0, 4))
-    (Site(store, made.digest).folder / ARRAY).write_text(text)  # type: ignore[union-attr]
+    Job(made, store).files.write(ARRAY, text.encode())
     with pytest.raises(StoreError, match=r"array\.json is damaged .*: remove it"):
         generate_part(made, store, StorePart(1, 4))
 
 
-def bomb() -> bytes:
-    """A small archive that declares a thousand times its size."""
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
-        file.writestr(f"{TABLE}.npy", bytes(GIANT * 2))
-    return archive.getvalue()
-
-
-def tables(**table: object) -> bytes:
-    archive = io.BytesIO()
-    text = json.dumps(table).encode()
-    np.savez(archive, allow_pickle=False, **{TABLE: np.frombuffer(text, np.uint8)})
-    return archive.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (bomb, "made to fill the memory"),
-        (lambda: b"PK", "cannot be read"),
-        (tables, "is not a block"),
-    ],
-)
-def test_a_block_of_somebody_else_is_refused(
-    tmp_path: Path, recipe: Recipes, data: Callable[[], bytes], message: str
-) -> None:
-    made = recipe()
-    job = Job(made, Site(tmp_path / "missions.zarr", made.digest))
-    key = job.site.block(0)
-    sums = {key: job.site.files.put(key, data())}
-    manifest = Manifest(
-        unit="block 0", recipe=made.digest, first=0, last=0, files=sums, failures=0, versions={}
-    )
-    with pytest.raises(StoreError, match=message):
-        Block(job, manifest)
+def test_a_damaged_marker_is_none(tmp_path: Path, recipe: Recipes) -> None:
+    job = Job(recipe(), tmp_path / "missions.zarr")
+    rows = {"attempt": np.zeros(3, np.int16), "speed": np.array([[1.5, np.nan]])}
+    marker = Marker(recipe=job.digest, files={}, failures=[], versions={}, rows=rows)
+    whole = marker.to_bytes()
+    job.files.write(job.marker(0), whole)
+    found = read_marker(job, 0)
+    assert found is not None
+    np.testing.assert_equal(found.rows, rows)
+    flipped = [whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :] for at in range(len(whole))]
+    for data in (b"", b"PK", whole[:-1], whole + b"x", *flipped):
+        job.files.write(job.marker(0), data)
+        assert read_marker(job, 0) is None
+    for table in (b"[]", b"{}", b"[" * 100_000, b'{"files": 1}', b""):
+        job.files.write(job.marker(0), hashlib.sha256(table + b"\n").digest() + table + b"\n")
+        assert read_marker(job, 0) is None
 
 
 @pytest.mark.parametrize("error", [FloorError("the floor is too near"), NoSteadyState("it spins")])

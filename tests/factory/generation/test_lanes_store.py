@@ -15,8 +15,8 @@ from factory.__main__ import PROGRAM
 from factory.generation.attempts import fly_missions
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
-from factory.generation.mission_block import MOST_SAMPLES, together
 from factory.generation.parts import StorePart, finish, generate_part
+from factory.generation.shard import MOST_SAMPLES, together
 from factory.sampling.recipe import Recipe, make_recipe, read_recipe
 from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError

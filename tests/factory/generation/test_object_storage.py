@@ -90,10 +90,10 @@ def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
 ) -> None:
     store, write = "s3://bucket/killed/missions.zarr", ObjectFiles.write
 
-    def killed(files: ObjectFiles, key: str, data: bytes) -> None:
+    def killed(files: ObjectFiles, key: str, data: bytes, *, safe: bool = False) -> None:
         if key == "zarr.json":
             raise KeyboardInterrupt
-        write(files, key, data)
+        write(files, key, data, safe=safe)
 
     monkeypatch.setattr(ObjectFiles, "write", killed)
     with pytest.raises(KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from patience import HANG_S
 from trees import contents
 
 from factory.generation.generation import generate
-from factory.generation.manifest import Layout
+from factory.generation.job import Job, Layout
 from factory.generation.parts import (
     StorePart,
     finish,
@@ -20,7 +21,6 @@ from factory.generation.parts import (
     parse_part,
     slurm_part,
 )
-from factory.generation.site import Site
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 from twin.records.store import open_store
@@ -30,16 +30,13 @@ Recipes = Callable[..., Recipe]
 
 @pytest.mark.parametrize("abreast", [1, 64])
 @pytest.mark.parametrize("missions", [1, 3, 13, 64, 65, 1333, 13_333, 1_000_000])
-def test_blocks_fill_shards_and_shards_the_store(missions: int, abreast: int) -> None:
+def test_shards_fill_the_store(missions: int, abreast: int) -> None:
     layout = Layout(missions, abreast)
-    blocks = (
-        [m for b in layout.blocks for m in layout.missions_of_block(b)] if missions < 1e5 else []
-    )
-    assert blocks == list(range(missions)) or missions >= 1e5
-    for shard in (layout.shards[0], layout.shards[-1]):
-        parts = [m for b in layout.blocks_of_shard(shard) for m in layout.missions_of_block(b)]
-        assert parts == list(layout.missions_of_shard(shard))
-    assert len(layout.blocks) >= min(4, missions)
+    spans = [layout.missions_of(shard) for shard in layout.shards]
+    assert spans[0].start == 0
+    assert spans[-1].stop == missions
+    assert all(one.stop == other.start for one, other in itertools.pairwise(spans))
+    assert min(3, missions) <= len(spans) <= 192
     signals, rows = 75, 180  # more than preset field has
     chunks = -(-missions // layout.row_missions)
     assert signals * len(layout.shards) + rows * chunks + signals + rows < 20_000
@@ -128,7 +125,7 @@ def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) ->
         generate_part(made, store, StorePart(5, 8))
     with pytest.raises(StoreError, match=r"other settings \(seed: 0 -> 1\)"):
         generate_part(recipe(seed=1), store, StorePart(1, 2))
-    assert (Site(store, made.digest).folder / "recipe.json").is_file()
+    assert Job(made, store).files.exists("recipe.json")
 
 
 @pytest.mark.parametrize("text", ["3", "8/8", "-1/4", "1/0", "a/b", "1/2/3", ""])

@@ -14,26 +14,31 @@ from pathlib import Path
 
 import pytest
 from patience import HANG_S
+from trees import contents
 
 import factory.generation.generation
 from factory.description import unfinished
 from factory.generation.generation import generate
-from factory.generation.manifest import MOST_IN_BLOCK
-from factory.generation.site import Site, generating, locked
+from factory.generation.job import MOST_IN_SHARD, Job, locked
+from factory.generation.parts import StorePart, finish, generate_part
 from factory.sampling.recipe import Recipe
+from twin.errors import StoreError
+from twin.records.presence import generating
 
 Recipes = Callable[..., Recipe]
 FLOWN_AGAIN = (0, 2)
-"""missions whose blocks are lost before the resume"""
+"""missions whose markers are lost before the resume"""
 
 
-def test_a_site_travels_without_what_its_process_has_opened(tmp_path: Path) -> None:
+def test_a_job_travels_without_what_its_process_has_opened(tmp_path: Path, recipe: Recipes) -> None:
     """A pool's thread pickles it while the process that flies opens its files."""
-    site = Site(tmp_path / "missions.zarr", "0" * 64)
-    assert site.files
-    assert site.tree
-    copy = pickle.loads(pickle.dumps(site))
-    assert vars(copy) == {"store": site.store, "recipe": site.recipe}
+    job = Job(recipe(), tmp_path / "missions.zarr")
+    assert job.files
+    assert job.tree
+    copy = pickle.loads(pickle.dumps(job))
+    assert set(vars(copy)) == {"store", "digest", "_text"}
+    assert (copy.store, copy.digest) == (job.store, job.digest)
+    assert copy.recipe is job.recipe  # of a process that has it
 
 
 def test_a_resumed_run_counts_only_what_it_flew_itself(
@@ -45,13 +50,13 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(factory.generation.generation, "assemble", stop)
+        patch.setattr(factory.generation.generation, "complete", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
-    blocks = sorted((Site(store, made.digest).folder / "blocks").glob("*.npz"))
-    assert len(blocks) == len(made.plan) > len(FLOWN_AGAIN)
+    markers = sorted((Job(made, store).folder / "done").iterdir())  # type: ignore[union-attr]
+    assert len(markers) == len(made.plan) > len(FLOWN_AGAIN)
     for mission in FLOWN_AGAIN:
-        blocks[mission].unlink()
+        markers[mission].unlink()
     hours = [duration / 3600.0 for duration in made.plan.durations_s]
     heard: list[float] = []
     summary = generate(
@@ -70,6 +75,29 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
     again = generate(made, store, workers=1, resume=True)
     assert (again.flown, again.flown_hours) == (0, 0.0)
     assert again.missions == len(made.plan)
+
+
+def test_what_an_older_program_began_is_refused(
+    tmp_path: Path, recipe: Recipes, paper_store: Path
+) -> None:
+    """It kept blocks of missions, which nothing reads any more."""
+    made, store = recipe(), tmp_path / "missions.zarr"
+    job = Job(made, store)
+    job.begin()
+    job.files.write("blocks/000000.json", b"{}")
+    begun = unfinished(store)
+    assert begun is not None
+    assert begun.missions_kept == 0
+    for work in (
+        lambda: generate(made, store, workers=1, resume=True),
+        lambda: generate(made, store, workers=1),
+        lambda: generate_part(made, store, StorePart(0, 2)),
+        lambda: finish(store),
+    ):
+        with pytest.raises(StoreError, match=r"begun by an older glider-twin .*--overwrite starts"):
+            work()
+    generate(made, store, workers=1, overwrite=True)
+    assert contents(store) == contents(paper_store)
 
 
 def missions_kept(store: Path) -> int:
@@ -121,8 +149,8 @@ def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path: Path
         for worker in left:
             os.kill(worker, signal.SIGCONT)
         wait_until(lambda: not any(lives(worker) for worker in left))
-        # each may finish the block that it was flying
-        assert missions_kept(store) <= kept + 2 * MOST_IN_BLOCK
+        # each may finish the shard that it was flying
+        assert missions_kept(store) <= kept + 2 * MOST_IN_SHARD
     finally:
         process.kill()
         process.wait()

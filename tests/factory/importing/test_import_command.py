@@ -14,10 +14,11 @@ from logs import Flight, nmea, write_slocum
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
 from factory.importing.cleaning import degrees_minutes, spikes
-from factory.importing.columns import parse_stamps, tidy, unix_seconds
+from factory.importing.columns import tidy
 from factory.importing.deployment_log import Channel, LoggedFixes
 from factory.importing.dives.segments import surface_drift
 from factory.importing.plausibility import DiveRules
+from factory.importing.sample_clock import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
 from twin.errors import InputError
 from twin.records.store import open_store

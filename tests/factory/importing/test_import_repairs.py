@@ -35,9 +35,8 @@ from factory.importing.deployment_log import (
     DeploymentLog,
     LoggedFixes,
 )
-from factory.importing.dives.dive_store import with_depth
 from factory.importing.plausibility import unreachable
-from factory.importing.seawater import pressure_of
+from factory.importing.seawater import pressure_of, with_depth
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

@@ -15,8 +15,8 @@ from logs import START, Flight, write_csv, write_og1, write_seaexplorer
 from message_logs import write_mcap
 
 from factory.importing import import_logs, netcdf
-from factory.importing.columns import unix_seconds
 from factory.importing.netcdf import open_netcdf
+from factory.importing.sample_clock import unix_seconds
 from factory.importing.tally import ImportReport, Tally
 from glider_twin_protocols.ros_messages import unit_quaternions
 from twin.errors import InputError

@@ -14,10 +14,9 @@ from factory.generation.generation import generate
 from factory.missions_page import store_page
 from factory.sampling.draw import Parameters, kind_of, sensor_seed
 from factory.sampling.fly import Impossible, build_mission, build_scenario, fly
-from factory.sampling.mission_kind import MISSION_KINDS, MissionKind, kinds_for, register
 from factory.sampling.mission_water import DEEPEST_FLOOR_M
 from factory.sampling.parameters import parameter_table
-from factory.sampling.profiles import SawToothKind
+from factory.sampling.profiles import MISSION_KINDS, kinds_for
 from factory.sampling.recipe import Recipe, make_recipe
 from factory.sampling.surveys import ALTITUDE, DEPTH, SHALLOWEST_FLOOR_M
 from factory.sampling.vehicle_errors import spread_vehicle
@@ -222,58 +221,12 @@ def test_the_page_shows_the_floor_and_the_doppler_log(run: GeneratedStore) -> No
     )
 
 
-# --- a kind of one's own --------------------------------------------------------------------------
+# --- kinds ---------------------------------------------------------------------------------------
 
 
-class Shallow(SawToothKind):
-    """A saw-tooth near the surface."""
-
-    name = "shallow"
-
-    def deepest_m(self, drawn):  # type: ignore[no-untyped-def]
-        return 20.0
-
-    def fields(self, drawn):  # type: ignore[no-untyped-def]
-        return {**super().fields(drawn), "max_depth_m": 20.0}
-
-
-def test_a_kind_of_ones_own_is_drawn_flown_and_read_back(tmp_path: Path) -> None:
-    register(Shallow())
-    try:
-        recipe = short(mission__kind="choice(shallow, transect)")
-        out = tmp_path / "own.zarr"
-        generate(recipe, out, workers=1)
-        run = GeneratedStore(out)
-        segments = [s for m in range(len(run)) for s in run.parameters(m).segments]
-        assert {segment["mission.kind"] for segment in segments} == {"shallow", "transect"}
-        own = next(m for m in range(len(run)) if "shallow" in kinds_of(run.parameters(m)))
-        plan = build_scenario(run.parameters(own), run.vehicle).mission
-        assert 20.0 in {getattr(segment, "max_depth_m", None) for segment in plan.segments}
-        assert replay_mission(run, own).identical
-    finally:
-        MISSION_KINDS.unregister("shallow")
-
-
-def kinds_of(parameters: Parameters) -> set[str]:
-    return {str(segment["mission.kind"]) for segment in parameters.segments}
-
-
-def test_a_kind_that_is_only_half_there_is_refused() -> None:
-    class Half(MissionKind):
-        name = "half"
-
-        def fits(self, vehicle):  # type: ignore[no-untyped-def]
-            return True
-
-    with pytest.raises(InputError, match="'half' is only half there: it lacks the method"):
-        register(Half())
-    assert "half" not in MISSION_KINDS
-
-
-@pytest.mark.parametrize("name", MISSION_KINDS.shipped())
+@pytest.mark.parametrize("name", MISSION_KINDS)
 def test_every_shipped_kind_is_complete(name: str) -> None:
     kind = MISSION_KINDS[name]
-    assert MISSION_KINDS.check(name, kind) is kind
     tethys = load_vehicle("tethys")
     table = parameter_table(tethys)
     assert kind.fits(tethys)

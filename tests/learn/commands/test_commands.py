@@ -18,7 +18,7 @@ from learn.training.fitting import fit
 from learn.training.resources import training_resources
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, WriteError
-from twin.seams import BASELINES
+from twin.navigation.estimators import baselines
 
 PAGES = [
     Path(__file__).parents[3] / "docs" / "howto" / name for name in ("on_board.md", "train.md")
@@ -85,7 +85,7 @@ def test_fit_answers_with_one_object(here, capsys):
     found = json.loads(out)
     assert found["report"] == "runs/json/report/index.html"
     assert "roll_rate" not in found["settings"]["features"]
-    assert set(found["baselines"]) == set(BASELINES)
+    assert set(found["baselines"]) == set(baselines())
 
 
 def test_fit_says_where_the_report_is_and_gives_the_same_networks_again(here, capsys):
@@ -401,7 +401,7 @@ def test_a_baseline_that_cannot_run_has_null_figures(here, capsys, tmp_path):
     assert "dvl: the store has no channel measured_dvl_surge" in err
     assert err.count("no baseline") == 1
     found = json.loads(out)["baselines"]
-    assert set(found) == set(BASELINES)
+    assert set(found) == set(baselines())
     assert found["dvl"].keys() == found["ekf"].keys()
     for name in ("surge_mse", "dr_water_percent_mean", "dr_ground_m_p90"):
         assert found["dvl"][name] is None

@@ -25,7 +25,7 @@ from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import fit
 from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 from twin.navigation.features import INPUT_SETS, select_features
 from twin.records.logged import LogRow
 from twin.records.store import open_store, write_store

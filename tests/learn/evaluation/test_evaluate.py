@@ -15,11 +15,11 @@ from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_s
 from learn.networks.predictor import Adapted
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators import baselines
+from twin.navigation.estimators.base import Estimate
 from twin.navigation.flight_filter import FlightStart
 from twin.records.reader import MissionStore
 from twin.records.tracks import read_tracks
-from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 ISSUE_KEYS = (
@@ -85,7 +85,7 @@ def store(missions, tmp_path_factory):
 def test_the_json_object_has_every_key_of_every_method(store, missions):
     found = to_json(evaluate(oracles(missions), store, split="all").to_json())
     json.dumps(found, allow_nan=False)
-    assert set(found["baselines"]) == set(BASELINES)
+    assert set(found["baselines"]) == set(baselines())
     for figures in (found, found["floor"], *found["baselines"].values()):
         assert set(ISSUE_KEYS) <= set(figures)
     onboard = found["baselines"]["onboard"]

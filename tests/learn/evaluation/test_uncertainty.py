@@ -16,7 +16,7 @@ from learn.evaluation.deviation import (
     position_sd,
 )
 from learn.evaluation.score import ReferenceVelocity
-from twin.navigation.estimators.baseline import Estimate
+from twin.navigation.estimators.base import Estimate
 
 SAMPLES = 1200
 STILL = {"velocity_sd": 0.0, "heading_sd": 0.0, "current_sd": 0.0, "fix_sd": 0.0}

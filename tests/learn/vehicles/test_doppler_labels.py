@@ -18,6 +18,7 @@ from learn.report import result_tables
 from learn.report.contents import Contents
 from learn.report.error_figures import doppler_error_figure
 from learn.report.lines import BESIDE_DVL, ground_lines, with_bottom_lock
+from learn.report.run_page import FIGURES
 from learn.run import open_run
 
 TORPEDO = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
@@ -111,7 +112,7 @@ def test_the_papers_figures_are_drawn_where_the_log_saw_the_bottom(
     contents = Contents(title="t", lead="l", test=judged)
     unlogged = dataclasses.replace(judged, shown=())
     for name in ("doppler_track", "doppler_track_3d", "doppler_errors"):
-        figure = learn.REPORT_FIGURES[name]()
+        figure = FIGURES[name]()
         assert figure.draw(contents) is not None
         assert figure.caption(contents)
         assert figure.draw(Contents(title="t", lead="l", test=unlogged)) is None

@@ -235,7 +235,7 @@ def test_an_estimator_of_one_s_own(store: Path) -> None:
             return type(found)(surge=0.5 * found.surge, sway=found.sway, heave=nothing)
 
     class HalfThere(FlightEstimator):
-        kind = "half there"
+        kind = "half-there"
         summary = "nothing"
 
     with pytest.raises(InputError, match="it lacks the method `motion`"):

@@ -10,15 +10,17 @@ import twin
 from twin.errors import InputError
 from twin.navigation.estimators import (
     VELOCITY_ESTIMATORS,
+    BodyVelocity,
     VelocityEstimator,
+    baselines,
     open_velocity_estimator,
     usual_velocity_estimator,
 )
-from twin.seams import BASELINES
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
 PERIOD = 0.5
+STEPPED = [name for name in VELOCITY_ESTIMATORS.shipped() if name != "onboard"]
 
 
 @pytest.fixture(scope="module")
@@ -47,15 +49,15 @@ def steps(estimator, flown, first=0, last=None):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", [n for n in BASELINES.shipped() if n != "onboard"])
+@pytest.mark.parametrize("name", STEPPED)
 def test_a_baseline_step_by_step_says_what_it_says_of_the_last_sample(name, flown):
-    baseline = BASELINES[name](vehicle=VEHICLE)
-    found = steps(baseline.begin(PERIOD), flown)
+    estimator = open_velocity_estimator(name, VEHICLE, PERIOD)
+    found = steps(estimator, flown)
     for last in (50, 300, 700, 880):
         seen = {channel: values[: last + 1] for channel, values in flown.items()}
-        whole = baseline.estimate(seen, PERIOD)
+        whole = estimator.batch(seen)
         if whole.surge is None:  # of the log the evaluation asks for more water lock
-            whole = baseline.estimate(seen, PERIOD, least_water=0.0)
+            whole = estimator.batch(seen, least_water=0.0)
         assert found[last, 0] == pytest.approx(whole.surge[-1], abs=1e-9)
         assert found[last, 1] == pytest.approx(whole.sway[-1], abs=1e-9)
     under_way = (flown["true_depth"] > 10.0) & (np.arange(len(found)) > 200)
@@ -63,7 +65,7 @@ def test_a_baseline_step_by_step_says_what_it_says_of_the_last_sample(name, flow
     assert np.sqrt(np.mean(error**2)) < 0.1
 
 
-@pytest.mark.parametrize("name", VELOCITY_ESTIMATORS.shipped())
+@pytest.mark.parametrize("name", STEPPED)
 def test_an_estimator_goes_on_from_its_state_and_begins_again(name, flown):
     one = open_velocity_estimator(name, VEHICLE, PERIOD)
     whole = steps(one, flown, last=400)
@@ -83,7 +85,7 @@ def test_estimators_refuse_what_they_cannot_do():
     with pytest.raises(InputError, match="unknown velocity estimator 'efk': did you mean 'ekf'"):
         open_velocity_estimator("efk", VEHICLE, PERIOD)
     with pytest.raises(InputError, match="choose pitch_plus_alpha"):
-        BASELINES["onboard"](vehicle=VEHICLE).begin(PERIOD)
+        open_velocity_estimator("onboard", VEHICLE, PERIOD)
     with pytest.raises(InputError, match="no channel 'measured_depth'"):
         open_velocity_estimator("pitch_plus_alpha", VEHICLE, PERIOD).step({})
     assert usual_velocity_estimator(VEHICLE, PERIOD).kind == "ekf"
@@ -95,5 +97,25 @@ def test_an_estimator_that_is_only_half_there_is_refused():
         kind = "half"
         summary = "half"
 
-    with pytest.raises(InputError, match="only half there: it lacks the method `open`"):
+    with pytest.raises(InputError, match="only half there: it lacks the method `step`"):
         VELOCITY_ESTIMATORS.add(Half)
+
+
+def test_an_estimator_with_a_step_alone_goes_over_whole_missions_and_is_a_baseline(flown):
+    class Fast(VelocityEstimator):
+        kind = "fast"
+        summary = "half a metre a second, faster than the pitch"
+        channels = ("measured_depth", "measured_pitch")
+
+        def step(self, sample):
+            return BodyVelocity(surge=0.5 * (sample["measured_depth"] > 1.0), sway=0.01)
+
+    VELOCITY_ESTIMATORS.add(Fast)
+    try:
+        assert baselines()["fast"] is Fast
+        assert "network" not in baselines()
+        found = open_velocity_estimator("fast", VEHICLE, PERIOD).batch(flown)
+    finally:
+        VELOCITY_ESTIMATORS.unregister("fast")
+    assert np.array_equal(found.surge, 0.5 * (flown["measured_depth"] > 1.0))
+    assert (found.sway == 0.01).all()

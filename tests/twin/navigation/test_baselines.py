@@ -15,8 +15,7 @@ from twin.navigation.dead_reckoning import (
     water_track,
 )
 from twin.navigation.estimators import ekf, ekf_kernels
-from twin.navigation.estimators.baseline import bridge, hold, smooth
-from twin.navigation.estimators.dvl import spikes
+from twin.navigation.estimators.dvl import Dvl, spikes
 from twin.navigation.estimators.ekf import Ekf, EkfNoise
 from twin.navigation.estimators.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
 from twin.navigation.estimators.onboard import OnboardReckoning
@@ -24,8 +23,9 @@ from twin.navigation.estimators.pitch_plus_alpha import (
     PitchPlusAlpha,
     steady_angle_of_attack,
 )
+from twin.navigation.estimators.series import bridge, hold, smooth
 from twin.navigation.estimators.steady_flight import SteadyFlight
-from twin.seams import BASELINES
+from twin.seams import VELOCITY_ESTIMATORS
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
@@ -43,27 +43,24 @@ def glide(request):
     return trimmed_mission(1200, depth=depth, **GLIDES[request.param])
 
 
-def test_no_baseline_reads_truth():
-    for name, baseline in BASELINES.items():
-        assert baseline.channels, name
-        assert not [c for c in baseline.channels if c.startswith("true_")], name
+SHIPPED = VELOCITY_ESTIMATORS.shipped()
 
 
-@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_each_baseline_needs_no_more_than_the_channels_it_names(name):
     signals = trimmed_mission(300)
     signals["measured_density"] = np.full(len(signals["measured_depth"]), VEHICLE.reference_density)
-    baseline = BASELINES[name](vehicle=VEHICLE)
+    baseline = VELOCITY_ESTIMATORS[name](VEHICLE, PERIOD)
     seen = {c: signals[c] for c in baseline.needs(VEHICLE)}
-    baseline.estimate(seen, PERIOD)
+    baseline.batch(seen)
     seen.pop(baseline.channels[0])
     if name != "dvl":  # its velocities may have gaps, its attitude may not
         with pytest.raises(StoreError, match=baseline.channels[0]):
-            baseline.estimate(seen, PERIOD)
+            baseline.batch(seen)
 
 
 def test_steady_flight_finds_the_steady_glide(glide):
-    estimate = SteadyFlight(vehicle=VEHICLE).estimate(glide, PERIOD)
+    estimate = SteadyFlight(VEHICLE, PERIOD).batch(glide)
     inside = slice(40, -40)  # smoothing is one-sided at the ends
     assert estimate.surge[inside] == pytest.approx(glide["true_surge"][inside], abs=2e-4)
     assert estimate.sway[inside] == pytest.approx(glide["true_sway"][inside], abs=3e-4)
@@ -71,21 +68,21 @@ def test_steady_flight_finds_the_steady_glide(glide):
 
 def test_steady_flight_speed_hardly_depends_on_a_wrong_drag(glide):
     heavy = VEHICLE.replace(drag=(1.2 * VEHICLE.flow_frame.drag[0], VEHICLE.flow_frame.drag[1]))
-    estimate = SteadyFlight(vehicle=heavy).estimate(glide, PERIOD)
+    estimate = SteadyFlight(heavy, PERIOD).batch(glide)
     # 20 % of drag are 9 % of the buoyancy's speed; the depth rate leaves the angle of attack.
     assert estimate.surge[600] == pytest.approx(glide["true_surge"][600], rel=0.012)
 
 
 def test_the_ekf_settles_on_the_steady_glide(glide):
-    estimate = Ekf(vehicle=VEHICLE).estimate(glide, PERIOD)
+    estimate = Ekf(VEHICLE, PERIOD).batch(glide)
     assert estimate.surge[-1] == pytest.approx(glide["true_surge"][-1], abs=1e-3)
     assert estimate.sway[-1] == pytest.approx(glide["true_sway"][-1], abs=5e-4)
 
 
 def test_pitch_plus_alpha_on_a_straight_glide_errs_by_its_constant():
     signals = trimmed_mission(1200)
-    baseline = PitchPlusAlpha(vehicle=VEHICLE)
-    estimate = baseline.estimate(signals, PERIOD)
+    baseline = PitchPlusAlpha(VEHICLE, PERIOD)
+    estimate = baseline.batch(signals)
     assert (estimate.sway == 0).all()
     pitch = np.deg2rad(-signals["true_pitch"][0])
     down = signals["true_velocity_down"][0]
@@ -110,9 +107,9 @@ def test_at_the_surface_nobody_makes_way_even_with_a_gauge_that_is_off(offset):
     rest = {"velocity": (0.0, 0.0, 0.0), "pitch": -0.4, "pump": 400.0}
     signals = steady_mission(1200, depth=0.5 + offset, **rest)
     for name in ("pitch_plus_alpha", "steady_flight"):
-        estimate = BASELINES[name](vehicle=VEHICLE).estimate(signals, PERIOD)
+        estimate = VELOCITY_ESTIMATORS[name](VEHICLE, PERIOD).batch(signals)
         assert (estimate.surge == 0).all(), name
-    estimate = Ekf(vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Ekf(VEHICLE, PERIOD).batch(signals)
     assert np.abs(estimate.surge[-1]) < 0.02
 
 
@@ -123,7 +120,7 @@ def test_at_the_surface_nobody_makes_way_even_with_a_gauge_that_is_off(offset):
 def test_the_onboard_track_of_a_propelled_vehicle_may_have_seen_the_bottom(vehicle, by_doppler_log):
     """Without a fix it is a track over ground all the same; a glider's is one through the water."""
     track = {"measured_onboard_north": np.arange(9.0), "measured_onboard_east": np.zeros(9)}
-    found = OnboardReckoning(vehicle=load_vehicle(vehicle)).estimate(track, PERIOD)
+    found = OnboardReckoning(load_vehicle(vehicle), PERIOD).batch(track)
     assert found.saw_bottom is by_doppler_log
     np.testing.assert_array_equal(found.ground_track[:, 0], np.arange(9.0))
 
@@ -140,7 +137,7 @@ def test_bottom_lock_gives_the_track_over_ground():
     current = np.array([0.1, -0.2])
     signals = steady_mission(1000, current=tuple(current), pitch=0.0, heading=0.0)
     with_dvl(signals, np.ones(1000), current=(*current, 0.0))
-    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
     truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
     assert horizontal_error(estimate.ground_track, truth).max() < 1e-6
     assert estimate.surge is None  # it says nothing on the velocity through the water
@@ -148,7 +145,7 @@ def test_bottom_lock_gives_the_track_over_ground():
 
 def test_water_lock_gives_the_velocity_through_the_water():
     signals = with_dvl(trimmed_mission(1000, current=(0.1, 0.0)), np.full(1000, 2.0))
-    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
     assert estimate.surge == pytest.approx(signals["true_surge"])
     track = water_track(
         estimate.surge, estimate.sway, signals["measured_depth"], AttitudeSeries.of(signals), PERIOD
@@ -162,7 +159,7 @@ def test_the_current_found_in_bottom_lock_is_carried_into_water_lock():
     pitch = np.deg2rad(signals["true_pitch"][0])
     body = (current[0] * np.cos(pitch), current[1], current[0] * np.sin(pitch))
     with_dvl(signals, np.where(np.arange(6000) < 3000, 1.0, 2.0), current=body)
-    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
     truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
     drifted = np.hypot(*current) * 3000 * PERIOD
     assert horizontal_error(estimate.ground_track, truth)[-1] < 0.02 * drifted
@@ -174,13 +171,13 @@ def test_losses_of_lock_are_filled():
         for name in ("surge", "sway", "heave"):
             signals[f"measured_dvl_{name}"][lost] = np.nan
         signals["measured_dvl_mode"][lost] = 0
-    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
     assert np.isfinite(estimate.surge).all()
     assert estimate.surge == pytest.approx(signals["true_surge"], abs=3e-4)
 
 
 def test_without_any_lock_nothing_is_estimated():
-    estimate = BASELINES["dvl"](vehicle=VEHICLE).estimate(trimmed_mission(300), PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch(trimmed_mission(300))
     assert estimate.surge is None
     assert estimate.ground_track is None
 
@@ -218,7 +215,7 @@ def test_the_ekf_follows_a_manoeuvre_of_the_full_model():
     }
     for k, name in enumerate(("roll", "pitch", "yaw")):
         signals[f"measured_{name}_rate"] = flown.rates[:, k]
-    estimate = Ekf(vehicle=VEHICLE).estimate(signals, PERIOD)
+    estimate = Ekf(VEHICLE, PERIOD).batch(signals)
     surge, sway = flown.v_rel[:, 0], flown.v_rel[:, 1]
     assert np.sqrt(np.mean((estimate.surge - surge) ** 2)) < 2e-3
     assert np.sqrt(np.mean((estimate.sway - sway) ** 2)) < 5e-4
@@ -233,7 +230,7 @@ def test_the_ekf_is_consistent_on_data_of_its_own_model():
     runs = [_simulate_ekf_data(noise, seed) for seed in range(6)]
     nis, nees = [], []
     for signals, truth in runs:
-        run = Ekf(vehicle=VEHICLE, noise=noise).run(signals, PERIOD)
+        run = Ekf(VEHICLE, PERIOD, noise).run(signals)
         late = slice(200, None)
         nis.append(np.mean((run.innovations / run.innovation_sd)[late] ** 2))
         error = run.states - truth

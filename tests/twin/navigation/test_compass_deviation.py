@@ -13,8 +13,10 @@ from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_
 from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.navigator import Navigator
 from twin.sensors.compass import Compass
+from twin.vehicle.vehicle import load_vehicle
 
 IRON = np.array([0.8, -1.1, 0.6, 0.3, -0.2]) * DEG
+VEHICLE = load_vehicle("glider")
 SURGE = 0.4
 """m/s"""
 
@@ -108,24 +110,15 @@ def test_without_gyros_nothing_is_learned() -> None:
 class Steady(VelocityEstimator):
     """Knows the speed."""
 
-    channels, period = ("measured_depth",), PERIOD
-
-    def reset(self) -> None:
-        """Nothing to forget."""
+    channels = ("measured_depth",)
 
     def step(self, sample):
         return BodyVelocity(surge=SURGE, sway=0.0, heave=0.0)
 
-    def state(self):
-        return {}
-
-    def restore(self, state) -> None:
-        """Nothing to remember."""
-
 
 def flown(true, *, rates: bool) -> tuple[np.ndarray, Navigator]:
     heading = shown(true)
-    navigator = Navigator(Steady(), latitude=30.0, start=(0.0, 0.0))
+    navigator = Navigator(Steady(VEHICLE, PERIOD), latitude=30.0, start=(0.0, 0.0))
     for k, angle in enumerate(heading):
         sample = {
             "measured_depth": 50.0,
@@ -149,7 +142,7 @@ def test_the_way_before_a_turn_is_corrected_by_what_the_turn_tells() -> None:
     found, navigator = flown(true, rates=True)
     assert np.hypot(*(blind - end)) > 15.0
     assert np.hypot(*(found - end)) < 0.5 * np.hypot(*(blind - end))
-    other = Navigator(Steady(), latitude=30.0, start=(0.0, 0.0))
+    other = Navigator(Steady(VEHICLE, PERIOD), latitude=30.0, start=(0.0, 0.0))
     other.restore(navigator.state())
     again = dict.fromkeys((*navigator.channels, "measured_pitch_rate", "measured_yaw_rate"), 1.0)
     assert other.step(again).north == navigator.step(again).north

@@ -7,8 +7,7 @@ from torpedo import TORPEDO
 
 from twin.frames import euler_to_matrix
 from twin.navigation.dead_reckoning import horizontal_error, true_ground_track
-from twin.navigation.estimators.dvl import SHORT_LOSS_S
-from twin.seams import BASELINES
+from twin.navigation.estimators.dvl import SHORT_LOSS_S, Dvl
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle(str(TORPEDO))
@@ -36,17 +35,15 @@ def modes(*parts):
 
 def reckoned(signals):
     """Error over ground [m] at every sample, and the estimate."""
-    baseline = BASELINES["dvl"](vehicle=VEHICLE)
-    seen = {c: signals[c] for c in baseline.needs(VEHICLE)}
-    estimate = baseline.estimate(seen, PERIOD)
+    estimate = Dvl(VEHICLE, PERIOD).batch({c: signals[c] for c in Dvl.needs(VEHICLE)})
     assert estimate.ground_track is not None
     return horizontal_error(estimate.ground_track, true_ground_track(signals)), estimate
 
 
 def test_it_suits_a_vehicle_that_does_not_glide_and_asks_for_no_pump():
-    assert not BASELINES["dvl"].unsuited(VEHICLE)
-    assert "measured_pump" not in BASELINES["dvl"].needs(VEHICLE)
-    assert "measured_pump" in BASELINES["dvl"].needs(load_vehicle("glider"))
+    assert not Dvl.unsuited(VEHICLE)
+    assert "measured_pump" not in Dvl.needs(VEHICLE)
+    assert "measured_pump" in Dvl.needs(load_vehicle("glider"))
 
 
 def test_bottom_lock_needs_no_knowledge_of_the_current():

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from twin import seams
 from twin.compiled import jit
 from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
@@ -19,7 +20,7 @@ from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-from twin.water.current import register, registry
+from twin.water.current import register
 from twin.water.current.base import Current
 from twin.water.current.current_text import parse_current
 from twin.water.current.sampler import sample_gradient
@@ -64,7 +65,7 @@ class Linear(Current):
 def linear_kind():
     register(Linear)
     yield
-    registry.remove(Linear.kind)
+    seams.CURRENTS.unregister(Linear.kind)
 
 
 def bare(vehicle: Vehicle = VEHICLE, **changes: Any) -> Vehicle:

@@ -183,12 +183,6 @@ class Still(VelocityEstimator):
         self.steps += 1
         return BodyVelocity(surge=0.0, sway=0.0, heave=0.0)
 
-    def state(self):
-        return {}
-
-    def restore(self, state):
-        del state
-
 
 def test_an_estimator_that_reads_a_ctd_flies_where_the_water_has_a_temperature(tmp_path):
     water = tmp_path / "water.csv"

@@ -272,7 +272,7 @@ def test_drawn_bodies_turn_as_their_parts_do(store):
     """The rudder by its angle about its axis, the propeller by the integral of its rate."""
     import mujoco
 
-    from twin.show.render.motion import Motion
+    from twin.show.render.painter import Motion
     from twin.show.render.playback import poses
     from twin.show.render.shot import Shot, Subject
     from twin.show.render.stage import build

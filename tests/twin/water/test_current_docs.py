@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twin.seams import CURRENTS
 from twin.water.current import (
     Origin,
     TidalEllipse,
@@ -19,17 +20,16 @@ from twin.water.current import (
     axes,
     current_help,
     parse_current,
-    registry,
 )
 from twin.water.current import velocity_file as files
 from twin.water.current.profile import COLUMNS
-from twin.water.current.sampler import sample_gradient
+from twin.water.current.sampler import kinds, sample_gradient
 from twin.water.current.tide import ELLIPSE_SETTINGS, PERIOD_HOURS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text(
     encoding="utf-8"
 )
-KINDS = registry.kinds()
+KINDS = {kind.kind: kind for kind in kinds()}
 REQUIRED = "required"
 WORDS_FOR_NONE = {
     ("ekman", "lat"): "origin",
@@ -88,9 +88,9 @@ def check_rows(kind: str, cls: type, settings: dict[str, str]) -> None:
             assert float(default) == entry.default, field
 
 
-@pytest.mark.parametrize("kind", [name for name in KINDS if KINDS[name].cls.settings])
+@pytest.mark.parametrize("kind", [name for name in KINDS if KINDS[name].settings])
 def test_settings(kind: str) -> None:
-    check_rows(kind, KINDS[kind].cls, KINDS[kind].cls.settings)
+    check_rows(kind, KINDS[kind], KINDS[kind].settings)
 
 
 def test_tide_settings() -> None:
@@ -173,4 +173,4 @@ def test_examples_run() -> None:
             sample_gradient(program, *(point + step)), sample_gradient(program, *(point - step))
         )
         np.testing.assert_allclose(found[columns], change[:3] / 0.2, rtol=1e-6, atol=1e-15)
-    registry.remove("jet")
+    CURRENTS.unregister("jet")

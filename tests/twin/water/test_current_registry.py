@@ -8,7 +8,7 @@ import subprocess
 import sys
 import textwrap
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, EntryPoints
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +17,8 @@ import pytest
 import xarray as xr
 
 from twin.compiled import generation, jit
-from twin.errors import CurrentError
+from twin.errors import CurrentError, InputError
+from twin.seams import CURRENTS
 from twin.water.current import (
     Current,
     Ekman,
@@ -28,7 +29,6 @@ from twin.water.current import (
     parse_current,
     probe,
     register,
-    registry,
 )
 from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample, sample_gradient, sample_track
@@ -36,7 +36,7 @@ from twin.water.current.sampler import sample, sample_gradient, sample_track
 PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text(
     encoding="utf-8"
 )
-SHIPPED = [name for name, kind in registry.kinds().items() if kind.code < 65_536]
+SHIPPED = CURRENTS.shipped()
 DURATION = 40_000.0
 
 
@@ -67,7 +67,7 @@ def files(tmp_path, monkeypatch):
 
 def examples(name: str) -> list[Current]:
     """The kind's own examples."""
-    return [parse_current(text) for text in registry.kinds()[name].cls.usage]
+    return [parse_current(text) for text in CURRENTS[name].usage]
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -110,7 +110,7 @@ def test_local_rate_and_gradient_are_the_derivatives(name, files):
 def test_shipped_kinds_pass_the_probe_that_kinds_of_ones_own_must_pass(name, files):
     for current in examples(name):
         for record in current.records(DURATION, Origin()):
-            probe.check(registry.of_code(record[0]), record, DURATION)
+            probe.check(type(current), record, DURATION)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -169,7 +169,7 @@ def test_the_page_has_a_row_for_each_example():
     assert rows.pop("none") == "still water"
     expected = {}
     for name in SHIPPED:
-        expected.update(registry.kinds()[name].cls.usage)
+        expected.update(CURRENTS[name].usage)
     assert rows == expected
 
 
@@ -206,7 +206,7 @@ def jet_class(**changes) -> type[Current]:
 @pytest.fixture
 def own_kind():
     yield register(jet_class())
-    registry.remove("jet")
+    CURRENTS.unregister("jet")
 
 
 def test_a_kind_of_ones_own_is_parsed_described_sampled_and_flown(own_kind):
@@ -238,7 +238,7 @@ def test_what_is_registered_or_removed_reaches_what_was_compiled_before():
     program = register(jet_class())(speed=0.3).compile(10.0)
     assert generation() > before
     assert sample(program, 0, 0, 0, 0, 0, 0, 0)[1] == 0.3
-    registry.remove("jet")
+    CURRENTS.unregister("jet")
     assert np.isnan(sample(program, 0, 0, 0, 0, 0, 0, 0)).all()
 
 
@@ -294,15 +294,18 @@ for text in ("uniform:0.1,0", "mine:north=0.2"):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"kernel": None}, "current 'jet' .* needs one of kernel and directional, it has neither"),
+        (
+            {"kernel": None},
+            "current 'jet' .* it needs one of kernel and directional, it has neither",
+        ),
         ({"directional": jet}, "directional takes 7 arguments, it must take 11"),
         ({"kernel": lambda *a: 0.0}, "decorate it with twin.compiled.jit"),
         ({"usage": {}}, "needs usage"),
-        ({"usage": {"yet:1": "?"}}, "example texts that begin with jet:"),
+        ({"usage": {"yet:1": "?"}}, "texts that begin with jet:"),
         ({"settings": {"speed": "spede"}}, "unknown field in settings 'spede': did you mean"),
         ({"kind": "Jet"}, "kind must be lower-case"),
         ({"kind": "none"}, "kind must be lower-case"),
-        ({"kind": "ekman"}, "registered already by twin.water.current.ekman.Ekman"),
+        ({"kind": "ekman"}, "current 'ekman' exists already: choose another name"),
         ({"code": 3}, "has the code 3 of 'ekman'"),
     ],
 )
@@ -311,7 +314,7 @@ def test_a_kind_that_is_half_there_is_refused(changes, message):
         changes = {**changes, "usage": {f"{changes['kind']}:speed=1": "?"}}
     with pytest.raises(CurrentError, match=message):
         register(jet_class(**changes))
-    assert "jet" not in registry.kinds()
+    assert "jet" not in CURRENTS
 
 
 def spoiled(kernel, number, factor):
@@ -386,7 +389,7 @@ def slanted(program, start, size, t, north, east, depth, r_t, r_north, r_east, r
 def test_derivatives_that_are_not_the_velocitys_are_refused_at_registering(changes, message):
     with pytest.raises(CurrentError, match=message):
         register(jet_class(**changes))
-    assert "jet" not in registry.kinds()
+    assert "jet" not in CURRENTS
 
 
 def test_records_that_differ_from_call_to_call_are_refused():
@@ -409,7 +412,7 @@ def test_what_no_example_shows_is_compared_when_it_is_compiled():
         with pytest.raises(CurrentError, match=r"dVe/dt.* m/s2 .*turn the sign of number 5 of"):
             (Uniform(north=0.1) + kind(speed=0.3, width=500.0)).compile(3600.0)
     finally:
-        registry.remove("jet")
+        CURRENTS.unregister("jet")
 
 
 @pytest.mark.parametrize(
@@ -418,7 +421,7 @@ def test_what_no_example_shows_is_compared_when_it_is_compiled():
 )
 def test_kinks_and_places_outside_of_the_domain_are_no_fault(changes):
     register(jet_class(**changes))
-    registry.remove("jet")
+    CURRENTS.unregister("jet")
 
 
 def test_a_class_that_only_overrides_velocity_is_refused():
@@ -431,7 +434,7 @@ def test_a_kind_without_records_is_refused():
     cls = dataclass(frozen=True, kw_only=True)(
         type("Mine", (Current,), {"kind": "mine", "kernel": jet, "usage": {"mine:": ""}})
     )
-    with pytest.raises(CurrentError, match=r"lacks records\(\)"):
+    with pytest.raises(CurrentError, match="lacks the method `records`"):
         register(cls)
 
 
@@ -445,16 +448,16 @@ def test_a_class_that_is_not_registered_is_refused_when_compiled(own_kind):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("no_such_module:X", "cannot be loaded: ModuleNotFoundError"),
-        ("twin.errors:InputError", "registers no kind of that name"),
+        ("no_such_module:X", "storm.*cannot be loaded: ModuleNotFoundError"),
+        ("twin.errors:InputError", "'storm' is only half there: .* must be a class derived from"),
     ],
 )
 def test_an_entry_point_that_brings_nothing_is_named(monkeypatch, value, message):
-    point = EntryPoint(name="storm", value=value, group=registry.ENTRY_POINTS)
-    monkeypatch.setattr(registry, "_points", lambda: EntryPoints([point]))
-    with pytest.raises(CurrentError, match=f"current 'storm': its entry point .* {message}"):
+    point = EntryPoint(name="storm", value=value, group=CURRENTS.group)
+    monkeypatch.setitem(vars(CURRENTS), "_offered", {"storm": point})
+    with pytest.raises(InputError, match=message):
         parse_current("storm:speed=1")
-    assert "storm" in registry.names()
+    assert "storm" in CURRENTS.names()
 
 
 def test_records_of_a_grid_must_have_the_shape_of_their_axes():
@@ -465,7 +468,7 @@ def test_records_of_a_grid_must_have_the_shape_of_their_axes():
 
 def test_codes_of_shipped_kinds_are_frozen():
     """They stand in compiled programs."""
-    codes = {name: registry.kinds()[name].code for name in SHIPPED}
+    codes = {name: CURRENTS[name].number() for name in SHIPPED}
     assert codes == {"uniform": 1, "profile": 2, "ekman": 3, "geostrophic": 4, "tide": 5,
                      "inertial": 6, "log-layer": 7, "gauss-markov": 8, "grid": 9,
                      "series": 10}  # fmt: skip

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from twin import seams
-from twin.errors import MissionError
 from twin.mission import mission_file as g
 from twin.numbers import Array
-from twin.registry import Registry, self_named
+from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -80,6 +79,15 @@ class Segment:
         """
         raise NotImplementedError
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What a kind lacks."""
+        if not dataclasses.is_dataclass(cls):
+            return "it lacks `@dataclass(frozen=True, kw_only=True)`: fields are keys of files"
+        if cls.row is Segment.row and cls.flown_as is Segment.flown_as:
+            return "it lacks the method `row`"
+        return "it lacks the method `expected`" if cls.expected is Segment.expected else ""
+
 
 def surfaced_depth(vehicle: Vehicle) -> float:
     """Depth [m] of the CB above which a vehicle counts as surfaced."""
@@ -122,20 +130,6 @@ def limit(value: float | None) -> float:
     """A limit as rows have it: NaN for none."""
     return np.nan if value is None else float(value)
 
-
-def _lacks(kind: type[Segment]) -> str:
-    """What a kind of segment lacks."""
-    if not dataclasses.is_dataclass(kind):
-        return "`@dataclass(frozen=True, kw_only=True)`: its fields are the keys of mission files"
-    if kind.row is Segment.row and kind.flown_as is Segment.flown_as:
-        return "the method `row`"
-    if kind.expected is Segment.expected:
-        return "the method `expected`"
-    return ""
-
-
-check_segment = self_named("kind of segment", Segment, _lacks, MissionError)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 SEGMENTS: Registry[type[Segment]] = seams.SEGMENTS
 """Every kind of segment, by name."""

@@ -1,7 +1,7 @@
 """Velocity estimators by name: ways to find on board how fast a vehicle moves through the water.
 
-Baselines are the methods that navigators use today, with the nominal vehicle only. Estimators and
-baselines are two seams: kinds of one's own join by name. An estimator is imported when it is used.
+Baselines are the methods that navigators use today, with the nominal vehicle only. Kinds of one's
+own join by name. An estimator is imported when it is used.
 """
 
 from typing import TYPE_CHECKING
@@ -11,7 +11,9 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from twin.navigation.estimators.base import VELOCITY_ESTIMATORS as VELOCITY_ESTIMATORS
     from twin.navigation.estimators.base import BodyVelocity as BodyVelocity
+    from twin.navigation.estimators.base import Estimate as Estimate
     from twin.navigation.estimators.base import VelocityEstimator as VelocityEstimator
+    from twin.navigation.estimators.base import baselines as baselines
     from twin.navigation.estimators.base import open_velocity_estimator as open_velocity_estimator
     from twin.navigation.estimators.base import register as register
     from twin.navigation.estimators.base import usual_velocity_estimator as usual_velocity_estimator

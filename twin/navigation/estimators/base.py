@@ -1,6 +1,7 @@
-"""Velocity estimators: their base class, and the registry that makes one from its name.
+"""Base of the velocity estimators: how fast the vehicle moves through the water.
 
-An estimator finds on board how fast the vehicle moves through the water.
+One class is one method, sample by sample on board (`step`) and over a whole mission (`batch`).
+Those that need nothing but the vehicle are the baselines that networks are compared with.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import seams
-from twin.errors import InputError
-from twin.registry import Registry, missing_method, self_named
+from twin.errors import InputError, unknown_name
+from twin.navigation.dead_reckoning import Array, Signals
+from twin.records.schema import VARIABLES
+from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 
 State = Mapping[str, NDArray[Any]]
@@ -65,21 +68,75 @@ class VelocityDeviation:
                 )
 
 
-class VelocityEstimator(abc.ABC):
-    """Velocity through the water from what is measured and commanded, sample by sample.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Velocities of one mission; what a method cannot know is None."""
 
-    A kind that the command line can name gives `kind`, `summary` and `open`.
+    surge: Array | None = None
+    """[m/s] through the water, forward, (time,)"""
+    sway: Array | None = None
+    """[m/s] through the water, starboard, (time,)"""
+    surge_sd: Array | None = None
+    """[m/s] standard deviation that the method claims for `surge`, (time,)"""
+    sway_sd: Array | None = None
+    """[m/s] as `surge_sd`"""
+    ground_track: Array | None = None
+    """[m] north, east over ground since the first sample, (time, 2), of a method that makes its
+    own track."""
+    uses_fixes: bool = False
+    """`ground_track` is reset at GPS fixes and carries the depth-averaged current."""
+    saw_bottom: bool = False
+    """`ground_track` may follow the sea floor: without fixes, too, it is no track through the
+    water."""
+
+
+class VelocityEstimator(abc.ABC):
+    """Velocity through the water from what is measured and commanded; it never sees the truth.
+
+    A method gives `kind`, `summary`, `channels` and `step`. It knows the vehicle as its file says,
+    never as a mission drew it.
     """
 
     kind: ClassVar[str] = ""
     """What the user types: `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
     summary: ClassVar[str] = ""
-    """What it does, for help texts and documents."""
+    """What it does, for tables of methods."""
+    title: ClassVar[str] = ""
+    """What people read in tables and legends; empty: its kind."""
+    colour: ClassVar[str] = ""
+    """Its colour, a name of `twin.show.style.PALETTE`; grey without one."""
+    drawn: ClassVar[bool] = False
+    """Whether the figures of tracks draw it; more than a few would hide each other."""
+    without_water: ClassVar[str] = ""
+    """Why it can have no track through the water, a sentence for the report."""
+    takes: ClassVar[str] = ""
+    """What its argument is, such as RUN; one that needs an argument is no baseline."""
 
+    channels: tuple[str, ...] = ()
+    """Schema variables that a sample must hold: measured or commanded, never true."""
     period: float
     """[s] between samples"""
-    channels: tuple[str, ...]
-    """Schema variables that a sample must hold: measured or commanded, never true."""
+
+    def __init__(self, vehicle: Vehicle, period: float):
+        """Begin before the first sample.
+
+        Args:
+          vehicle: as its file says.
+          period: [s] between the samples that there are. One that needs a multiple of it says so
+            by its own `period`.
+        """
+        self.vehicle, self.period = vehicle, period
+        self.channels = self.needs(vehicle)
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """Why it cannot estimate the velocities of such a vehicle; empty: it can."""
+        return ""
+
+    @classmethod
+    def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
+        """`channels`, and what else it reads on such a vehicle."""
+        return cls.channels
 
     @property
     def deviation(self) -> VelocityDeviation:
@@ -92,17 +149,18 @@ class VelocityEstimator(abc.ABC):
 
         Args:
           argument: what stood behind the colon, empty without.
-          vehicle: as its file says; never as a mission drew it.
-          period: [s] between the samples that there are. One that needs a multiple of it says so
-            by its own `period`.
+          vehicle, period: as of `__init__`.
 
         Raises:
           InputError: an argument that it does not take, or a vehicle that it does not suit.
         """
-        raise NotImplementedError
+        if argument:
+            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
+        if why := cls.unsuited(vehicle):
+            raise InputError(f"estimator {cls.kind!r}: {why}")
+        return cls(vehicle, period)
 
-    @abc.abstractmethod
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027 - a method without memory needs none
         """Begin before the first sample."""
 
     @abc.abstractmethod
@@ -113,40 +171,79 @@ class VelocityEstimator(abc.ABC):
           sample: a value for each of `channels`, in the schema's units.
         """
 
-    @abc.abstractmethod
+    def batch(self, signals: Signals) -> Estimate:
+        """Velocities of a whole mission; `step` after `step` where a method has no other way.
+
+        Raises:
+          StoreError: a channel is missing or not finite.
+        """
+        self.reset()
+        rows = np.stack([np.asarray(signals[name], np.float64) for name in self.channels], axis=1)
+        found = [self.step(dict(zip(self.channels, row, strict=True))) for row in rows.tolist()]
+        return Estimate(
+            surge=np.array([one.surge for one in found]), sway=np.array([one.sway for one in found])
+        )
+
     def state(self) -> dict[str, NDArray[Any]]:
         """What the next step depends on."""
+        return {}
 
-    @abc.abstractmethod
-    def restore(self, state: State) -> None:
+    def restore(self, state: State) -> None:  # noqa: B027
         """Go on from where `state` was called, here or in another process."""
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What is wrong with a kind."""
+        from twin.show.style import PALETTE
 
-USUAL = ("ekf", "steady_flight", "dvl")
-"""In the order in which they are tried where none is named."""
+        if not cls.takes and not (isinstance(cls.channels, tuple) and cls.channels):
+            return "it lacks `channels`, a tuple of the signals that it reads"
+        for channel in cls.channels:
+            if channel not in VARIABLES:
+                return f"it reads {unknown_name('signal', channel, VARIABLES)}"
+            if channel.startswith("true_"):
+                return f"it reads {channel}: a velocity estimator must not see the truth"
+        if cls.colour and cls.colour not in PALETTE:
+            return f"it has {unknown_name('colour', cls.colour, PALETTE)}"
+        return ""
 
-
-def _lacks(kind: type[VelocityEstimator]) -> str:
-    if not getattr(kind, "summary", ""):
-        return "a `summary`"
-    if kind.open.__func__ is VelocityEstimator.open.__func__:  # type: ignore[attr-defined]
-        return "the method `open`"
-    return missing_method(kind)
-
-
-check_estimator = self_named(
-    "velocity estimator",
-    VelocityEstimator,  # type: ignore[type-abstract]
-    _lacks,
-    InputError,
-)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = seams.VELOCITY_ESTIMATORS
 """Every estimator that has a name."""
 
 register = VELOCITY_ESTIMATORS.add
 """Add a kind of one's own; usable as a decorator."""
+
+
+def baselines() -> dict[str, type[VelocityEstimator]]:
+    """The estimators that need nothing but the vehicle, by name, as networks are set beside."""
+    return {name: kind for name, kind in VELOCITY_ESTIMATORS.items() if not kind.takes}
+
+
+def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
+    """The result of an estimator's `batch`, as it must be.
+
+    Raises:
+      InputError: it is no `Estimate`, or an array of it has another shape.
+    """
+    if not isinstance(estimate, Estimate):
+        raise InputError(
+            f"estimator {name!r} gives {type(estimate).__name__} instead of an Estimate"
+        )
+    for field in dataclasses.fields(Estimate):
+        values = getattr(estimate, field.name)
+        wanted = (samples, 2) if field.name == "ground_track" else (samples,)
+        if field.name in ("uses_fixes", "saw_bottom") or values is None:
+            continue
+        if np.shape(values) != wanted:
+            raise InputError(
+                f"estimator {name!r} gives {field.name} of shape {np.shape(values)}, not {wanted}"
+            )
+    return estimate
+
+
+USUAL = ("ekf", "steady_flight", "dvl")
+"""In the order in which they are tried where none is named."""
 
 
 def open_velocity_estimator(text: str, vehicle: Vehicle, period: float) -> VelocityEstimator:

@@ -11,9 +11,6 @@ last velocity that was measured.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import ClassVar
-
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -35,17 +32,10 @@ from twin.navigation.dvl_cleaning import (
     MAD_TO_SIGMA,
     WATER,
 )
-from twin.navigation.estimators.base import BodyVelocity
-from twin.navigation.estimators.baseline import (
-    Baseline,
-    Estimate,
-    Mask,
-    bridge,
-    hold,
-    no_glider,
-)
+from twin.navigation.estimators.base import BodyVelocity, Estimate
+from twin.navigation.estimators.series import Mask, bridge, hold, no_glider
 from twin.navigation.estimators.steady_flight import SteadyFlight
-from twin.navigation.estimators.steps import BaselineSteps
+from twin.navigation.estimators.windowed import WindowedEstimator
 from twin.vehicle.vehicle import Vehicle
 
 SHORT_LOSS_S = 10.0
@@ -56,31 +46,15 @@ LEAST_WATER_SHARE = 0.5
 """of the samples in water lock: below it the log says nothing on the velocity through the water"""
 
 
-class DvlSteps(BaselineSteps):
-    """The Doppler log under way: every water lock counts, the flight model says the rest.
+class Dvl(WindowedEstimator):
+    """Doppler velocity log, filled by steady flight where a glider carries it.
 
-    Of a vehicle whose flight is not modelled the last velocity that the log measured holds: through
-    the water in water lock, over ground in bottom lock, where a navigator then finds no current.
+    Under way every water lock counts, and the flight model says the rest. Of a vehicle whose flight
+    is not modelled the last velocity that the log measured holds: through the water in water lock,
+    over ground in bottom lock, where a navigator then finds no current.
     """
 
     kind = "dvl"
-    summary = "Doppler log, filled by a glider's flight model or else by its last velocity"
-
-    def last(self, signals: Signals) -> BodyVelocity:
-        """See `BaselineSteps`; without any lock a glider's flight model's."""
-        vehicle = self.baseline.vehicle
-        if no_glider(vehicle):
-            return _last_measured(signals)
-        found = self.baseline.estimate(signals, self.period, least_water=0.0)
-        if found.surge is None:
-            found = SteadyFlight(vehicle=vehicle).estimate(signals, self.period)
-        return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Dvl(Baseline):
-    """Doppler velocity log, filled by steady flight where a glider carries it."""
-
     title = "DVL-aided"
     summary = (
         "Doppler log: over ground in bottom lock, through the water in water lock, gaps filled by "
@@ -94,11 +68,10 @@ class Dvl(Baseline):
         "ground, so that it says nothing on the one through the water. It is among the tracks "
         "over ground."
     )
-    channels: ClassVar[tuple[str, ...]] = (
+    channels = (
         *(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode")),
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
     )
-    steps = DvlSteps
 
     @classmethod
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
@@ -106,13 +79,12 @@ class Dvl(Baseline):
         flight = () if no_glider(vehicle) else SteadyFlight.channels
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
-    def estimate(
-        self, signals: Signals, period: float, least_water: float = LEAST_WATER_SHARE
-    ) -> Estimate:
-        """See `Baseline`; without any lock nothing is estimated.
+    def batch(self, signals: Signals, least_water: float = LEAST_WATER_SHARE) -> Estimate:
+        """See `VelocityEstimator`; without any lock nothing is estimated.
 
         `least_water` is the share of samples in water lock that a velocity needs.
         """
+        period = self.period
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
         log = np.stack(
             [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
@@ -127,7 +99,7 @@ class Dvl(Baseline):
         on_ground = np.stack([_filled(log[:, i], bottom, None, period) for i in range(3)], axis=1)
         over = rotate_to_ned(on_ground, attitude)[:, :2]
         usable = np.asarray(np.isfinite(over).all(axis=1))
-        flown, known = self._through_water(signals, log, water, period)
+        flown, known = self._through_water(signals, log, water)
         surge, sway = (_filled(log[:, i], water, flown[:, i], period) for i in (0, 1))
         through = horizontal_velocity(surge, sway, rate, attitude)
         model = horizontal_velocity(flown[:, 0], flown[:, 1], rate, attitude)
@@ -145,23 +117,32 @@ class Dvl(Baseline):
             ground_track=track,
         )
 
-    def _through_water(
-        self, signals: Signals, log: Array, water: Mask, period: float
-    ) -> tuple[Array, Mask]:
+    def last(self, signals: Signals) -> BodyVelocity:
+        """See `WindowedEstimator`; without any lock a glider's flight model's."""
+        if no_glider(self.vehicle):
+            return _last_measured(signals)
+        found = self.batch(signals, least_water=0.0)
+        if found.surge is None:
+            found = SteadyFlight(self.vehicle, self.period).batch(signals)
+        assert found.surge is not None
+        assert found.sway is not None
+        return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
+
+    def _through_water(self, signals: Signals, log: Array, water: Mask) -> tuple[Array, Mask]:
         """Surge and sway [m/s] without the log's help, (time, 2), and where they can be trusted.
 
         The flight model's for a glider. Without one the last in water lock, trusted where water
         lock is near.
         """
         if not no_glider(self.vehicle):
-            flight = SteadyFlight(vehicle=self.vehicle).estimate(signals, period)
+            flight = SteadyFlight(self.vehicle, self.period).batch(signals)
             assert flight.surge is not None
             assert flight.sway is not None
             return np.stack([flight.surge, flight.sway], axis=1), np.ones(len(log), bool)
         water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
-        return held, np.asarray(age * period <= SHORT_LOSS_S)
+        return held, np.asarray(age * self.period <= SHORT_LOSS_S)
 
 
 def _last_measured(signals: Signals) -> BodyVelocity:

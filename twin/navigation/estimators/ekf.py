@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +26,25 @@ from twin.errors import InputError
 from twin.fossen.equations import skew
 from twin.fossen.forces import ForceParameters, parameters_of
 from twin.identify.start_values import net_mass
-from twin.navigation.dead_reckoning import Array, AttitudeSeries, Signals, finite_channel
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityDeviation
-from twin.navigation.estimators.baseline import (
+from twin.navigation.dead_reckoning import Array, Signals, finite_channel
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    Estimate,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
+from twin.navigation.estimators.ekf_kernels import DEPTH, STATES, SURGE, SWAY, filtered
+from twin.navigation.estimators.glide_deviation import glide_deviation
+from twin.navigation.estimators.series import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
     SURFACE_DEPTH,
-    Baseline,
-    Estimate,
     Mask,
     afloat,
     no_glider,
 )
-from twin.navigation.estimators.ekf_kernels import DEPTH, STATES, SURGE, SWAY, filtered
-from twin.navigation.estimators.glide_deviation import glide_deviation
-from twin.navigation.estimators.steps import BaselineSteps, Recent
+from twin.navigation.estimators.windowed import Recent
 from twin.vehicle.vehicle import Vehicle
 
 
@@ -85,92 +88,33 @@ class EkfRun(NamedTuple):
 
 
 _INPUTS = (
-    "measured_roll", "measured_pitch", "measured_roll_rate", "measured_pitch_rate",
-    "measured_yaw_rate", "measured_pump",
+    "measured_depth", "measured_roll", "measured_pitch", "measured_roll_rate",
+    "measured_pitch_rate", "measured_yaw_rate", "measured_pump",
 )  # fmt: skip
 
 
-class EkfSteps(BaselineSteps):
-    """The filter under way, with the depths of the last seconds."""
+class Ekf(VelocityEstimator):
+    """Model-based observer with the nominal parameters; on board with the last seconds' depths."""
 
     kind = "ekf"
-    summary = "extended Kalman filter on the vehicle's momentum equations"
-
-    def __init__(self, baseline: Ekf, period: float):
-        """Begin before the first sample; `period` [s] between samples."""
-        super().__init__(baseline, period)
-        self.recent = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
-        self.reset()
-
-    def reset(self) -> None:
-        """See `VelocityEstimator`."""
-        super().reset()
-        self._carried = np.zeros(0)
-
-    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`."""
-        self.recent.add(sample)
-        depth = sample["measured_depth"]
-        still = depth < SURFACE_DEPTH
-        if depth < SHALLOW_DEPTH and self.recent.count > 1:
-            still = bool(afloat(self.recent.signals()["measured_depth"], self.period)[-1])
-        if not self._carried.size:
-            self._carried = first_carried(self.baseline.noise, depth)
-        inputs = self._inputs(sample, depth, still=still)
-        run = self.baseline.model.run(inputs, np.array([depth]), self.period, self._carried)
-        surge, sway, heave = run.states[0, :3]
-        return BodyVelocity(
-            surge=float(surge), sway=float(sway), heave=float(heave),
-            covariance=run.covariances[0, :3, :3],
-        )  # fmt: skip
-
-    def _inputs(self, sample: Mapping[str, float], depth: float, *, still: bool) -> Array:
-        """As `Ekf.inputs`, of one sample, (1, 7).
-
-        Raises:
-          InputError: a value is missing or not finite.
-        """
-        try:
-            roll, pitch, p, q, r, pump = (float(sample[name]) for name in _INPUTS)
-        except KeyError as lost:
-            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
-        if not math.isfinite(roll + pitch + p + q + r + pump + depth):
-            bad = [name for name in (*_INPUTS, "measured_depth") if not math.isfinite(sample[name])]
-            raise InputError(f"channel {bad[0]} of the sample is not finite: the EKF needs it")
-        roll, pitch = math.radians(roll), math.radians(pitch)
-        net = 0.0 if still else float(net_mass(self.baseline.vehicle, pump, max(depth, 0.0)))  # type: ignore[arg-type]
-        down = (
-            -math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll),
-        )  # fmt: skip
-        return np.array([[*down, p, q, r, net]])
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """See `VelocityEstimator`."""
-        return {**super().state(), "carried": self._carried.copy()}
-
-    def restore(self, state: State) -> None:
-        """See `VelocityEstimator`."""
-        super().restore(state)
-        self._carried = np.array(state["carried"], np.float64)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Ekf(Baseline):
-    """Model-based observer with the nominal parameters."""
-
     title = "EKF, dynamic model"
     summary = (
         "extended Kalman filter on the nominal momentum equations with measured attitude, rates "
         "and pump, updated with depth; estimates the error of the net buoyancy on the way"
     )
     colour = "sky"
-    channels: ClassVar[tuple[str, ...]] = (
+    channels = (
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
         *("measured_pump", "measured_shift", "measured_rotation"),
     )
-    steps = EkfSteps
-    noise: EkfNoise = dataclasses.field(default_factory=EkfNoise)
+
+    def __init__(self, vehicle: Vehicle, period: float, noise: EkfNoise | None = None):
+        """Begin before the first sample; see `VelocityEstimator`."""
+        super().__init__(vehicle, period)
+        self.noise = EkfNoise() if noise is None else noise
+        self.recent = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
+        self.reset()
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
@@ -182,12 +126,43 @@ class Ekf(Baseline):
 
     @property
     def deviation(self) -> VelocityDeviation:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
+        """See `VelocityEstimator`."""
         return glide_deviation(self.vehicle)
 
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        run = self.run(signals, period)
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        self.recent.reset()
+        self._carried = np.zeros(0)
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`.
+
+        Raises:
+          InputError: a channel is missing or not finite.
+        """
+        self.recent.add(sample)
+        try:
+            rows = np.array([[sample[name]] for name in _INPUTS], np.float64)
+        except KeyError as lost:
+            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
+        if not np.isfinite(rows).all():
+            bad = _INPUTS[int(np.isfinite(rows[:, 0]).argmin())]
+            raise InputError(f"channel {bad} of the sample is not finite: the EKF needs it")
+        depth = rows[0]
+        still = depth < SURFACE_DEPTH
+        if depth[0] < SHALLOW_DEPTH and self.recent.count > 1:
+            still = afloat(self.recent.signals()["measured_depth"], self.period)[-1:]
+        if not self._carried.size:
+            self._carried = first_carried(self.noise, depth[0])
+        run = self.model.run(self.inputs(rows, still), depth, self.period, self._carried)
+        surge, sway, heave = run.states[0, :3].tolist()
+        return BodyVelocity(
+            surge=surge, sway=sway, heave=heave, covariance=run.covariances[0, :3, :3]
+        )
+
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`."""
+        run = self.run(signals)
         return Estimate(
             surge=run.states[:, SURGE],
             sway=run.states[:, SWAY],
@@ -195,31 +170,30 @@ class Ekf(Baseline):
             sway_sd=np.sqrt(run.covariances[:, SWAY, SWAY]),
         )
 
-    def run(self, signals: Signals, period: float) -> EkfRun:
+    def run(self, signals: Signals) -> EkfRun:
         """The whole filter on one mission."""
-        depth = finite_channel(signals, "measured_depth")
-        inputs = self.inputs(signals, afloat(depth, period))
-        return self.model.run(inputs, depth, period, first_carried(self.noise, depth[0]))
+        rows = np.stack([finite_channel(signals, name) for name in _INPUTS])
+        inputs = self.inputs(rows, afloat(rows[0], self.period))
+        return self.model.run(inputs, rows[0], self.period, first_carried(self.noise, rows[0, 0]))
 
-    def inputs(self, signals: Signals, still: Mask) -> Array:
-        """Down axis (3), rates (3) and net mass (1) at each sample, (time, 7)."""
-        attitude = AttitudeSeries.of(signals)
-        depth = finite_channel(signals, "measured_depth")
+    def inputs(self, rows: Array, still: Mask) -> Array:
+        """Down axis (3), rates (3) and net mass (1) of rows of `_INPUTS` (7, time); (time, 7)."""
+        depth, roll, pitch, *rates, pump = rows
+        roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
         # Afloat, the surface carries what the pump takes off: the hull comes out of the water. How
         # far it does, a pressure gauge that is off by a metre cannot say.
-        pump = finite_channel(signals, "measured_pump")
-        net = net_mass(self.vehicle, pump, np.maximum(depth, 0.0))
-        net = np.where(still, 0.0, net)
-        return np.stack(
-            [
-                -np.sin(attitude.pitch),
-                np.cos(attitude.pitch) * np.sin(attitude.roll),
-                np.cos(attitude.pitch) * np.cos(attitude.roll),
-                *(finite_channel(signals, f"measured_{n}_rate") for n in ("roll", "pitch", "yaw")),
-                net,
-            ],
-            axis=1,
-        )
+        net = np.where(still, 0.0, net_mass(self.vehicle, pump, np.maximum(depth, 0.0)))
+        down = (-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll))
+        return np.stack([*down, *rates, net], axis=1)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        return {**self.recent.state(), "carried": self._carried.copy()}
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`."""
+        self.recent.restore(state)
+        self._carried = np.array(state["carried"], np.float64)
 
     @functools.cached_property
     def model(self) -> EkfModel:

@@ -6,18 +6,22 @@ by each steady glide: drag, lift, ballast, compressibility and the accelerometer
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.navigation.dead_reckoning import Signals, finite_channel
-from twin.navigation.estimators.base import BodyVelocity, State, VelocityDeviation
-from twin.navigation.estimators.baseline import Baseline, Estimate, no_glider
+from twin.navigation.estimators.base import (
+    BodyVelocity,
+    Estimate,
+    State,
+    VelocityDeviation,
+    VelocityEstimator,
+)
 from twin.navigation.estimators.glide_deviation import glide_deviation
-from twin.navigation.estimators.steps import BaselineSteps
+from twin.navigation.estimators.series import no_glider
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import CHANNELS
 from twin.vehicle.vehicle import Vehicle
@@ -26,17 +30,41 @@ SURGE, SWAY = 0, 1
 """Columns of the filter's outputs"""
 
 
-class LearnedFlightSteps(BaselineSteps):
-    """The filter under way: it needs no samples but the last."""
+class LearnedFlight(VelocityEstimator):
+    """Surge and sway of a flight filter that begins with the nominal vehicle."""
 
     kind = "flight_filter"
-    summary = "the hull's motion, its drag and ballast learned on the way; needs a CTD"
+    title = "flight filter"
+    summary = (
+        "the nominal vehicle's equation of motion, with the density that a CTD measures; what the "
+        "depth rate of steady glides does not agree with corrects drag, lift, ballast, "
+        "compressibility and the pitch on the way (`twin/navigation/flight_filter.py`)"
+    )
+    channels = (*CHANNELS, "measured_heading")
 
-    def __init__(self, baseline: LearnedFlight, period: float):
-        """Begin before the first sample; `period` [s] between samples."""
-        self.baseline, self.period = baseline, period
-        self.channels = baseline.needs(baseline.vehicle)
-        self._filter = FlightFilter(baseline.vehicle, period)
+    def __init__(self, vehicle: Vehicle, period: float):
+        """Begin before the first sample; see `VelocityEstimator`."""
+        super().__init__(vehicle, period)
+        self._filter = FlightFilter(vehicle, period)
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`; that of a hull as in its file, which
+        it comes to know better."""
+        return glide_deviation(self.vehicle)
+
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`."""
+        given = {name: finite_channel(signals, name) for name in CHANNELS}
+        found = FlightFilter(self.vehicle, self.period).run(given)
+        return Estimate(
+            surge=np.ascontiguousarray(found[:, SURGE]), sway=np.ascontiguousarray(found[:, SWAY])
+        )
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""
@@ -58,36 +86,3 @@ class LearnedFlightSteps(BaselineSteps):
     def restore(self, state: State) -> None:
         """See `VelocityEstimator`."""
         self._filter.restore(state)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LearnedFlight(Baseline):
-    """Surge and sway of a flight filter that begins with the nominal vehicle."""
-
-    title = "flight filter"
-    summary = (
-        "the nominal vehicle's equation of motion, with the density that a CTD measures; what the "
-        "depth rate of steady glides does not agree with corrects drag, lift, ballast, "
-        "compressibility and the pitch on the way (`twin/navigation/flight_filter.py`)"
-    )
-    channels: ClassVar[tuple[str, ...]] = (*CHANNELS, "measured_heading")
-    steps = LearnedFlightSteps
-
-    @classmethod
-    def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
-        return no_glider(vehicle)
-
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `twin.navigation.estimators.baseline.Baseline`; that of a hull as in its file, which
-        it comes to know better."""
-        return glide_deviation(self.vehicle)
-
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        given = {name: finite_channel(signals, name) for name in CHANNELS}
-        found = FlightFilter(self.vehicle, period).run(given)
-        return Estimate(
-            surge=np.ascontiguousarray(found[:, SURGE]), sway=np.ascontiguousarray(found[:, SWAY])
-        )

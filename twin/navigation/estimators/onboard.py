@@ -9,21 +9,21 @@ sway.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import NoReturn
 
 import numpy as np
 
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import Signals, finite_channel
-from twin.navigation.estimators.base import VelocityEstimator
-from twin.navigation.estimators.baseline import Baseline, Estimate
+from twin.navigation.estimators.base import Estimate, VelocityEstimator
+from twin.vehicle.vehicle import Vehicle
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class OnboardReckoning(Baseline):
-    """The vehicle's own track."""
+class OnboardReckoning(VelocityEstimator):
+    """The vehicle's own track, of whole missions alone."""
 
+    kind = "onboard"
     title = "on-board track"
     summary = (
         "the track that the vehicle logged itself (w / tan(pitch + 3 deg), fixes, last dive's "
@@ -34,16 +34,11 @@ class OnboardReckoning(Baseline):
         "The on-board track is missing in them: it was reset at fixes or reckoned by a Doppler "
         "log, which puts the current into it."
     )
-    channels: ClassVar[tuple[str, ...]] = ("measured_onboard_north", "measured_onboard_east")
+    channels = ("measured_onboard_north", "measured_onboard_east")
 
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
-        propelled = self.vehicle.steered("speed") is not None
-        return Estimate(ground_track=track, uses_fixes=True, saw_bottom=propelled)
-
-    def begin(self, period: float) -> VelocityEstimator:
-        """It has no velocity through the water.
+    @classmethod
+    def open(cls, argument: str, vehicle: Vehicle, period: float) -> NoReturn:
+        """Refuse: it has no velocity through the water.
 
         Raises:
           InputError: always; `pitch_plus_alpha` reckons in the same way.
@@ -52,3 +47,13 @@ class OnboardReckoning(Baseline):
             "the on-board track is one over ground and gives no velocity through the water: choose "
             "pitch_plus_alpha, which reckons in the same way"
         )
+
+    def step(self, sample: Mapping[str, float]) -> NoReturn:
+        """Refuse as `open`."""
+        self.open("", self.vehicle, self.period)
+
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`."""
+        track = np.stack([finite_channel(signals, name) for name in self.channels], axis=1)
+        propelled = self.vehicle.steered("speed") is not None
+        return Estimate(ground_track=track, uses_fixes=True, saw_bottom=propelled)

@@ -8,23 +8,15 @@ current procedure). Sway is taken as zero.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
-from typing import ClassVar
 
 import numpy as np
 
 from twin.navigation.dead_reckoning import Signals, depth_rate, finite_channel
-from twin.navigation.estimators.baseline import (
-    Baseline,
-    Estimate,
-    afloat,
-    hold,
-    no_glider,
-    smooth,
-)
-from twin.navigation.estimators.steps import BaselineSteps
+from twin.navigation.estimators.base import Estimate
+from twin.navigation.estimators.series import afloat, hold, no_glider, smooth
+from twin.navigation.estimators.windowed import WindowedEstimator
 from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
@@ -37,17 +29,10 @@ MAX_SPEED = 1.0
 """[m/s] no buoyancy glider is faster through the water for long."""
 
 
-class PitchPlusAlphaSteps(BaselineSteps):
-    """The same under way."""
-
-    kind = "pitch_plus_alpha"
-    summary = "depth rate over the tangent of pitch plus one angle of attack"
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PitchPlusAlpha(Baseline):
+class PitchPlusAlpha(WindowedEstimator):
     """Speed from depth rate, pitch and one constant angle of attack."""
 
+    kind = "pitch_plus_alpha"
     title = "w / tan(pitch + alpha)"
     summary = (
         "speed from depth rate over sin(pitch + a), along the heading, with one constant a: that "
@@ -55,8 +40,7 @@ class PitchPlusAlpha(Baseline):
     )
     colour = "orange"
     drawn = True
-    channels: ClassVar[tuple[str, ...]] = ("measured_depth", "measured_pitch")
-    steps = PitchPlusAlphaSteps
+    channels = ("measured_depth", "measured_pitch")
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
@@ -68,17 +52,17 @@ class PitchPlusAlpha(Baseline):
         """The constant [rad]: the nominal vehicle's in a steady glide at `REFERENCE_PITCH`."""
         return steady_angle_of_attack(self.vehicle, REFERENCE_PITCH)
 
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`."""
         depth = finite_channel(signals, "measured_depth")
         pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
-        rate = smooth(depth_rate(depth, period), WINDOW_S, period)
-        slope = smooth(pitch, WINDOW_S, period)
+        rate = smooth(depth_rate(depth, self.period), WINDOW_S, self.period)
+        slope = smooth(pitch, WINDOW_S, self.period)
         gliding = (np.abs(slope) >= LEAST_PITCH) & (rate * slope < 0)
         alpha = self.angle_of_attack
         speed = np.abs(rate) / np.sin(np.maximum(np.abs(slope), LEAST_PITCH) + alpha)
         speed = hold(np.minimum(speed, MAX_SPEED), gliding)
-        speed = np.where(afloat(depth, period), 0.0, speed)
+        speed = np.where(afloat(depth, self.period), 0.0, speed)
         return Estimate(surge=speed * math.cos(alpha), sway=np.zeros_like(speed))
 
 

@@ -8,7 +8,6 @@ steep the depth rate fixes it, which a wrong drag coefficient or ballast cannot 
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,18 +19,10 @@ from twin.navigation.dead_reckoning import (
     depth_rate,
     finite_channel,
 )
-from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation
-from twin.navigation.estimators.baseline import (
-    Baseline,
-    Estimate,
-    Mask,
-    afloat,
-    bridge,
-    no_glider,
-    smooth,
-)
+from twin.navigation.estimators.base import BodyVelocity, Estimate, VelocityDeviation
 from twin.navigation.estimators.glide_deviation import glide_deviation
-from twin.navigation.estimators.steps import BaselineSteps
+from twin.navigation.estimators.series import Mask, afloat, bridge, no_glider, smooth
+from twin.navigation.estimators.windowed import WindowedEstimator
 from twin.vehicle.vehicle import Vehicle
 
 WINDOW_S = 10.0
@@ -45,31 +36,10 @@ LEAST_SINE = 0.12
 buoyancy gliders is near 8."""
 
 
-class SteadyFlightSteps(BaselineSteps):
-    """Steady flight under way: only samples from the last glide on are balanced."""
-
-    kind = "steady_flight"
-    summary = "forces in balance at every sample"
-
-    def last(self, signals: Signals) -> BodyVelocity:
-        """See `BaselineSteps`; at rest before the first glide."""
-        vehicle = self.baseline.vehicle
-        seen = Seen.of(vehicle, signals, self.period)
-        end, count = (0 if seen.still[-1] else len(seen.still)), 1
-        while end > 0:
-            begin = max(end - count, 0)
-            velocity, gliding = seen.balanced(vehicle, slice(begin, end))
-            if gliding.any():
-                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
-                return BodyVelocity(surge=float(surge), sway=float(sway))
-            end, count = begin, 2 * count
-        return BodyVelocity(surge=0.0, sway=0.0)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SteadyFlight(Baseline):
+class SteadyFlight(WindowedEstimator):
     """Speed, angle of attack and sideslip from forces in balance."""
 
+    kind = "steady_flight"
     title = "steady flight model"
     summary = (
         "forces in balance at every sample with the nominal coefficients: angle of attack, "
@@ -78,11 +48,10 @@ class SteadyFlight(Baseline):
     )
     colour = "green"
     drawn = True
-    channels: ClassVar[tuple[str, ...]] = (
+    channels = (
         *("measured_depth", "measured_roll", "measured_pitch", "measured_heading"),
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate", "measured_pump"),
     )
-    steps = SteadyFlightSteps
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
@@ -91,17 +60,30 @@ class SteadyFlight(Baseline):
 
     @property
     def deviation(self) -> VelocityDeviation:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
+        """See `VelocityEstimator`."""
         return glide_deviation(self.vehicle)
 
-    def estimate(self, signals: Signals, period: float) -> Estimate:
-        """See `twin.navigation.estimators.baseline.Baseline`."""
-        seen = Seen.of(self.vehicle, signals, period)
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`."""
+        seen = Seen.of(self.vehicle, signals, self.period)
         velocity, gliding = seen.balanced(self.vehicle, slice(None))
         surge, sway = (bridge(one, gliding, held=True) for one in velocity)
         return Estimate(
             surge=np.where(seen.still, 0.0, surge), sway=np.where(seen.still, 0.0, sway)
         )
+
+    def last(self, signals: Signals) -> BodyVelocity:
+        """See `WindowedEstimator`; only samples from the last glide on are balanced."""
+        seen = Seen.of(self.vehicle, signals, self.period)
+        end, count = (0 if seen.still[-1] else len(seen.still)), 1
+        while end > 0:
+            begin = max(end - count, 0)
+            velocity, gliding = seen.balanced(self.vehicle, slice(begin, end))
+            if gliding.any():
+                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
+                return BodyVelocity(surge=float(surge), sway=float(sway))
+            end, count = begin, 2 * count
+        return BodyVelocity(surge=0.0, sway=0.0)
 
 
 @dataclasses.dataclass(frozen=True)

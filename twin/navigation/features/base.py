@@ -99,6 +99,20 @@ class Feature:
         values = [term.compute(signals, period) for term in self.terms]
         return values[0] if self.combine is None else np.asarray(self.combine(*values))
 
+    def flaw(self, name: str) -> str:
+        """What is wrong with it; a network must not see the truth."""
+        if not name.isidentifier():
+            return "its name must be of letters, digits and underscores"
+        if not self.terms or (self.combine is None and len(self.terms) > 1):
+            return "it needs one term, or `combine` for its terms"
+        for channel in self.channels:
+            if not channel.startswith(("measured_", "commanded_", "estimated_")):
+                return (
+                    f"it reads {channel}: a network sees only what is measured_*, commanded_* or "
+                    "estimated_*"
+                )
+        return ""
+
 
 def trailing_slope(values: Array, samples: int, period: float) -> Array:
     """Least-squares slope [unit/s] over the last `samples` values; the future is not used.
@@ -135,34 +149,6 @@ _SHAPED: dict[str, Callable[[Array], Array]] = {
     "cosine": lambda values: np.cos(np.deg2rad(values)),
     "angle": _turned,
 }
-
-
-def check_feature(name: str, kind: Any) -> Feature:
-    """Make sure that a feature says what it must.
-
-    Raises:
-      InputError: it is only half there, with what it lacks, or it reads the truth.
-    """
-    if not isinstance(kind, Feature):
-        raise InputError(
-            f"feature {name!r} must be a twin.navigation.features.Feature, not {kind!r}"
-        )
-    if kind.name != name or not name.isidentifier():
-        raise InputError(
-            f"feature {name!r} calls itself {kind.name!r}: give it one name, of letters, digits "
-            "and underscores"
-        )
-    if not (kind.group and kind.unit):
-        raise InputError(f'feature {name!r} lacks its group or its unit ("1" for none)')
-    if not kind.terms or (kind.combine is None and len(kind.terms) > 1):
-        raise InputError(f"feature {name!r} needs one term, or `combine` for its terms")
-    for channel in kind.channels:
-        if not channel.startswith(("measured_", "commanded_", "estimated_")):
-            raise InputError(
-                f"feature {name!r} reads {channel}: a network sees only what is measured_*, "
-                "commanded_* or estimated_*"
-            )
-    return kind
 
 
 FEATURES: Registry[Feature] = seams.FEATURES

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from twin.compiled import changed, dispatch, inline, jit
+from twin.compiled import dispatch, inline, jit
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import (
     HEADING_SETPOINT,
@@ -97,17 +97,6 @@ part_mass = dispatch(
     "part_mass", ("values", "position"), _parts("native_mass"), math.nan, module=__name__
 )
 """(code, values, position) -> point mass [kg]."""
-
-_versions = [LAWS.version, PARTS.version]
-
-
-def refresh() -> None:
-    """Have the effects compiled again when a registry has changed since the last call."""
-    now = [LAWS.version, PARTS.version]
-    if now != _versions:
-        _versions[:] = now
-        changed()
-
 
 CONTROL_SCHEDULE = b.CONTROL_SCHEDULE
 

@@ -13,7 +13,7 @@ from numba import types
 
 from twin.compiled import Compiled, cfunc, generation
 from twin.errors import TwinError
-from twin.physics.native import effects, late, plant
+from twin.physics.native import late, plant
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import MISMATCH
 from twin.physics.native.flow import SAMPLER
@@ -68,7 +68,6 @@ def install(*, current: bool = False, floor: bool = False) -> None:
       TwinError: another library's callback is in the way.
     """
     with _lock:
-        effects.refresh()
         compiled = _compile(generation())
         for one, wanted in ((SAMPLER, current), (LAYER, floor)):
             one.renew()

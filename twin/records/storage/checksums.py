@@ -14,7 +14,6 @@ Content: hashes of stores, by which runs and calibrations know what they were ma
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -30,7 +29,7 @@ from twin.records.schema import TIME
 from twin.records.storage.disk import write_whole
 from twin.records.storage.object_storage import files_at
 from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.stored_files import Files, FileSum, LocalFiles, file_sum
+from twin.records.storage.stored_files import Files, FileSum, file_sum
 
 LIST = "checksums.json"
 """The list of a plain folder."""
@@ -87,7 +86,7 @@ def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = No
     """
     root, known = Path(folder), known or {}
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    names = _names(LocalFiles(root))
+    names = _names(Files(root))
     sums = {name: known[name] if name in known else file_sum(root / name) for name in names}
     target.parent.mkdir(exist_ok=True)
     write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
@@ -185,12 +184,12 @@ def damaged_files(
       StoreError: the folder has no list.
     """
     files = files_at(folder)
-    key = _list_of(files)
-    if key is None:
-        raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
     try:
         sums = read_checksums(folder)
     except StoreError as error:
+        key = _list_of(files)
+        if key is None:
+            raise
         yield Damage(key, "changed", str(error))
         return
     chosen = None if only is None else tuple(only)
@@ -199,7 +198,10 @@ def damaged_files(
         for name in sums
         if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen)
     ]
-    compare = functools.partial(_compare_listed, files, sums)
+
+    def compare(name: str) -> Damage | None:
+        return _compare(files, name, sums[name])
+
     if workers == 1:
         yield from filter(None, map(compare, asked))
     else:
@@ -209,10 +211,6 @@ def damaged_files(
                 yield from filter(None, pool.map(compare, batch))
     if chosen is None:
         yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
-
-
-def _compare_listed(files: Files, sums: Mapping[str, FileSum], name: str) -> Damage | None:
-    return _compare(files, name, sums[name])
 
 
 def _compare(files: Files, name: str, expected: FileSum) -> Damage | None:

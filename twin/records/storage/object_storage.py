@@ -18,12 +18,13 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from twin.errors import InputError
 from twin.extras import require
 from twin.records.storage.store_path import StorePath, Url, store_path
-from twin.records.storage.stored_files import Files, FileSum, LocalFiles
+from twin.records.storage.stored_files import Files, FileSum
 
 RETRIES, RETRY_S = 8, 60
 """Times that a request is repeated when the storage does not answer or says that it is busy, and
@@ -196,6 +197,12 @@ class ObjectFiles(Files):
         """obstore's view of the place."""
         return open_objects(self.url)
 
+    @functools.cached_property
+    def _obstore(self) -> ModuleType:
+        import obstore
+
+        return obstore
+
     @property
     def name(self) -> str:
         """Its address."""
@@ -207,43 +214,18 @@ class ObjectFiles(Files):
 
     def read(self, key: str) -> bytes:
         """All of an object."""
-        import obstore
-
         with self._told(key):
-            return bytes(obstore.get(self._objects, key).bytes())
+            return bytes(self._obstore.get(self._objects, key).bytes())
 
-    def fetch(self, key: str, folder: Path) -> Path:
-        """A copy, of a name that no other key has."""
-        folder.mkdir(parents=True, exist_ok=True)
-        place = folder / hashlib.sha256(key.encode()).hexdigest()
-        with place.open("wb") as file:
-            for piece in self._pieces(key):
-                file.write(piece)
-        return place
-
-    def give_back(self, path: Path) -> None:
-        """Remove a copy, and its folder when that is empty."""
-        path.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            path.parent.rmdir()
-
-    def write(self, key: str, data: bytes) -> None:
-        """Put an object, which is there whole from then on."""
-        import obstore
-
+    def write(self, key: str, data: bytes, *, safe: bool = False) -> None:
+        """Put an object, which is there whole from then on, and which the storage keeps."""
         with self._told(key):
-            obstore.put(self._objects, key, data)
-
-    def write_safe(self, key: str, data: bytes) -> None:
-        """As `write`: what a storage has taken, it keeps."""
-        self.write(key, data)
+            self._obstore.put(self._objects, key, data)
 
     def take(self, key: str, path: Path) -> None:
         """Put the content of a file, in parts where it is large."""
-        import obstore
-
         with self._told(key):
-            obstore.put(self._objects, key, path)
+            self._obstore.put(self._objects, key, path)
         path.unlink()
 
     def settle(self) -> None:
@@ -251,37 +233,40 @@ class ObjectFiles(Files):
 
     def size(self, key: str) -> int | None:
         """Size of an object."""
-        import obstore
-
         try:
             with self._told(key):
-                return int(obstore.head(self._objects, key)["size"])
+                return int(self._obstore.head(self._objects, key)["size"])
         except FileNotFoundError:
             return None
+
+    def exists(self, key: str) -> bool:
+        """Whether there is such an object."""
+        return self.size(key) is not None
 
     def sum(self, key: str) -> FileSum:
         """Size and hash of an object."""
         digest, size = hashlib.sha256(), 0
-        for piece in self._pieces(key):
-            digest.update(piece)
-            size += len(piece)
+        with self._told(key):
+            for piece in self._obstore.get(self._objects, key):
+                digest.update(piece)
+                size += len(piece)
         return FileSum(size, digest.hexdigest())
 
     def sizes(self) -> Iterator[tuple[str, int]]:
         """All objects."""
-        import obstore
-
         with self._told(""):
-            for some in obstore.list(self._objects, chunk_size=LISTED):
+            for some in self._obstore.list(self._objects, chunk_size=LISTED):
                 for one in some:
                     yield str(one["path"]), int(one["size"])
 
+    def all_keys(self) -> Iterator[str]:
+        """Keys of all objects."""
+        return (key for key, _ in self.sizes())
+
     def folders(self) -> list[str]:
         """First parts of longer keys."""
-        import obstore
-
         with self._told(""):
-            found = obstore.list_with_delimiter(self._objects)["common_prefixes"]
+            found = self._obstore.list_with_delimiter(self._objects)["common_prefixes"]
         return sorted(str(name).rstrip("/") for name in found)
 
     def zarr_store(self) -> Any:
@@ -292,24 +277,14 @@ class ObjectFiles(Files):
 
     def remove(self, key: str) -> None:
         """Delete an object."""
-        import obstore
-
         with contextlib.suppress(FileNotFoundError), self._told(key):
-            obstore.delete(self._objects, key)
+            self._obstore.delete(self._objects, key)
 
     def remove_all(self) -> None:
         """Delete every object."""
         for key in list(self.all_keys()):
             with contextlib.suppress(OSError):
                 self.remove(key)
-
-    def _pieces(self, key: str) -> Iterator[bytes]:
-        """The content of an object, piece by piece."""
-        import obstore
-
-        with self._told(key):
-            for piece in obstore.get(self._objects, key):
-                yield bytes(piece)
 
     @contextlib.contextmanager
     def _told(self, key: str) -> Iterator[None]:
@@ -332,4 +307,4 @@ def files_at(place: str | StorePath) -> Files:
       InputError: an address that cannot be used, or obstore is not installed.
     """
     path = store_path(place)
-    return ObjectFiles(path) if isinstance(path, Url) else LocalFiles(path)
+    return ObjectFiles(path) if isinstance(path, Url) else Files(path)

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from twin.show.figures.base import figure_names as figure_names
     from twin.show.figures.base import register as register
     from twin.show.figures.base import suited as suited
-    from twin.show.figures.device import actuator_figure as actuator_figure
-    from twin.show.figures.device import sensor_figure as sensor_figure
-    from twin.show.figures.device import velocity_figure as velocity_figure
     from twin.show.figures.logged_dive import log_figure as log_figure
     from twin.show.figures.map import Currents as MapCurrents  # noqa: F401
     from twin.show.figures.map import MapContent as MapContent
@@ -37,6 +34,9 @@ if TYPE_CHECKING:
     from twin.show.figures.page_layout import mission_caption as mission_caption
     from twin.show.figures.page_layout import missions_caption as missions_caption
     from twin.show.figures.section import section_figure as section_figure
+    from twin.show.figures.signals import actuator_figure as actuator_figure
+    from twin.show.figures.signals import sensor_figure as sensor_figure
+    from twin.show.figures.signals import velocity_figure as velocity_figure
     from twin.show.figures.track import track_3d_figure as track_3d_figure
     from twin.show.figures.track import track_figure as track_figure
     from twin.show.figures.water import current_figure as current_figure

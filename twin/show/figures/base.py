@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from twin.records.trajectory import Trajectory
 
-GROUP = "glider_twin.figures"
-"""Entry points of installed distributions: NAME = "module:FIGURE"."""
 LOG, OVERVIEW = "log", "overview"
 
 
@@ -38,41 +36,23 @@ class FigureKind:
     takes_tracks: bool = False
     """whether `draw` has the option `tracks`: dead-reckoned tracks beside the true one"""
 
-
-def register(kind: FigureKind) -> FigureKind:
-    """Add a figure of your own for this process.
-
-    Raises:
-      InputError: it is only half there, or its name is taken.
-    """
-    FIGURES.register(getattr(kind, "name", ""), kind)
-    return kind
-
-
-def check_figure(name: str, kind: Any) -> FigureKind:
-    """The figure when it is complete; raises InputError otherwise."""
-
-    def half(what: str) -> InputError:
-        return InputError(f"figure {name!r} is only half there: {what}")
-
-    if not isinstance(kind, FigureKind):
-        raise half(f"{kind!r} must be a twin.show.figures.base.FigureKind")
-    if kind.name != name or not name.isidentifier():
-        raise half("its `name` must be that name, a word without blanks")
-    if not kind.summary:
-        raise half("`summary` must say what it shows")
-    if not callable(kind.draw):
-        raise half("`draw` must be a function of a trajectory that returns a Figure")
-    first, *options = inspect.signature(kind.draw).parameters.values()
-    if any(option.default is option.empty for option in options):
-        raise half(f"the options of `draw` beside {first.name!r} need defaults")
-    if kind.takes_tracks != ("tracks" in [option.name for option in options]):
-        raise half("`takes_tracks` must say whether `draw` has an option `tracks`")
-    return kind
+    def flaw(self, name: str) -> str:
+        """What is wrong with it."""
+        if not callable(self.draw):
+            return "`draw` must be a function of a trajectory that returns a Figure"
+        first, *options = inspect.signature(self.draw).parameters.values()
+        if any(option.default is option.empty for option in options):
+            return f"the options of `draw` beside {first.name!r} need defaults"
+        if self.takes_tracks != ("tracks" in [option.name for option in options]):
+            return "`takes_tracks` must say whether `draw` has an option `tracks`"
+        return ""
 
 
 FIGURES: Registry[FigureKind] = seams.FIGURES
 """Every figure by the name that the command line uses."""
+
+register = FIGURES.add
+"""Add a figure of one's own."""
 
 
 def figure_names() -> tuple[str, ...]:

@@ -13,9 +13,8 @@ from twin.records.trajectory import Trajectory
 from twin.show import style
 from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
-from twin.show.figures.device import ATTITUDE, draw_actuators, draw_attitude
 from twin.show.figures.section import draw_section
-from twin.show.figures.signals import thinned_time
+from twin.show.figures.signals import ATTITUDE, draw_actuators, draw_attitude, thinned_time
 from twin.show.figures.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
 from twin.show.figures.water import draw_current
 

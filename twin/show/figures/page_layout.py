@@ -11,12 +11,12 @@ import functools
 import io
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -34,9 +34,6 @@ from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 from twin.records.storage.checksums import LIST
 from twin.records.storage.whole import check_folder_target, whole_folder
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 DPI = 200
 INDEX, PICTURE = "index.html", ".png"
@@ -64,43 +61,53 @@ class Page:
         self._body: list[str] = []
         self._pictures: dict[str, bytes] = {}
         check_folder_target(folder, overwrite=True, ours=self._ours)
-        self._add("heading", title, lead)
+        self._add('<h1>{}</h1>\n<p class="lead">{}</p>', title, lead)
 
     def section(self, title: str) -> None:
         """A heading."""
-        self._add("section", title)
+        self._add("<h2>{}</h2>", title)
 
     def say(self, text: str) -> None:
         """A paragraph."""
-        self._add("paragraph", text)
+        self._add("<p>{}</p>", _words(text))
 
     def points(self, texts: Sequence[str]) -> None:
         """A list of sentences."""
-        self._add("points", texts)
+        self._add("<ul>{}</ul>", _each("<li>{}</li>", ((_words(text),) for text in texts)))
 
     def numbers(self, figures: Mapping[str, str]) -> None:
         """The few figures that matter, large."""
-        self._add("numbers", figures)
+        cells = _each("<div><dt>{}</dt><dd>{}</dd></div>", figures.items())
+        self._add('<dl class="figures">{}</dl>', cells)
 
     def facts(self, facts: Mapping[str, object]) -> None:
         """Names and values as text."""
-        self._add("facts", facts)
+        self._add('<dl class="facts">{}</dl>', _each("<dt>{}</dt><dd>{}</dd>", facts.items()))
 
     def details(self, summary: str, facts: Mapping[str, object], *, shown: bool = False) -> None:
         """A line that opens to show facts, or is open."""
-        self._add("details", summary, facts, shown)
+        self._add(f"<details{' open' if shown else ''}><summary>{{}}</summary>", summary)
+        self.facts(facts)
+        self._add("</details>")
 
     def table(
         self, rows: Sequence[Mapping[str, object]], caption: str = "", *, first: bool = True
     ) -> None:
         """Rows with one column per key; with `first` the first row stands out."""
-        columns = []
-        for k, name in enumerate(dict.fromkeys(key for row in rows for key in row)):
-            cells = [_cell(row.get(name)) for row in rows]
-            words = k > 0 and _is_words(cells)
-            kinds = [("short words" if len(text) <= SHORT else "words") * words for text in cells]
-            columns.append([(name, "words" * words), *zip(cells, kinds, strict=True)])
-        self._add("table", list(zip(*columns, strict=True)), caption, first)
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        lines = [columns, *([_cell(row.get(name)) for name in columns] for row in rows)]
+        words = [
+            k > 0 and _is_words(column[1:]) for k, column in enumerate(zip(*lines, strict=True))
+        ]
+        table = Markup()
+        for k, line in enumerate(lines):
+            kinds = ["short words" if k and len(text) <= SHORT else "words" for text in line]
+            classes = [f' class="{kind}"' * word for kind, word in zip(kinds, words, strict=True)]
+            cells = zip(map(Markup, classes), line, strict=True)
+            row = _each("<td{}>{}</td>" if k else "<th{}>{}</th>", cells)
+            table += _html("<tr class='first'>{}</tr>" if first and k == 1 else "<tr>{}</tr>", row)
+        note = _html('<p class="lead">{}</p>', _words(caption)) if caption else ""
+        self._add('{}<div class="scroll"><table>{}</table></div>', note, table)
 
     def figure(self, name: str, drawn: Figure, caption: str) -> None:
         """A figure with what it shows."""
@@ -108,7 +115,7 @@ class Page:
 
     def pair(self, figures: Sequence[tuple[str, Figure, str]]) -> None:
         """Figures side by side where the window is wide enough."""
-        self._add("pair", [self._figure(*entry) for entry in figures])
+        self._add('<div class="pair">{}</div>', Markup("").join(self._figure(*f) for f in figures))
 
     def picture(self, name: str, drawn: Figure) -> None:
         """A PNG beside the page that the page itself does not show."""
@@ -116,7 +123,7 @@ class Page:
 
     def code(self, text: str) -> None:
         """Text as it is."""
-        self._add("code", text)
+        self._add("<pre>{}</pre>", text)
 
     def attach(self, name: str, text: str) -> None:
         """A file beside the page, of a name that the page was made with."""
@@ -136,8 +143,8 @@ class Page:
                 (folder / f"{name}{PICTURE}").write_bytes(data)
         return self._folder / INDEX
 
-    def _add(self, block: str, *values: object) -> None:
-        self._body.append(_block(block, *values))
+    def _add(self, form: str, *values: object) -> None:
+        self._body.append(_html(form, *values))
 
     def _figure(self, name: str, drawn: Figure, caption: str) -> str:
         buffer = io.BytesIO()
@@ -145,7 +152,8 @@ class Page:
         self._pictures[name] = buffer.getvalue()
         data = base64.b64encode(buffer.getvalue()).decode()
         width = round(drawn.get_size_inches()[0] * 118)
-        return _block("figure", data, width, caption)
+        form = '<figure><img width="{}" alt="{}" src="data:image/png;base64,{}">'
+        return _html(form + "<figcaption>{}</figcaption></figure>", width, caption, data, caption)
 
 
 def html_page(title: str, body: str, *, style: str | None = None, head: str = "") -> str:
@@ -158,31 +166,22 @@ def html_page(title: str, body: str, *, style: str | None = None, head: str = ""
       head: further HTML of the head.
     """
     style = (_file("page.css") if style is None else style) + SHADED
-    return _template().render(title=title, body=body, style=style, head=head)
+    whole = {"body": Markup(body), "style": Markup(style), "head": Markup(head)}
+    return Markup(_file("page.html")).format(title=printable(title), **whole)
 
 
-def _block(name: str, *values: object) -> str:
-    """HTML of a block of the template; Jinja knows it as such and does not escape it again."""
-    found: str = getattr(_template().module, name)(*values)
-    return found
+def _html(form: str, *values: object) -> Markup:
+    """A piece of HTML with values, of which all that are no HTML are escaped."""
+    return Markup(form).format(*(v if isinstance(v, Markup) else printable(str(v)) for v in values))
 
 
-@functools.cache
-def _template() -> Template:
-    """Blocks and frame of a page."""
-    import jinja2
-    from markupsafe import Markup, escape
+def _each(form: str, rows: Iterable[Sequence[object]]) -> Markup:
+    return Markup("").join(_html(form, *row) for row in rows)
 
-    def words(text: str) -> Markup:
-        """Text whose parts in backticks are what somebody types."""
-        return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(printable(text)))))
 
-    environment = jinja2.Environment(
-        autoescape=True, keep_trailing_newline=True,
-        finalize=lambda value: value if isinstance(value, Markup) else printable(str(value)),
-    )  # fmt: skip
-    environment.filters["words"] = words
-    return environment.from_string(_file("page.html"))
+def _words(text: str) -> Markup:
+    """Text whose parts in backticks are what somebody types."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(printable(text)))))
 
 
 def _file(name: str) -> str:

@@ -20,8 +20,7 @@ from twin.records.trajectory import Trajectory
 from twin.show import style
 from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
-from twin.show.figures.temperature_salinity import draw_sections, ocean_map
-from twin.show.figures.water import water_of
+from twin.show.figures.water import draw_sections, ocean_map, water_of
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,9 @@
-"""Signals against time: what the figures of velocities, parts, attitude and logs share."""
+"""Signals against time: what figures share, and those of sensors, moving parts and velocities.
+
+Sensors stand beside the truth, with the difference. Moving parts have command and position, with
+attitude and its setpoints. Velocities are surge, sway and heave through the water, and the speed
+over ground.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +15,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from numpy.typing import NDArray
 
+from twin.errors import InputError, UnknownName
+from twin.records.logged import MEASURED, LoggedTrajectory, source_of
+from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, variable
 from twin.records.trajectory import Trajectory
+from twin.sensors import SENSORS, Sensor
 from twin.show import style
+from twin.show.dates import label_time
+from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 
@@ -98,3 +109,227 @@ UNIT_TEXT = {
 def unit_text(units: str) -> str:
     """A unit of the schema as figures write it, in brackets."""
     return f"[{UNIT_TEXT.get(units, units)}]"
+
+
+WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}
+"""Words of signals as titles write them"""
+DEFAULT = (
+    "pitch",
+    "roll",
+    "heading",
+    "depth",
+    "yaw_rate",
+    "specific_force_x",
+    "temperature",
+    "dvl_surge",
+    "onboard_north",
+    "onboard_east",
+)
+"""Signals shown when none are named, those that the trajectory has."""
+MOST_SHOWN = 6
+"""Of the others, where it has none of them"""
+
+
+def truth_of(name: str, trajectory: Trajectory) -> Array | None:
+    """The true signal that `measured_<name>` observes, or None when truth has no such signal.
+
+    The sensor that measures it says which; of what only real vehicles measure it has that name. In
+    a log the measured signal itself stands for the truth of many: these have none to compare with.
+    """
+    if source_of(trajectory, f"true_{name}", "") == MEASURED:
+        return None
+    return _sensor_of(name).observed(name, trajectory)
+
+
+def word_of(name: str, trajectory: Trajectory) -> str:
+    """What the signal is that `truth_of` gives: true, or what a log has in its place."""
+    bare = name.removeprefix("gps_").removeprefix("onboard_").removeprefix("dvl_")
+    return source_of(trajectory, f"true_{bare}", "true")
+
+
+def _sensor_of(name: str) -> type[Sensor]:
+    written = f"measured_{name}"
+    for sensor in SENSORS.values():
+        if any(entry.name == written for entry in sensor.writes):
+            return sensor
+    return Sensor
+
+
+def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
+    """Whether a sensor measures it that the package does not bring: always shown.
+
+    A store keeps such signals; the sensor itself need not be registered here.
+    """
+    sensor = _sensor_of(name)
+    if sensor is not Sensor:
+        return sensor.name not in SENSORS.shipped()
+    shipped = {*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY}
+    return f"measured_{name}" not in shipped and f"true_{name}" not in trajectory
+
+
+def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure:
+    """Measured over true, and measured minus true beside it, one row per sensor.
+
+    Args:
+      names: signals without their prefix, e.g. ("pitch", "depth"); empty shows DEFAULT.
+
+    Raises:
+      InputError: the trajectory has no measured signals. UnknownName: not the named one.
+    """
+    have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
+    have = [n for n in have if truth_of(n, trajectory) is not None or _of_ones_own(n, trajectory)]
+    logged = isinstance(trajectory, LoggedTrajectory)
+    if logged:  # its track goes through its fixes
+        have = [n for n in have if not n.startswith("gps_")]
+    if not have and logged:
+        raise InputError(
+            "a log has no truth to compare its sensors with; the log figure shows what it measured"
+        )
+    if not have:
+        raise InputError("this trajectory has no measured signals: simulate it with sensors")
+    for name in names:
+        if name not in have:
+            raise UnknownName("measured signal", name, have)
+    usual = [n for n in have if _of_ones_own(n, trajectory)]
+    shown = list(names) or [n for n in DEFAULT if n in have] + usual or have[:MOST_SHOWN]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 0.5 + 0.95 * len(shown))
+        axes = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
+        time, seconds, unit = thinned_time(trajectory)
+        time = time / seconds
+        for (left, right), name in zip(axes, shown, strict=True):
+            values, truth = trajectory[f"measured_{name}"], truth_of(name, trajectory)
+            known = truth is not None
+            measured, true = style.thin(values, np.asarray(truth) if known else values)
+            error = measured - true if known else np.full(len(measured), np.nan)
+            units = variable(f"measured_{name}").units
+            if units == "degree":  # the short way round
+                error = (error + 180.0) % 360.0 - 180.0
+            sparse = bool(np.isnan(measured).mean() > 0.5)
+            mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
+            if known:
+                word = word_of(name, trajectory)
+                left.plot(time, true, color=style.TRUTH, lw=2.2, label=word)
+            left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
+            right.axhline(0.0, color=style.GUIDE, lw=0.7)
+            right.plot(time, error, color=style.ESTIMATE, **mark)
+            for panel in (left, right):
+                panel.set_ylabel(unit_text(units))
+            left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
+            finite = error[np.isfinite(error)]
+            spread = f"mean {finite.mean():.3g}, std {finite.std():.3g}" if len(finite) else "none"
+            if not known:
+                spread = "no true signal"
+            what = "difference" if logged else "measured − true"
+            right.set_title(f"{what}: {spread}", fontweight="normal")
+            if logged or left is axes[0, 0]:  # in logs each row may have another reference
+                style.legend_above(left, 2, 1.2 if logged else 0.98)
+        axes[0, 0].set_xlim(time[0], time[-1])
+        for panel in axes[-1]:
+            label_time(panel, trajectory, seconds, unit)
+        figure.align_ylabels()
+    return figure
+
+
+SENSOR_FIGURE = FigureKind(
+    name="sensor",
+    summary="each measured signal over the true one, and the difference",
+    draw=sensor_figure,
+)
+
+
+MILLIMETRES = 1000.0
+"""[mm/m] parts slide by millimetres"""
+ABOVE_TITLE = 1.2
+"""Of the first axes' height, where in a narrow figure title and legend have no room side by side"""
+ATTITUDE = ("pitch", "heading")
+
+
+def actuator_figure(trajectory: Trajectory) -> Figure:
+    """Command and position of every part of the vehicle, attitude and its setpoints."""
+    parts = len(trajectory.actuators)
+    with style.styled():
+        figure, axes = stack(parts + len(ATTITUDE), height=0.92)
+        draw_actuators(axes[:parts], trajectory, legend_at=ABOVE_TITLE)
+        draw_attitude(axes[parts:], trajectory)
+        label_time(axes[-1], trajectory, *thinned_time(trajectory)[1:])
+        figure.align_ylabels()
+    return figure
+
+
+def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: float = 0.98) -> None:
+    """Command and true position of each of the trajectory's parts into one axes each.
+
+    Args:
+      legend_at: lower edge of the legend over the height of the first axes.
+    """
+    for panel, part in zip(axes, trajectory.actuators, strict=True):
+        position = variable(f"true_{part}")
+        slides = position.units == "m"
+        word = source_of(trajectory, f"true_{part}", "")
+        entries = [
+            (f"commanded_{part}", "command", style.COMMAND),
+            (f"true_{part}", word or "position", style.TRUTH),
+        ]
+        present = [entry for entry in entries if entry[0] in trajectory]  # logs lack some commands
+        draw_lines(panel, trajectory, present, factor=MILLIMETRES if slides else 1.0)
+        panel.set_title(position.long_name.partition(",")[0])
+        panel.set_ylabel("[mm]" if slides else unit_text(position.units))
+    if len(axes):
+        style.legend_above(axes[0], 2, legend_at, columnspacing=1.0)
+
+
+def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
+    """Pitch and heading with their setpoints into two axes."""
+    for panel, name in zip(axes, ATTITUDE, strict=True):
+        entries = [(f"true_{name}", name, style.TRUTH)]
+        setpoint = trajectory.signals.get(f"commanded_{name}")
+        if setpoint is not None and np.isfinite(setpoint).any():
+            entries.insert(0, (f"commanded_{name}", "setpoint", style.COMMAND))
+        draw_lines(panel, trajectory, entries, unwrap=name == "heading")
+        word = source_of(trajectory, f"true_{name}", "")
+        panel.set_title(
+            f"{word} {name}".strip() + (" and its setpoint" if len(entries) > 1 else "")
+        )
+        panel.set_ylabel("[°]")
+        style.pad_limits(panel, least=2.0)
+
+
+ACTUATORS = FigureKind(
+    name="actuator",
+    summary="commands and positions of the vehicle's parts, attitude and its setpoints",
+    draw=actuator_figure,
+)
+
+
+def velocity_figure(trajectory: Trajectory) -> Figure:
+    """Surge, sway and heave through the water, and the speed over ground."""
+    with style.styled():
+        figure, axes = stack(4, height=0.95)
+        for panel, (name, title) in zip(
+            axes,
+            (("surge", "surge"), ("sway", "sway (starboard)"), ("heave", "heave (down)")),
+            strict=False,
+        ):
+            draw_lines(panel, trajectory, [(f"true_{name}", name, style.TRUTH)])
+            word = source_of(trajectory, f"true_{name}", "through the water")
+            panel.set_title(f"{title}, {word}")
+            panel.set_ylabel("[m/s]")
+            style.pad_limits(panel, least=0.01)
+        over_ground = np.hypot(trajectory["true_velocity_north"], trajectory["true_velocity_east"])
+        time, seconds, unit = thinned_time(trajectory)
+        (speed,) = style.thin(over_ground)
+        axes[-1].plot(time / seconds, speed, color=style.PALETTE["green"])
+        track = source_of(trajectory, "true_velocity_north", "")
+        axes[-1].set_title(
+            f"speed over ground, {track}" if track else "horizontal speed over ground"
+        )
+        axes[-1].set_ylabel("[m/s]")
+        label_time(axes[-1], trajectory, seconds, unit)
+        figure.align_ylabels()
+    return figure
+
+
+VELOCITIES = FigureKind(
+    name="velocity", summary="surge, sway, heave and the speed over ground", draw=velocity_figure
+)

@@ -6,15 +6,15 @@ of the strip, as text.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
-from twin.show.render import lettering, tags
+from twin.show.render import tags
 from twin.show.render.camera import View
 from twin.show.render.canvas import (
     LEGEND,
@@ -70,7 +70,7 @@ def draw_panel(
     ink = (*palette.INK, round(255 * STRIP_ALPHA))
     draw.rectangle((0, canvas.strip_top, canvas.width, canvas.height), fill=ink)
     draw.line((0, canvas.strip_top, canvas.width, canvas.strip_top), fill=EDGE)
-    face = lettering.font(canvas.font_size(NAME))
+    face = palette.font(canvas.font_size(NAME))
     for item, x in zip(items, columns, strict=False):
         y = canvas.strip_top + canvas.px(NAME_TOP)
         draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
@@ -108,7 +108,7 @@ def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str])
         size = canvas.font_size(TITLE if i == 0 else LEGEND)
         colour = (255, 255, 255, 255) if i == 0 else (*palette.DIM, 255)
         draw.text(
-            (canvas.px(22), y), line, font=lettering.font(size, i == 0), fill=colour,
+            (canvas.px(22), y), line, font=palette.font(size, i == 0), fill=colour,
             stroke_width=canvas.px(1), stroke_fill=(*palette.INK, 150),
         )  # fmt: skip
         y += round(1.4 * size)
@@ -121,14 +121,14 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     """
     draw = ImageDraw.Draw(image)
     size = canvas.font_size(LEGEND)
-    face, row, scale = lettering.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
+    face, row, scale = palette.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
     bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
     strongest = stage.current.strongest
     digits = 2 if strongest >= 0.01 else 3
     current = f"{stage.current_name}, up to {strongest:.{digits}f} m/s" if strongest else ""
     names = [*(line.name for line in stage.lines[1:]), *([current] if current else [])]
-    wide = max(bar[0], lettering.width(scale.label, size))
-    wide = max([wide, *(canvas.px(34) + lettering.width(name, size) for name in names)])
+    wide = max(bar[0], palette.text_width(scale.label, size))
+    wide = max([wide, *(canvas.px(34) + palette.text_width(name, size) for name in names)])
     high = 3 * row - canvas.px(6) + row * len(names)
     if wide > LEGEND_SHARE * canvas.width:
         return
@@ -195,10 +195,10 @@ class Hud:
             box(frame, bar, palette.WHITE, palette.INK)
         tags.draw_compass(frame, canvas, view)
         for add, keep, left, top in self._panel:
-            lettering.blend(frame, add, keep, left, top)
+            palette.blend(frame, add, keep, left, top)
         y = canvas.value_top
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
-            lettering.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
+            palette.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
         self._draw_cursor(frame, index)
 
     def _marks(self, index: int, view: View) -> list[tags.Mark]:
@@ -229,8 +229,8 @@ class Hud:
         items = readouts(self._poses, 0)
         size = canvas.font_size(VALUE)
         while True:
-            names = [lettering.width(item.name, canvas.font_size(NAME)) for item in items]
-            values = [lettering.width(item.widest, size, True) for item in items]
+            names = [palette.text_width(item.name, canvas.font_size(NAME)) for item in items]
+            values = [palette.text_width(item.widest, size, True) for item in items]
             widths = np.maximum(names, values)
             gap = (right - left - int(widths.sum())) / (len(items) - 1)
             if gap >= 0.6 * size or len(items) == 2:
@@ -248,8 +248,7 @@ SHARED = 2
 """Moving parts that still share one readout"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Readout:
+class Readout(NamedTuple):
     """One figure of the strip."""
 
     name: str
@@ -264,37 +263,26 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
     What nothing tells in the whole mission has no readout; a log shows what it pumped where the net
     buoyancy is not known. In a gap of a log nothing but the time is known.
     """
-    heading = round(float(poses.heading[index])) % 360
-    speed = float(poses.speed[index])
-    depth = Readout(
-        name="DEPTH", value=f"{plain(poses.position[index, 2], 1)} m", widest="0000.0 m"
-    )
-    others = {
-        "pitch": Readout(name="PITCH", value=f"{signed(poses.pitch[index], 1)}°", widest="+00.0°"),
-        "heading": Readout(name="HEADING", value=f"{heading:03d}°", widest="000°"),
-        "speed": Readout(
-            name="SPEED",
-            value=f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN,
-            widest="0.00 m/s",
-        ),
-        "net_mass": Readout(
-            name="NET BUOYANCY", value=buoyancy(float(poses.net_mass[index])), widest="▼ 0.00 kg"
+    speed, heading = float(poses.speed[index]), round(float(poses.heading[index])) % 360
+    rate = f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN
+    pumped = np.nan if poses.pumped is None else float(poses.pumped[index])
+    figures = {
+        "depth": Readout("DEPTH", f"{plain(poses.position[index, 2], 1)} m", "0000.0 m"),
+        "pitch": Readout("PITCH", f"{signed(poses.pitch[index], 1)}°", "+00.0°"),
+        "heading": Readout("HEADING", f"{heading:03d}°", "000°"),
+        "speed": Readout("SPEED", rate, "0.00 m/s"),
+        "net_mass": Readout("NET BUOYANCY", buoyancy(float(poses.net_mass[index])), "▼ 0.00 kg"),
+        "pumped": Readout(  # a vehicle that pumps less than nothing is heavy
+            "PUMPED", f"{signed(pumped, 0)} cm³" if np.isfinite(pumped) else UNKNOWN, "+000 cm³"
         ),
     }
-    items = [depth, *(item for name, item in others.items() if name not in poses.unknown)]
-    pumped = None if "pumped" in poses.unknown else poses.pumped
-    if "net_mass" in poses.unknown and pumped is not None:
-        items += _pumped(float(pumped[index]))
-    items += _parts(poses, index)
+    unknown = set(poses.unknown)
+    if "net_mass" not in unknown or poses.pumped is None:
+        unknown.add("pumped")
+    items = [item for name, item in figures.items() if name not in unknown] + _parts(poses, index)
     if poses.bridged is not None and poses.bridged[index]:
-        items = [dataclasses.replace(item, value=UNKNOWN) for item in items]
-    return [Readout(name="TIME", value=clock(float(poses.time[index])), widest="00:00:00"), *items]
-
-
-def _pumped(volume: float) -> list[Readout]:
-    """What a log pumped [cm3]; a vehicle that pumps less than nothing is heavy."""
-    value = f"{signed(volume, 0)} cm³" if np.isfinite(volume) else UNKNOWN
-    return [Readout(name="PUMPED", value=value, widest="+000 cm³")]
+        items = [item._replace(value=UNKNOWN) for item in items]
+    return [Readout("TIME", clock(float(poses.time[index])), "00:00:00"), *items]
 
 
 def _parts(poses: Poses, index: int) -> list[Readout]:
@@ -308,22 +296,18 @@ def _parts(poses: Poses, index: int) -> list[Readout]:
     ]
     if not 0 < len(single) <= SHARED:
         return single
-    names, values, widest = (
-        "  ".join(getattr(item, field) for item in single) for field in ("name", "value", "widest")
-    )
-    return [Readout(name=names, value=values, widest=widest)]
+    return [Readout(*map("  ".join, zip(*single, strict=True)))]
 
 
 def _part(joint: str, value: float, *, fine: bool) -> Readout:
     """One part; `fine`: a decimal of its angle too."""
     name = joint.replace("_", " ").upper()
     if spins(joint):
-        return Readout(name=name, value=f"{plain(value, 0)} rad/s", widest=f"{tags.MINUS}000 rad/s")
+        return Readout(name, f"{plain(value, 0)} rad/s", f"{tags.MINUS}000 rad/s")
     if turns(joint):
-        digits = 1 if fine else 0
-        widest = "+00.0°" if fine else "+00°"
-        return Readout(name=name, value=f"{signed(np.rad2deg(value), digits)}°", widest=widest)
-    return Readout(name=name, value=f"{signed(1000 * value, 0)} mm", widest="+00 mm")
+        angle = signed(np.rad2deg(value), 1 if fine else 0)
+        return Readout(name, f"{angle}°", "+00.0°" if fine else "+00°")
+    return Readout(name, f"{signed(1000 * value, 0)} mm", "+00 mm")
 
 
 def clock(seconds: float) -> str:

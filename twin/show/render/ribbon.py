@@ -189,15 +189,13 @@ def add_mast(props: Props, layout: SceneLayout, current: ArrowProfile, path: Arr
     length = float(layout.size[:2].max() * layout.scale)
     radius = THICKNESS_SHARE * length
     per_speed = LENGTH_SHARE * length / current.strongest
-    foot = _free_place(layout, path)
+    foot = free_place(layout, path, LENGTH_SHARE)
     top, low = (layout.display(np.array([*foot, d])) for d in (0.0, float(layout.high[2])))
     mast = shapes.cone(low, top, 0.7 * radius, 0.7 * radius, 8)
     props.add("mast", mast, np.array([0.85, 0.92, 0.96]), material="lit")
-    deepest = float(current.depth[-1])
-    step = nice_step(max(deepest, 1.0) / ARROWS)
     parts = []
-    for depth in np.arange(step / 2, deepest + step / 2, step):
-        north, east = current.at(float(depth))
+    for depth in mast_depths(current):
+        north, east = current.at(depth)
         vector = per_speed * np.array([north, -east, 0.0])
         long = float(np.linalg.norm(vector))
         if long > 2 * radius:
@@ -205,6 +203,14 @@ def add_mast(props: Props, layout: SceneLayout, current: ArrowProfile, path: Arr
             parts.append(shapes.arrow(start, start + vector, min(radius, long / 12)))
     if parts:
         props.add("current_arrows", shapes.merge(parts), canvas.CURRENT, material="lit")
+
+
+def mast_depths(current: ArrowProfile) -> list[float]:
+    """Round depths [m] of a mast's arrows."""
+    deepest = float(current.depth[-1])
+    step = nice_step(max(deepest, 1.0) / ARROWS)
+    depths: list[float] = np.arange(step / 2, deepest + step / 2, step).tolist()
+    return depths
 
 
 def ladder(
@@ -251,10 +257,15 @@ def ladder_arrow(start: Array, vector: Array) -> Shape:
     return shapes.arrow(start, start + vector, min(LADDER_RADIUS, length / 8))
 
 
-def _free_place(layout: SceneLayout, path: Array) -> Array:
-    """North, east [m] of the place near the block's corners that the track leaves most free."""
+def free_place(layout: SceneLayout, path: Array, share: float) -> Array:
+    """North, east [m] of the place near the block's corners that the track leaves most free.
+
+    Args:
+      path: NED [m], (n, 3).
+      share: length of the longest arrow there over the block's.
+    """
     x, y = layout.size[:2]
-    room = 1.2 * LENGTH_SHARE * float(max(x, y))
+    room = 1.2 * share * float(max(x, y))
     xs, ys = ((low + min(room, 0.3 * size), low + size - min(room, 0.3 * size))
               for low, size in ((layout.low[0], x), (layout.low[1], y)))  # fmt: skip
     corners = np.array([(a, b, 0.0) for a in xs for b in ys])

@@ -1,4 +1,7 @@
-"""Sea: the water around the track. A block with walls, surface and floor; a chart; open water."""
+"""Sea: the water around the track, and the ground below it. A block; a chart; open water.
+
+The ground is the mission's own sea floor where its scenario has one, else decoration.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,8 @@ from numpy.typing import NDArray
 from twin.show.render import canvas, shapes
 from twin.show.render.ribbon import simplify
 from twin.show.render.scene_geometry import SceneLayout, nice_step, ticks
-from twin.show.render.shapes import DRIFT, LEVEL, SUN, WORLD, Props, Shape
+from twin.show.render.shapes import DRIFT, LEVEL, SEABED, SUN, WORLD, Props, Shape
+from twin.water.floor.lookup import floor_depths
 
 Array = NDArray[np.float64]
 
@@ -37,6 +41,21 @@ FADES = 48
 """Rings of the fading: fine enough that the eye sees none"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 """[m] of the cube of drifting particles, their number and radius [m]: our choice, for motion"""
+CELLS = 96
+"""Grid cells along each side"""
+CHART_CELLS = 200
+"""As CELLS, of the map, where edges of colours are seen"""
+IN_SIGHT = 2.0
+"""The block is at most this much deeper than it would be without a floor: a dive to 100 m above
+an abyss stays a dive"""
+BELOW = 1.04
+"""Depth of the block over that of the deepest floor in it"""
+CHART_BANDS = 14
+"""Steps of the map's colours"""
+SHADED, LIT = 0.95, 0.18
+"""Shares of the palette's water colours from the deepest to the shallowest floor"""
+SEEN_FROM = 70.0
+"""[m] height from which the chase camera sees the floor no more"""
 ABOVE = np.array([0.10, 0.42, 0.55])
 """The surface seen from above"""
 PALE = np.array([0.9, 0.97, 1.0])
@@ -52,7 +71,7 @@ def add_backdrop(
 ) -> list[str]:
     """A sphere around everything, in bands whose colours make a gradient; their names."""
     edges = _elevations(bands)
-    colours = backdrop_colour((edges[1:] + edges[:-1]) / 2, 0.0 if light else None)
+    colours = backdrop_colours(0.0 if light else None, bands)
     return [
         props.add(
             f"{name}_{i}",
@@ -69,24 +88,14 @@ def _elevations(bands: int) -> Array:
     return np.linspace(-math.pi / 2, math.pi / 2, bands + 1)
 
 
-def backdrop_colours(depth: float, bands: int) -> Array:
-    """Colours of a backdrop's bands for a camera at `depth` [m]; negative is above the water.
+def backdrop_colours(depth: float | None, bands: int) -> Array:
+    """Colours of a backdrop's bands, shape (bands, 3).
 
-    Shape (bands, 3).
+    Args:
+      depth: [m] from which open water is seen; negative is above it; None: a dark backdrop.
     """
     edges = _elevations(bands)
-    middles = (edges[1:] + edges[:-1]) / 2
-    colours = backdrop_colour(middles, depth)
-    if depth < 0.0:
-        rise = np.sin(np.clip(middles, 0.0, None))[:, None] ** 0.6
-        sky = canvas.HORIZON + rise * (canvas.ZENITH - canvas.HORIZON)
-        return np.where(middles[:, None] > 0.0, sky, colours)
-    return colours
-
-
-def backdrop_colour(elevation: Array, depth: float | None) -> Array:
-    """Colour at elevations [rad] (n,): open water seen from `depth` [m], or dark. Shape (n, 3)."""
-    rise = np.sin(elevation)[:, None]
+    rise = np.sin((edges[1:] + edges[:-1]) / 2)[:, None]
     # The sun lights what faces up, which is the backdrop's lower half; it must not look lit.
     dim = 1.0 / (1.0 + SUN * np.clip(-rise, 0.0, None))
     if depth is None:
@@ -94,14 +103,24 @@ def backdrop_colour(elevation: Array, depth: float | None) -> Array:
         top, bottom = canvas.BACKDROP_TOP, canvas.BACKDROP_BOTTOM
         return np.asarray(dim * (bottom + blend * (top - bottom)))
     # Looking up is looking at shallower, brighter water; looking down the reverse.
-    seen = canvas.ambient_colour(depth - REACH * rise)
-    return np.asarray(dim * seen * (1.0 + 0.25 * np.clip(rise, 0.0, None)))
+    light = np.exp(-np.clip(depth - REACH * rise, 0.0, None) / canvas.LIGHT_DEPTH)
+    seen = canvas.DEEP_LIGHT + (canvas.SURFACE_LIGHT - canvas.DEEP_LIGHT) * light
+    up = np.clip(rise, 0.0, None)
+    colours = dim * seen * (1.0 + 0.25 * up)
+    sky = canvas.HORIZON + up**0.6 * (canvas.ZENITH - canvas.HORIZON)
+    return np.where((rise > 0.0) & (depth < 0.0), sky, colours)
 
 
-def add_block(props: Props, layout: SceneLayout, path: Array | None) -> None:
-    """Walls coloured by depth with ticks, and the surface.
+def add_block(
+    props: Props, layout: SceneLayout, floor: Array | None, path: Array, *, cut: bool = False
+) -> None:
+    """Walls coloured by depth with ticks, the surface, the ground and the path's shadow on it.
 
-    With a `path` (n, 3) NED also a decorative floor and the path's shadow on it.
+    Args:
+      floor: table of the sea floor.
+      path: (n, 3) NED [m].
+      cut: take away the sea floor on the starboard side of the path, from where the side camera
+        looks: nothing may stand in front of the turns of its dives.
     """
     corners = layout.corners()
     bottom = float(corners[4, 2])
@@ -122,19 +141,24 @@ def add_block(props: Props, layout: SceneLayout, path: Array | None) -> None:
     rims = [_wall(a, b, 0.0, -2 * width, lift=0.02) for a, b in walls]
     props.add("rim", shapes.merge(rims), np.ones(3), alpha=0.75)
     _add_surface(props, layout)
-    if path is None:
+    if floor is None:
+        _add_made_up(props, layout, canvas.SAND)
+        height: Array | float = bottom * (1.0 - 1.2 * RELIEF_SHARE)
+    elif _add_ground(props, layout, floor, path, cut):
+        below = np.minimum(floor_depths(floor, *_north_east(path)), layout.high[2])
+        height = -below * layout.factors[2] + SHADOW_LIFT
+    else:
         return
-    _add_floor(props, layout, canvas.SAND)
-    fallen = shadow(layout, path, layout.corners()[4, 2] * (1.0 - 1.2 * RELIEF_SHARE))
+    fallen = shadow(layout, path, height)
     if fallen is not None:
         props.add("shadow", fallen, canvas.SAND * 0.22, alpha=0.75)
 
 
-def add_chart(props: Props, layout: SceneLayout, *, ground: bool = True) -> None:
-    """A grid of round metres, and as `ground` a floor in the colour of deep water."""
+def add_chart(props: Props, layout: SceneLayout, floor: Array | None) -> None:
+    """A grid of round metres over the ground, in the colour of deep water or by its depth."""
     corners = layout.corners()
-    if ground:
-        _add_floor(props, layout, canvas.water_colour(0.62))
+    if floor is None:
+        _add_made_up(props, layout, canvas.water_colour(0.62))
     width = 0.0013 * float((layout.size * layout.factors)[:2].max())
     height = float(corners[4, 2]) * (1.0 - 1.5 * RELIEF_SHARE)
     step = grid_step(layout)
@@ -149,28 +173,28 @@ def add_chart(props: Props, layout: SceneLayout, *, ground: bool = True) -> None
         props.add("grid", shapes.merge(lines), PALE, alpha=0.22)
     rim = [_level_strip(corners[[i, (i + 1) % 4]], 2 * width, height) for i in range(4)]
     props.add("rim", shapes.merge(rim), np.ones(3), alpha=0.6)
+    if floor is not None:
+        _add_coloured(props, layout, floor)
 
 
-def fading_rings() -> list[tuple[float, float, float]]:
-    """Inner and outer radius [m] and opacity of rings around the glider that fade out."""
+def add_open_water(props: Props, layout: SceneLayout, floor: Array | None) -> list[str]:
+    """Surface and ground as rings around the glider that fade with distance.
+
+    Returns:
+      names of the rings of a `floor`, which is moved with its depth under the glider.
+    """
     radii = OPEN_FADE * np.linspace(0.0, 1.0, FADES + 1) ** 1.4
-    return [
-        (max(float(radii[i]), 0.01), float(radii[i + 1]), (1.0 - (i + 0.5) / FADES) ** 1.3)
-        for i in range(FADES)
-    ]
-
-
-def add_open_water(props: Props, layout: SceneLayout, *, ground: bool = True) -> None:
-    """Surface, and as `ground` a floor, as rings around the glider that fade with distance."""
-    floor = -float(layout.high[2])
-    for i, (inner, outer, fade) in enumerate(fading_rings()):
+    names = []
+    for i, (inner, outer) in enumerate(itertools.pairwise(np.maximum(radii, 0.01).tolist())):
+        fade = (1.0 - (i + 0.5) / FADES) ** 1.3
         below = shapes.ring(inner, outer, 0.0, up=False)
         props.add(f"surface_{i}", below, np.array([0.75, 0.97, 1.0]), alpha=0.55 * fade, body=LEVEL)
         above = shapes.ring(inner, outer, 0.0, up=True)
         props.add(f"surface_above_{i}", above, ABOVE, alpha=0.30 + 0.35 * (1 - fade), body=LEVEL)
-        if ground:
-            ring = shapes.ring(inner, outer, floor, up=True)
-            props.add(f"floor_{i}", ring, canvas.SAND * 0.8, alpha=fade, body=LEVEL)
+        depth, body = (float(layout.high[2]), LEVEL) if floor is None else (0.0, SEABED)
+        ring = shapes.ring(inner, outer, -depth, up=True)
+        names.append(props.add(f"floor_{i}", ring, canvas.SAND * 0.8, alpha=fade, body=body))
+    return names if floor is not None else []
 
 
 def add_snow(props: Props) -> str:
@@ -182,6 +206,25 @@ def add_snow(props: Props) -> str:
     sizes = np.tile(SNOW_SIZE * rng.uniform(0.4, 1.0, SNOW_COUNT), 8)
     grains = shapes.grains(np.concatenate(copies), sizes)
     return props.add("snow", grains, np.array([0.85, 0.95, 1.0]), alpha=0.55, body=DRIFT)
+
+
+def floor_grid(table: Array, layout: SceneLayout, cells: int = CELLS) -> Array:
+    """Depths [m] of the floor over the block, as `sheet` counts them, shape (n, n)."""
+    x = np.linspace(layout.low[0], layout.high[0], cells + 1)
+    y = np.linspace(layout.high[1], layout.low[1], cells + 1)
+    block = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((cells + 1,) * 2)], axis=-1)
+    found = floor_depths(table, *_north_east(layout.to_ned(block.reshape(-1, 3))))
+    return np.asarray(found).reshape(cells + 1, cells + 1)
+
+
+def _north_east(ned: Array) -> tuple[Array, Array]:
+    return np.ascontiguousarray(ned[:, 0]), np.ascontiguousarray(ned[:, 1])
+
+
+def block_depth(table: Array, layout: SceneLayout) -> float:
+    """[m] of a block that shows the floor, or as much water above it as is in sight."""
+    usual = float(layout.high[2])
+    return min(max(usual, BELOW * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
 
 
 def depth_ticks(layout: SceneLayout) -> Array:
@@ -202,8 +245,8 @@ def grid_values(layout: SceneLayout, axis: int, step: float) -> Array:
     return step * np.arange(first, last + 1, dtype=float)
 
 
-def _add_floor(props: Props, layout: SceneLayout, colour: Array) -> None:
-    """The sea floor, its relief fading out towards the block's edges."""
+def _add_made_up(props: Props, layout: SceneLayout, colour: Array) -> None:
+    """A decorative floor, its relief fading out towards the block's edges."""
     bottom = float(layout.corners()[4, 2])
     fade = np.sin(np.pi * np.linspace(0.0, 1.0, RELIEF + 1)) ** 0.5
     relief = RELIEF_SHARE * abs(bottom) * np.outer(fade, fade)
@@ -218,6 +261,42 @@ def _add_surface(props: Props, layout: SceneLayout) -> None:
     props.add("surface", above, canvas.GLASS, alpha=0.17, material="lit")
     below = dataclasses.replace(above, faces=above.faces[:, ::-1], normals=-above.normals)
     props.add("surface_below", below, canvas.GLASS, alpha=0.22, material="lit")
+
+
+def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cut: bool) -> bool:
+    """The sea floor as the top of a block of ground; False where it lies below the picture."""
+    bottom = float(layout.high[2])
+    ground = np.minimum(floor_grid(table, layout), bottom)
+    if ground.min() >= bottom:  # below the picture: the water goes on
+        level = np.full_like(ground, -bottom * layout.factors[2])
+        props.add("deep", sheet(layout, level), canvas.water_colour(1.0))
+        return False
+    shape, count = sheet(layout, -ground * layout.factors[2]), len(ground)
+    first = 0
+    if cut:
+        free = layout.high[1] - layout.to_block(path)[:, 1].max()
+        first = min(max(int(free / layout.size[1] * (count - 1)), 0), count - 2)
+        kept = (shape.faces % count >= first).all(axis=1)
+        shape = dataclasses.replace(shape, faces=shape.faces[kept])
+    props.add("floor", shape, canvas.SAND, material="matte")
+    sides = _sides(shape, count, first, -bottom * layout.factors[2])
+    props.add("ground", sides, canvas.SAND * 0.6)
+    return True
+
+
+def _add_coloured(props: Props, layout: SceneLayout, table: Array) -> None:
+    """The map's ground in colours of depth, level so that no slope hides the track."""
+    found = floor_grid(table, layout, CHART_CELLS)
+    level = np.full_like(found, -float(layout.high[2]) * layout.factors[2])
+    shape = sheet(layout, level)
+    middle = found.ravel()[shape.faces].mean(axis=1)
+    edges = np.linspace(middle.min(), middle.max() + 1e-9, CHART_BANDS + 1)
+    for i, (low, high) in enumerate(itertools.pairwise(edges)):
+        inside = (middle >= low) & (middle < high)
+        if inside.any():
+            share = LIT + (SHADED - LIT) * i / max(CHART_BANDS - 1, 1)
+            part = dataclasses.replace(shape, faces=shape.faces[inside])
+            props.add(f"floor_{i}", part, canvas.water_colour(share))
 
 
 def shadow(
@@ -284,3 +363,35 @@ def _terrain(cells: int, *, seed: int, rough: float = 0.55) -> Array:
             across = np.cos(angle) * u[:, None] + np.sin(angle) * u[None, :]
             heights += rough**octave * np.sin(waves * across + phase)
     return heights / np.abs(heights).max()
+
+
+def clearness(altitude: float) -> float:
+    """How much of the floor is seen from an altitude [m], 0 to 1."""
+    return float(np.clip(1.0 - altitude / SEEN_FROM, 0.0, 1.0))
+
+
+def _sides(sheet: Shape, count: int, first: int, bottom: float) -> Shape:
+    """The sides of the ground, from the rim of a sheet down to a height.
+
+    The sheet has (count, count) nodes and begins with column `first`.
+    """
+    index = np.arange(count * count).reshape(count, count)[:, first:]
+    rims = [index[:, 0], index[-1, :], index[::-1, -1], index[0, ::-1]]
+    sides = []
+    middle = sheet.vertices[index].mean(axis=(0, 1))
+    for rim in rims:
+        count = len(rim)
+        top = sheet.vertices[rim]
+        low = np.column_stack([top[:, :2], np.full(count, bottom)])
+        faces = shapes.strip_faces(count)
+        along = top[-1] - top[0]
+        normal = np.array([along[1], -along[0], 0.0])
+        normal /= max(float(np.linalg.norm(normal)), 1e-12)
+        if normal @ (top.mean(axis=0) - middle) < 0:
+            normal = -normal
+        corners = np.concatenate([top, low])
+        a, b, c = corners[faces[0]]
+        if np.cross(b - a, c - a) @ normal < 0:
+            faces = faces[:, ::-1]
+        sides.append(Shape(vertices=corners, faces=faces, normals=np.tile(normal, (2 * count, 1))))
+    return shapes.merge(sides)

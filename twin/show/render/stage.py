@@ -14,12 +14,11 @@ from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
-from twin.show.render import canvas, sea, seabed, shapes
+from twin.show.render import canvas, sea, shapes
 from twin.show.render import ribbon as arrows
 from twin.show.render.canvas import frame_of
-from twin.show.render.playback import Poses, optional, signal
+from twin.show.render.playback import Poses, Scale, optional, signal, track_values
 from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
-from twin.show.render.scale import Scale, track_values
 from twin.show.render.scene_geometry import SceneLayout, plan
 from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
 from twin.show.render.shot import Shot, Subject
@@ -49,14 +48,6 @@ class Path:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reshaped:
-    """A geom whose mesh is given new vertices for each frame."""
-
-    geom: int
-    mesh: int
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class TurnedBody:
     """A body that is turned as the part of its name is."""
 
@@ -77,7 +68,8 @@ class Line:
     """RGB; None for the true track"""
     chunks: list[int]
     """Geom ids, one per chunk"""
-    head: Reshaped
+    head: int
+    """Geom id of the end, whose mesh is given new vertices for each frame"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -103,8 +95,8 @@ class Stage:
     """Table of the mission's sea floor; None: what is drawn is decoration"""
     ground: list[int]
     """Geom ids of the floor that follows the glider, chase camera"""
-    arrows: list[Reshaped]
-    """The current beside the glider, chase camera"""
+    arrows: list[int]
+    """Geom ids of the current beside the glider, chase camera; their meshes are reshaped"""
     hull_length: float
     """[m]"""
     turned: dict[str, TurnedBody]
@@ -143,16 +135,11 @@ def build(subject: Subject, shot: Shot) -> Stage:
         bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
     ground: list[str] = []
     if chase:
-        sea.add_open_water(props, layout, ground=floor is None)
-        ground = [] if floor is None else seabed.add_open(props)
+        ground = sea.add_open_water(props, layout, floor)
     elif shot.camera == "map":
-        sea.add_chart(props, layout, ground=floor is None)
-        if floor is not None:
-            seabed.add_chart(props, layout, floor)
+        sea.add_chart(props, layout, floor)
     else:
-        sea.add_block(props, layout, true.points if floor is None else None)
-        if floor is not None:
-            seabed.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
+        sea.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
     ladder: list[str] = []
     if chase:
         ladder = arrows.add_ladder(props)
@@ -228,7 +215,7 @@ def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> Sce
 
     layout = down_to(shot.floor)
     if subject.floor is not None and shot.floor is None:
-        layout = down_to(seabed.block_depth(subject.floor, layout))
+        layout = down_to(sea.block_depth(subject.floor, layout))
     return layout
 
 
@@ -313,10 +300,10 @@ def _line(model: mujoco.MjModel, index: int, path: Path, ribbon: Ribbon) -> Line
     )
 
 
-def _reshaped(model: mujoco.MjModel, name: str) -> Reshaped:
+def _reshaped(model: mujoco.MjModel, name: str) -> int:
     """The geom of this name, in its body's frame: MuJoCo gave it a frame of its own."""
-    geom = model.geom(name).id
+    geom = int(model.geom(name).id)
     model.geom_pos[geom] = 0.0
     model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
     model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # it may be moved
-    return Reshaped(geom=geom, mesh=model.mesh(name).id)
+    return geom

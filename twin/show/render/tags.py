@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
-from twin.show.render import lettering, sea
+from twin.show.render import sea
 from twin.show.render.camera import View
 from twin.show.render.canvas import LABEL, Canvas
 from twin.show.render.scene_geometry import SceneLayout, nice_step, ticks
@@ -39,7 +39,7 @@ class Mark:
     y: float
     """[pixel] from the top"""
     anchor: str
-    """As `lettering.write` takes it"""
+    """As `palette.write` takes it"""
 
 
 def block_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
@@ -116,7 +116,7 @@ def draw_marks(frame: Pixels, canvas: Canvas, marks: list[Mark]) -> None:
     """Write marks into a frame."""
     size = canvas.font_size(LABEL)
     for mark in marks:
-        lettering.write(
+        palette.write(
             frame, mark.text, mark.x, mark.y, size, palette.WHITE, anchor=mark.anchor,
             halo=palette.INK,
         )  # fmt: skip
@@ -137,8 +137,8 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
         left = inset_left + wide - size
         top = inset_top + high + canvas.px(SCALE_BAR) - round(0.6 * size)
     add, keep = _compass(size, round(math.degrees(angle)))
-    lettering.blend(frame, add, keep, left, top)
-    lettering.write(
+    palette.blend(frame, add, keep, left, top)
+    palette.write(
         frame,
         "N",
         left + size / 2 + 0.64 * size * math.sin(angle),
@@ -152,7 +152,7 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
 
 
 @functools.lru_cache(maxsize=360)
-def _compass(size: int, angle: int) -> tuple[lettering.Wide, lettering.Wide]:
+def _compass(size: int, angle: int) -> tuple[palette.Wide, palette.Wide]:
     """What the compass adds and keeps, north at `angle` [degree] clockwise from up."""
     large = Image.new("RGBA", (OVERSAMPLING * size, OVERSAMPLING * size), (190, 214, 228, 0))
     draw = ImageDraw.Draw(large)

@@ -26,8 +26,7 @@ from twin.show.render import camera, sea
 from twin.show.render.canvas import frame_of
 from twin.show.render.context import NoScreen
 from twin.show.render.hud import readouts
-from twin.show.render.motion import Motion, drift_of
-from twin.show.render.painter import shown, write_mesh
+from twin.show.render.painter import Motion, drift_of, shown, write_mesh
 from twin.show.render.playback import Poses
 from twin.show.render.shapes import BACKDROP_GROUP, GLIDER_GROUPS, WATER_GROUP, Shape
 from twin.show.render.shot import Shot, Subject

@@ -60,37 +60,17 @@ class VehicleBodies {
 // Arrows of the current: at round depths on a mast where the track leaves most room, along the
 // track where only its mean over a dive is known, and at the levels beside the vehicle.
 class CurrentArrows {
-  constructor(renderer, mission, water) {
-    Object.assign(this, { renderer, water, profile: mission.profile });
-    this.mesh = Shape.arrow([...mission.palette.current, 1]).upload(renderer);
-    this.ladder = [];
+  constructor(renderer, { profile, palette, block: { low, high } }) {
+    Object.assign(this, { renderer, profile, ladder: [] });
+    this.mesh = Shape.arrow([...palette.current, 1]).upload(renderer);
+    this.perSpeed = ARROW_SHARE * Math.max(high[0] - low[0], high[1] - low[1]) / profile.strongest;
+    this.foot = [profile.foot[0], -profile.foot[1]];
+    this.mastPath = renderer.path({ north: [this.foot[0], this.foot[0]],
+      west: [this.foot[1], this.foot[1]], depth: [0, high[2]] });
   }
 
   // Again when a live mission has gone on.
   arrange(channels) {
-    const { profile, water } = this, { low, high } = water.block, { north, east } = channels;
-    const size = [high[0] - low[0], high[1] - low[1]], long = Math.max(...size);
-    this.perSpeed = ARROW_SHARE * long / profile.strongest;
-    const room = size.map(s => Math.min(1.2 * ARROW_SHARE * long, 0.3 * s));
-    const feet = [low[0] + room[0], high[0] - room[0]].flatMap(
-      x => [low[1] + room[1], high[1] - room[1]].map(y => water.toWorld(x, y, 0)));
-    const stride = Math.max(1, Math.floor(north.length / 500));
-    const gapOf = foot => {
-      let least = Infinity;
-      for (let i = 0; i < north.length; i += stride) {
-        least = Math.min(least, Math.hypot(north[i] - foot[0], -east[i] - foot[1]));
-      }
-      return least;
-    };
-    this.foot = feet.reduce((best, foot) => gapOf(foot) > gapOf(best) ? foot : best);
-    this.mast = [];
-    if (!profile.averaged) {
-      const deepest = profile.depth.at(-1), step = niceStep(Math.max(deepest, 1) / 11);
-      for (let d = step / 2; d <= deepest; d += step) this.mast.push(d);
-      if (this.mastPath) this.renderer.forget(this.mastPath);
-      this.mastPath = this.renderer.path({ north: [this.foot[0], this.foot[0]],
-        west: [this.foot[1], this.foot[1]], depth: [0, high[2]] });
-    }
     this.along = channels.current_north ? this.alongTrack(channels, 16) : [];
   }
 
@@ -124,11 +104,11 @@ class CurrentArrows {
   }
 
   drawBlock(name, stretch, metresPerPixel, px) {
-    const least = 6 * metresPerPixel;
+    const least = 6 * metresPerPixel, { mast } = this.profile;
     this.ladder = [];
-    if (this.mast.length && name !== "map") {
+    if (mast.length && name !== "map") {
       this.renderer.drawPath(this.mastPath, { wide: px, colour: [0.85, 0.92, 0.96] });
-      for (const d of this.mast) {
+      for (const d of mast) {
         this.drawArrow([this.foot[0], this.foot[1], -d * stretch], this.at(d), this.perSpeed, least);
       }
     } else {

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Template
+from markupsafe import Markup
 
 from twin.cli.text_table import printable
 from twin.errors import InputError
@@ -73,13 +73,14 @@ def assemble(mission: Mapping[str, Any], *, connect: str = "'none'") -> str:
     """
     # "</script" would end the element; JSON may hold each "<" by its number.
     data = json.dumps(mission, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return Template(_file("page.html"), autoescape=True).render(
-        connect=connect,
-        title=printable(str(mission["title"])),
-        style=_file("page.css"),
-        script="\n".join(_file(name) for name in SCRIPTS),
-        mission=data,
-    )
+    whole = {
+        "connect": connect,
+        "style": _file("page.css"),
+        "script": "\n".join(_file(name) for name in SCRIPTS),
+        "mission": data,
+    }
+    form, title = Markup(_file("page.html")), printable(str(mission["title"]))
+    return form.format(title=title, **{name: Markup(text) for name, text in whole.items()})
 
 
 def _file(name: str) -> str:

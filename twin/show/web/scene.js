@@ -22,7 +22,7 @@ class Scene {
     this.renderer.setScale(mission.scale.colours);
     this.water = new Water(this.renderer, mission);
     this.vehicle = new VehicleBodies(this.renderer, mission.vehicle.bodies);
-    this.currents = mission.profile ? new CurrentArrows(this.renderer, mission, this.water) : null;
+    this.currents = mission.profile ? new CurrentArrows(this.renderer, mission) : null;
     this.others = mission.tracks.map(track => {
       const [time, n, e, depth] = ["time", "north", "east", "depth"].map(name => unpack(track[name]));
       return { colour: track.colour,

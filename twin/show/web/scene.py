@@ -18,13 +18,11 @@ from twin.records.coordinates import (
 )
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
-from twin.show.render import canvas, seabed
+from twin.show.render import canvas, sea
 from twin.show.render.film import known_samples
-from twin.show.render.playback import poses, spins, turns
-from twin.show.render.ribbon import STILL, profile
-from twin.show.render.scale import Scale, track_values
+from twin.show.render.playback import POSITION, Scale, poses, spins, track_values, turns
+from twin.show.render.ribbon import STILL, free_place, mast_depths, profile
 from twin.show.render.scene_geometry import SceneLayout
-from twin.show.render.sea import REACH
 from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import Path, lay_out, shown_paths
 from twin.show.web.channels import (
@@ -44,6 +42,8 @@ STOPS = 48
 PLACE_STEP, NORMAL_STEP, DEPTH_STEP = 1e-4, 0.01, 0.1
 """Rounding of the vehicle's corners [m], of normals [1] and of the floor's depths [m]"""
 CURRENT = ("current_north", "current_east")
+ARROW_SHARE = 0.13
+"""Length of the strongest current's arrow over the block's, as in scene.js"""
 TRACK_ROWS = 12_000
 """Of all dead-reckoned tracks together"""
 
@@ -66,7 +66,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
     layout = lay_out(paths, subject, shot, camera)
     values, scale = track_values(trajectory, shot.colour, shown, subject.tracks)
     channels = read_channels(trajectory, shown, scale_share(values, scale), subject.floor, rows)
-    current = _profile(trajectory, shown)
+    current = _profile(trajectory, shown, layout, paths[0].points)
     few = poses(trajectory, time[channels.kept[:1]])
     return {
         "title": subject.title,
@@ -218,13 +218,15 @@ def _floor(table: Array | None, layout: SceneLayout) -> dict[str, Any] | None:
     """Depths over the block, where the floor is in sight."""
     if table is None:
         return None
-    found = seabed.depths(table, layout)
+    found = sea.floor_grid(table, layout)
     if found.min() >= layout.high[2]:
         return None
     return {"count": len(found), "depths": pack(found, DEPTH_STEP)}
 
 
-def _profile(trajectory: Trajectory, shown: NDArray[np.bool_]) -> dict[str, Any] | None:
+def _profile(
+    trajectory: Trajectory, shown: NDArray[np.bool_], layout: SceneLayout, path: Array
+) -> dict[str, Any] | None:
     """The mean current against depth and the strongest of all samples; None in still water or where
     nobody knows it.
     """
@@ -237,6 +239,8 @@ def _profile(trajectory: Trajectory, shown: NDArray[np.bool_]) -> dict[str, Any]
     return {
         "name": name,
         "averaged": name == AVERAGED,
+        "mast": [] if name == AVERAGED else mast_depths(found),
+        "foot": free_place(layout, path, ARROW_SHARE).tolist(),
         "strongest": strongest,
         "depth": found.depth.tolist(),
         "north": found.velocity[:, 0].tolist(),
@@ -248,34 +252,26 @@ def _tracks(paths: Sequence[Path]) -> list[dict[str, Any]]:
     most = TRACK_ROWS // max(len(paths), 1)
     found = []
     for path in paths:
-        kept = thin(path.points[:, 2], most)
-        north, east, depth = path.points[kept].T
         assert path.colour is not None
-        found.append(
-            {
-                "name": path.name,
-                "colour": path.colour.tolist(),
-                "time": pack(path.time[kept], STEPS["time"]),
-                "north": pack(north, STEPS["north"]),
-                "east": pack(east, STEPS["east"]),
-                "depth": pack(depth, STEPS["depth"]),
-            }
-        )
+        kept = thin(path.points[:, 2], most)
+        rows = {"time": path.time, **dict(zip(POSITION, path.points.T, strict=True))}
+        packed = {name: pack(row[kept], STEPS[name]) for name, row in rows.items()}
+        found.append({"name": path.name, "colour": path.colour.tolist(), **packed})
     return found
 
 
 def _palette() -> dict[str, Any]:
-    return {
-        "water": canvas.WATER.tolist(),
-        "surface": canvas.SURFACE_LIGHT.tolist(),
-        "deep": canvas.DEEP_LIGHT.tolist(),
-        "top": canvas.BACKDROP_TOP.tolist(),
-        "bottom": canvas.BACKDROP_BOTTOM.tolist(),
-        "horizon": canvas.HORIZON.tolist(),
-        "zenith": canvas.ZENITH.tolist(),
-        "fade": canvas.LIGHT_DEPTH,
-        "reach": REACH,
-        "sand": canvas.SAND.tolist(),
-        "future": canvas.FUTURE.tolist(),
-        "current": canvas.CURRENT.tolist(),
+    colours = {
+        "water": canvas.WATER,
+        "surface": canvas.SURFACE_LIGHT,
+        "deep": canvas.DEEP_LIGHT,
+        "top": canvas.BACKDROP_TOP,
+        "bottom": canvas.BACKDROP_BOTTOM,
+        "horizon": canvas.HORIZON,
+        "zenith": canvas.ZENITH,
+        "sand": canvas.SAND,
+        "future": canvas.FUTURE,
+        "current": canvas.CURRENT,
     }
+    lengths = {"fade": canvas.LIGHT_DEPTH, "reach": sea.REACH}
+    return {name: colour.tolist() for name, colour in colours.items()} | lengths

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import seams
-from twin.errors import VehicleError
-from twin.registry import Registry, missing_method, self_named
+from twin.registry import Registry
 from twin.vehicle.changes import Uncertainty
 from twin.version import PHYSICS_VERSION
 
@@ -159,17 +158,13 @@ class HullLaw(abc.ABC):
         motion = np.asarray(nu_r, dtype=np.float64)
         return np.array(kernel(self.values(), float(density), *motion.tolist()))
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What a kind lacks: both models need it."""
+        needed = ("native_wrench", "native_rate_damping", "fossen_wrench")
+        lacking = [kernel for kernel in needed if getattr(cls, kernel) is None]
+        return f"it lacks `{lacking[0]}`" if lacking else ""
 
-def _lacks(kind: type[HullLaw]) -> str:
-    """What a kind of law lacks: both models need it."""
-    for name in ("native_wrench", "native_rate_damping", "fossen_wrench"):
-        if getattr(kind, name) is None:
-            return f"`{name}`"
-    return missing_method(kind)
-
-
-check_law = self_named("hull law", HullLaw, _lacks, VehicleError)  # type: ignore[type-abstract]
-"""Make sure that a kind is whole; the table of seams names it."""
 
 LAWS: Registry[type[HullLaw]] = seams.LAWS
 """Every hull law, by name."""

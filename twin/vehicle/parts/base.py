@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin import seams
-from twin.errors import VehicleError
-from twin.registry import Registry, self_named
+from twin.registry import Registry
 from twin.vehicle.changes import LAG_SPREAD, Uncertainty
 from twin.version import PHYSICS_VERSION
 
@@ -356,27 +355,22 @@ class Part:
         unit = self.quantity.unit
         return {f"{self.name} (min, max)": f"{low:z.4g}, {high:z.4g} {unit}"}
 
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What a kind lacks: each effect must be there for both models."""
+        if not isinstance(getattr(cls, "quantity", None), Quantity):
+            return "it lacks `quantity`: how a store shows its position"
+        shared = {field.name for field in dataclasses.fields(Part)}
+        own = [field.name for field in dataclasses.fields(cls) if field.name not in shared]
+        if own and cls.values is Part.values:
+            return f"it lacks `values`: by it {', '.join(own)} reach its kernels"
+        for effect in ("volume", "mass", "wrench"):
+            native, fossen = (getattr(cls, f"{model}_{effect}") for model in ("native", "fossen"))
+            if (native is None) != (fossen is None):
+                absent = f"{'fossen' if fossen is None else 'native'}_{effect}"
+                return f"it lacks `{absent}`: both models must have its {effect}, in own code"
+        return ""
 
-def _lacks(kind: type[Part]) -> str:
-    """What a kind of part lacks: each effect must be there for both models."""
-    if not isinstance(getattr(kind, "quantity", None), Quantity):
-        return "`quantity`: how a store shows its position"
-    if not kind.unit:
-        return "`unit` of its position"
-    shared = {field.name for field in dataclasses.fields(Part)}
-    own = [field.name for field in dataclasses.fields(kind) if field.name not in shared]
-    if own and kind.values is Part.values:
-        return f"`values`: by it {', '.join(own)} reach its kernels"
-    for effect in ("volume", "mass", "wrench"):
-        native, fossen = (getattr(kind, f"{model}_{effect}") for model in ("native", "fossen"))
-        if (native is None) != (fossen is None):
-            absent = "fossen" if fossen is None else "native"
-            return f"`{absent}_{effect}`: both models must have its {effect}, each in its own code"
-    return ""
-
-
-check_part = self_named("vehicle part", Part, _lacks, VehicleError)
-"""Make sure that a kind is whole; the table of seams names it."""
 
 PARTS: Registry[type[Part]] = seams.PARTS
 """Every vehicle part, by name."""

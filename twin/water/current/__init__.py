@@ -10,6 +10,7 @@ package loads neither numba nor xarray.
 from typing import TYPE_CHECKING
 
 from twin.lazy import attach, places
+from twin.seams import CURRENTS as CURRENTS
 from twin.water.current.axes import Origin as Origin
 from twin.water.current.base import Current as Current
 from twin.water.current.base import CurrentSum as CurrentSum
@@ -26,11 +27,13 @@ from twin.water.current.grid import Grid as Grid
 from twin.water.current.inertial import Inertial as Inertial
 from twin.water.current.log_layer import LogLayer as LogLayer
 from twin.water.current.profile import Profile as Profile
-from twin.water.current.register import register as register
 from twin.water.current.series import Series as Series
 from twin.water.current.tide import TidalEllipse as TidalEllipse
 from twin.water.current.tide import Tide as Tide
 from twin.water.current.uniform import Uniform as Uniform
+
+register = CURRENTS.add
+"""Add a kind of one's own, whose examples are tried (`probe`); usable as a decorator."""
 
 if TYPE_CHECKING:
     from twin.water.current.sampler import sample_track as sample_track

@@ -16,7 +16,7 @@ import numpy as np
 
 from twin import geodesy
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.sampler import Floats
 
 if TYPE_CHECKING:

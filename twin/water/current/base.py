@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import abc
+import inspect
 import math
+import re
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
@@ -14,10 +17,16 @@ from numpy.typing import ArrayLike
 from twin.compiled import Compiled
 from twin.errors import CurrentError, unknown_name
 from twin.plugins import imported
-from twin.water.current import probe, registry
+from twin.seams import CURRENTS
+from twin.water.current import checks, probe
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
+
+FIRST_FREE_CODE = 65_536
+"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
+DAY = 86_400.0
+"""[s] of the missions for which examples are tried"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,18 +80,22 @@ class Current(abc.ABC):
     @classmethod
     def record(cls, *payload: ArrayLike) -> Floats:
         """One record of this kind: numbers and arrays, flattened in order."""
-        return layout.record(cls._registered().code, *payload)
+        cls._check_kind()
+        return layout.record(cls.number(), *payload)
 
     @classmethod
-    def _registered(cls) -> registry.Kind:
-        """What is registered of this class; raises CurrentError when it is not."""
-        kind = registry.find(cls.kind) if cls.kind else None
-        if kind is None or kind.cls is not cls:
+    def number(cls) -> int:
+        """The number that stands for it in compiled programs, the same in every process."""
+        return FIRST_FREE_CODE + zlib.crc32(cls.kind.encode()) if cls.code is None else cls.code
+
+    @classmethod
+    def _check_kind(cls) -> None:
+        """Raise CurrentError when this class is not registered."""
+        if CURRENTS.get(cls.kind) is not cls:
             raise CurrentError(
                 f"{cls.__qualname__} is not a registered kind of current: give it a `kind` of its"
                 " own and decorate it with twin.water.current.register"
             )
-        return kind
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
         """The flat float64 program for `sampler.sample`, the same bytes on every call.
@@ -99,13 +112,13 @@ class Current(abc.ABC):
         if not np.isfinite(program).all():
             raise CurrentError(f"{self.kind}: the compiled current holds NaN or infinity")
         for record in records:
-            kind = registry.of_code(record[0]) if record[0] >= registry.FIRST_FREE_CODE else None
-            if kind is not None:
-                probe.check(kind, record, float(duration_s))
+            for kind in layout.kinds() if record[0] >= FIRST_FREE_CODE else ():
+                if kind.number() == record[0]:
+                    probe.check(kind, record, float(duration_s))
         return program
 
     def _check_registered(self) -> None:
-        self._registered()
+        self._check_kind()
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Current:
         """This current with everything written out that it would take from origin or file.
@@ -212,10 +225,10 @@ class Current(abc.ABC):
         CurrentError naming what is wrong.
         """
         names = cls.setting_fields()
-        positional, given = registry.split_settings(cls.kind, rest)
+        positional, given = checks.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(
-                f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {registry.allowed(names)}"
+                f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {checks.allowed(names)}"
             )
         known = {f.name: f for f in fields(cls)}
         settings: dict[str, Any] = {}
@@ -226,14 +239,83 @@ class Current(abc.ABC):
             if field.type in (str, "str"):
                 settings[field.name] = value
             elif field.type in (int, "int"):
-                settings[field.name] = registry.whole_number(cls.kind, name, value)
+                settings[field.name] = checks.whole_number(cls.kind, name, value)
             else:
-                settings[field.name] = registry.number(cls.kind, name, value)
+                settings[field.name] = checks.number(cls.kind, name, value)
         for field in known.values():
             if field.default is field.default_factory and field.name not in settings:
                 needed = next(name for name, target in names.items() if target == field.name)
-                raise CurrentError(f"{cls.kind}: {needed}= is missing; {registry.allowed(names)}")
+                raise CurrentError(f"{cls.kind}: {needed}= is missing; {checks.allowed(names)}")
         return cls(**settings)
+
+    @classmethod
+    def flaw(cls, name: str) -> str:
+        """What is wrong with a kind.
+
+        Raises:
+          CurrentError: a derivative of what its usage shows is not its velocity's (`probe`).
+        """
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind, TABLE):
+            return "its kind must be lower-case letters, digits and hyphens, and not taken"
+        if "__dataclass_params__" not in vars(cls):
+            return "it is not a dataclass: add @dataclass(frozen=True, kw_only=True)"
+        if flaw := cls._flaw_of_functions():
+            return flaw
+        own = {field.name for field in fields(cls)}
+        for field in cls.setting_fields().values():
+            if field not in own:
+                return unknown_name("field in settings", field, own)
+        if not cls.usage or not all(text.startswith(f"{name}:") for text in cls.usage):
+            return f"it needs usage: a mapping of texts that begin with {name}: to a few words each"
+        for other in () if name in CURRENTS.shipped() else layout.kinds():
+            if other.number() == cls.number() and other.kind != name:
+                return f"it has the code {cls.number()} of {other.kind!r}; set another `code`"
+        return cls._flaw_of_examples() if cls.number() >= FIRST_FREE_CODE else ""
+
+    @classmethod
+    def _flaw_of_functions(cls) -> str:
+        """What is wrong with the function that flies."""
+        for name, count in (("kernel", 7), ("directional", 11)):
+            function = getattr(cls, name)
+            if function is None:
+                continue
+            if not isinstance(function, Compiled):
+                return f"its {name} is {function!r}; decorate it with twin.compiled.jit"
+            taken = len(inspect.signature(function.py_func).parameters)
+            if taken != count:
+                direction = ", and a direction in t, north, east, depth" if count > 7 else ""
+                return (
+                    f"its {name} takes {taken} arguments, it must take {count}: program, start,"
+                    f" size, t, north, east, depth{direction}"
+                )
+        if (cls.kernel is None) == (cls.directional is None):
+            return (
+                "it needs one of kernel and directional, it has"
+                f" {'neither' if cls.kernel is None else 'both'}: what flies is compiled, so give"
+                " kernel, a function decorated with twin.compiled.jit that returns velocity, local"
+                " rate and gradient (3 + 3 + 9 numbers)"
+            )
+        return ""
+
+    @classmethod
+    def _flaw_of_examples(cls) -> str:
+        """Compile what `usage` shows, which compares its derivatives with differences.
+
+        Examples that need a file, or are no settings but their form, are compared when they fly.
+        """
+        for example in cls.usage:
+            try:
+                current = cls.parse(example.partition(":")[2])
+                drawn = [layout.program(current.records(DAY, Origin())) for _ in range(2)]
+            except CurrentError:
+                continue
+            if drawn[0].tobytes() != drawn[1].tobytes():
+                return (
+                    f"its records() of {example!r} differ from call to call: draw what is random"
+                    " from a seed that is a setting, by numpy.random.default_rng(seed)"
+                )
+            current.compile(DAY)
+        return ""
 
     def __add__(self, other: Current) -> CurrentSum:
         if not isinstance(other, Current):
@@ -311,7 +393,7 @@ def still_water() -> CurrentSum:
 def current_from_dict(description: Mapping[str, Any]) -> Current:
     """The current that `describe()` described. Raises CurrentError when it cannot be one."""
     if not isinstance(description, Mapping) or "kind" not in description:
-        known = sorted([*registry.names(), CurrentSum.kind, TABLE])
+        known = sorted([*CURRENTS, CurrentSum.kind, TABLE])
         raise CurrentError(f"a current's description needs 'kind' (one of {', '.join(known)})")
     settings = {name: value for name, value in description.items() if name != "kind"}
     name = str(description["kind"])
@@ -320,11 +402,18 @@ def current_from_dict(description: Mapping[str, Any]) -> Current:
     if name == TABLE:
         table: Current = imported(f"{TABULATED}:Tabulated").from_settings(settings)
         return table
-    kind = registry.find(name)
-    if kind is None:
-        raise registry.unknown(name, CurrentSum.kind)
-    current: Current = kind.cls.from_settings(settings)
-    return current
+    return kind_named(name, CurrentSum.kind).from_settings(settings)
+
+
+def kind_named(name: str, *also: str) -> type[Current]:
+    """The kind of that name; raises CurrentError, which offers what is `also` allowed."""
+    if name in CURRENTS:
+        kind: type[Current] = CURRENTS[name]
+        return kind
+    hint = ""
+    if name[:1].isdigit() or name[:1] in "+-.":  # velocities alone
+        hint = f"; write uniform:{name} for a velocity north, east in m/s"
+    raise CurrentError(unknown_name("current", name, [*CURRENTS, *also]) + hint)
 
 
 def _parts(current: Current) -> tuple[Current, ...]:

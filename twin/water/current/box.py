@@ -15,7 +15,7 @@ import numpy as np
 
 from twin.errors import CurrentError
 from twin.water.current.axes import Origin, depth_values, time_values
-from twin.water.current.registry import FASTEST_CURRENT
+from twin.water.current.checks import FASTEST_CURRENT
 from twin.water.current.sampler import Floats
 from twin.water.current.velocity_file import Velocity
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from twin.errors import CurrentError
-from twin.water.current import registry
-from twin.water.current.base import Current, CurrentSum, still_water
+from twin.water.current.base import Current, CurrentSum, kind_named, still_water
+from twin.water.current.sampler import kinds
 
 HELP_COLUMN = 42
 """Where the words of `current_help` begin, when the example is not longer."""
@@ -20,8 +20,8 @@ FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
 def current_help() -> str:
     """What `--current` accepts, an example a line, from every kind registered so far."""
     lines = [("none", "still water")]
-    for kind in registry.kinds().values():
-        lines.extend(kind.cls.usage.items())
+    for kind in kinds():
+        lines.extend(kind.usage.items())
     return "\n".join(
         [
             *(f"{text:{HELP_COLUMN - 2}}  {words}" for text, words in lines),
@@ -67,8 +67,7 @@ def check_field(text: str) -> None:
         parse_current(text)
         return
     for name in re.findall(r"(?:^|\+)\s*([A-Za-z][\w-]*)\s*:", text):
-        if registry.find(name.lower().replace("_", "-")) is None:
-            raise registry.unknown(name, "none")
+        kind_named(name.lower().replace("_", "-"), "none")
 
 
 def _parse_one(text: str) -> Current:
@@ -78,11 +77,8 @@ def _parse_one(text: str) -> Current:
         if rest.strip():
             raise CurrentError(f"current 'none' takes no settings, not {rest!r}")
         return still_water()
-    kind = registry.find(name)
-    if kind is None:
-        raise registry.unknown(name, "none")
+    kind = kind_named(name, "none")
     if not colon or not rest.strip():
-        example = next(iter(kind.cls.usage))
+        example = next(iter(kind.usage))
         raise CurrentError(f"current {name!r} needs settings, e.g. {example}")
-    current: Current = kind.cls.parse(rest)
-    return current
+    return kind.parse(rest)

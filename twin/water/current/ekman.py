@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin, coriolis
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 LOWEST_LATITUDE = 2.0
@@ -39,7 +38,6 @@ def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # 
     )
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Ekman(Current):
     """Steady Ekman layer of constant eddy viscosity in deep water.

@@ -11,11 +11,10 @@ import numpy as np
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.interpolation import INVALID
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
@@ -58,7 +57,6 @@ def smooth_series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_
     )
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class GaussMarkov(Current):
     """Speed and direction as independent stationary first-order Gauss-Markov processes.

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from twin.compiled import borrowing
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
@@ -33,7 +32,6 @@ def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # t
     )
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Geostrophic(Current):
     """U(depth) = barotropic + baroclinic exp(-depth/scale).

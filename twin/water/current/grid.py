@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin, same_place
 from twin.water.current.base import Current
 from twin.water.current.box import Box, load_box
 from twin.water.current.grid_kernels import GRID_CODE, box_interpolation
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 VEHICLE_SPEED = 1.0
@@ -26,7 +25,6 @@ FIRST_GUESS = 0.5
 LAND = ("auto", "nan", "zero")
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Grid(Current):
     """u, v (, w) on time, depth, latitude, longitude, laid so that the mission starts at a place.

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from twin.compiled import borrowing
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin, coriolis
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
@@ -39,7 +38,6 @@ def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # ty
     )
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Inertial(Current):
     """A slab that turns at the Coriolis frequency: clockwise in the north, period 12 h/sin(lat).

@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 VON_KARMAN = 0.41
@@ -36,7 +35,6 @@ def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):
     return v_north * log, v_east * log, 0.0, v_north * rate, v_east * rate, 0.0
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class LogLayer(Current):
     """U = (u*/0.41) ln(h/z0) with h the height above the bottom, at most `thickness`.

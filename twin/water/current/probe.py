@@ -8,12 +8,12 @@ tests; theirs is not run again at every compile.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
 from twin.errors import CurrentError
 from twin.water.current import sampler as layout
-from twin.water.current.registry import Kind
 from twin.water.current.sampler import Floats
 
 POINTS = 48
@@ -33,14 +33,14 @@ AXES = ("time", "north", "east", "depth")
 COMPONENTS = ("north", "east", "down")
 
 
-def check(kind: Kind, record: Floats, duration_s: float) -> None:
+def check(kind: Any, record: Floats, duration_s: float) -> None:
     """Raise CurrentError unless the derivatives that `record` of `kind` states are its velocity's.
 
     Looks at places up to `FARTHEST` and `DEEPEST` at times up to `duration_s` [s]. A place where
     the velocity is not finite lies outside of the current's domain; at a kink the derivative of
     either side will do.
     """
-    who = f"current {kind.cls.kind!r} ({kind.cls.__qualname__})"
+    who = f"current {kind.kind!r} ({kind.__qualname__})"
     evaluate = _evaluator(kind, record, who)
     with np.errstate(all="ignore"):
         points = list(_points(duration_s))
@@ -66,7 +66,7 @@ def check(kind: Kind, record: Floats, duration_s: float) -> None:
 
 def _compare(
     who: str,
-    kind: Kind,
+    kind: Any,
     evaluate: Callable[[Floats], Floats],
     points: list[Floats],
     stated: Floats,
@@ -101,16 +101,16 @@ def _compare(
     )
 
 
-def _remedy(kind: Kind, axis: int, part: int, what: str) -> str:
+def _remedy(kind: Any, axis: int, part: int, what: str) -> str:
     if kind.directional is None:
         number = 4 + part if axis == 0 else 6 + 3 * part + axis
         return f"{what} number {number} of the 15 that its kernel returns"
-    if axis and AXES[axis] not in kind.cls.depends_on:
+    if axis and AXES[axis] not in kind.depends_on:
         return f"name {AXES[axis]!r} in its depends_on"
     return f"{what} number {4 + part} of the 6 that its directional function returns"
 
 
-def _evaluator(kind: Kind, record: Floats, who: str) -> Callable[[Floats], Floats]:
+def _evaluator(kind: Any, record: Floats, who: str) -> Callable[[Floats], Floats]:
     """Velocity (3), local rate (3) and gradient (9) at (t, north, east, depth), by plain Python."""
     program = layout.program([record])
     at = (program, 1 + layout.RECORD_HEADER, record.size - layout.RECORD_HEADER)
@@ -139,7 +139,7 @@ def _evaluator(kind: Kind, record: Floats, who: str) -> Callable[[Floats], Float
 
     if kind.directional is None:
         return lambda point: call(15, *point)
-    taken = [axis in ("time", *kind.cls.depends_on) for axis in AXES]
+    taken = [axis in ("time", *kind.depends_on) for axis in AXES]
 
     def gathered(point: Floats) -> Floats:
         ways = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]

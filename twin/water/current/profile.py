@@ -13,11 +13,10 @@ import numpy as np
 from twin.compiled import borrowing
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.interpolation import table
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 from twin.water.table_file import column_numbers, read_table_file
 
@@ -43,7 +42,6 @@ def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # 
     return table(program, start, size, depth, r_d)
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Profile(Current):
     """Velocity linear between tabulated depths, held above the first and below the last."""

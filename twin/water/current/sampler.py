@@ -16,13 +16,14 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.compiled import borrowing, generate, inline, jit
 from twin.compiled.dispatch import Written
-from twin.water.current import registry
+from twin.seams import CURRENTS
 from twin.water.current.interpolation import INVALID
 
 Floats = NDArray[np.float64]
@@ -71,17 +72,23 @@ def _along(k, v_north, v_east, v_down):
     )
 
 
-def _branches(of_kind: Callable[[registry.Kind, str], Sequence[str]]) -> Written:
+def kinds() -> list[Any]:
+    """Classes of the kinds that are shipped, registered or loaded, in the order of numbers."""
+    shipped = (CURRENTS[name] for name in CURRENTS.shipped())
+    return sorted({*shipped, *CURRENTS.loaded()}, key=lambda kind: kind.number())
+
+
+def _branches(of_kind: Callable[[Any, str], Sequence[str]]) -> Written:
     """A branch for each kind, of the lines that `of_kind` makes of it and of its function's name.
 
     What is of no kind returns `_invalid`.
     """
     names: dict[str, object] = {}
     lines: list[str] = []
-    for kind in registry.kinds().values():
-        function = f"_kind_{kind.code}"
+    for kind in kinds():
+        function = f"_kind_{kind.number()}"
         names[function] = kind.directional or kind.kernel
-        lines.append(f"{'el' if lines else ''}if code == {kind.code}:")
+        lines.append(f"{'el' if lines else ''}if code == {kind.number()}:")
         if kind.payload_size is not None:
             lines.append(f"    if size != {kind.payload_size}: return _invalid")
         lines += [f"    {line}" for line in of_kind(kind, function)]
@@ -91,7 +98,7 @@ def _branches(of_kind: Callable[[registry.Kind, str], Sequence[str]]) -> Written
 def _write_rate() -> Written:
     point, direction = ", ".join(_POINT), ", ".join(_DIRECTION)
 
-    def of_kind(kind: registry.Kind, function: str) -> list[str]:
+    def of_kind(kind: Any, function: str) -> list[str]:
         if kind.directional is not None:
             return [f"return {function}({point}, 1.0, {direction})"]
         return [f"return _along({function}({point}), {direction})"]
@@ -118,12 +125,12 @@ def _write_gradient() -> Written:
     def add(sums: Sequence[str], first: int) -> str:
         return "; ".join(f"{name} += k[{first + i}]" for i, name in enumerate(sums))
 
-    def of_kind(kind: registry.Kind, function: str) -> list[str]:
+    def of_kind(kind: Any, function: str) -> list[str]:
         if kind.directional is None:
             by_place = [(_SUMS["north"][i], _SUMS["east"][i], _SUMS["depth"][i]) for i in range(3)]
             sums = (*_VELOCITY, *_SUMS["time"], *(name for row in by_place for name in row))
             return [f"k = {function}({point})", add(sums, 0)]
-        taken = tuple(kind.cls.depends_on)
+        taken = tuple(kind.depends_on)
         if taken != ("depth",):
             taken = ("time", *(axis for axis in taken if axis != "time"))
         lines = []

@@ -11,15 +11,13 @@ import numpy as np
 
 from twin.errors import CurrentError, unknown_name
 from twin.numbers import numbers
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
 from twin.water.current.gauss_markov import smooth_series
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Series(Current):
     """A smooth curve through velocities at equal steps from the start; held after the last.

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from twin.errors import CurrentError
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import TABLE, Current
 from twin.water.current.grid import Grid

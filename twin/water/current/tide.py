@@ -9,10 +9,9 @@ from typing import Any, ClassVar, Self
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError, unknown_name
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 PERIOD_HOURS = {
@@ -99,7 +98,6 @@ def ellipses_kernel(program, start, size, t, north, east, depth):  # type: ignor
     return (v_north, v_east, 0.0, north_rate, east_rate, 0.0, *rest, *rest, *rest)
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Tide(Current):
     """Sum of tidal ellipses, the same at every place and depth.

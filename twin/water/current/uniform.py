@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError
-from twin.water.current import registry as checks
+from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.register import register
 from twin.water.current.sampler import Floats
 
 
@@ -23,7 +22,6 @@ def uniform_kernel(program, start, size, t, north, east, depth):  # type: ignore
     return (program[start], program[start + 1], program[start + 2], *rest, *rest, *rest, *rest)
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
 class Uniform(Current):
     """Constant velocity of the water in NED."""

@@ -14,17 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import within_a_turn
-from factory.importing.columns import (
-    MISSING,
-    Table,
-    column_names,
-    parse_stamps,
-    read_table,
-    unix_seconds,
-)
+from factory.importing.columns import MISSING, Table, column_names, read_table
 from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
 from factory.importing.formats.csv.velocity_checks import check_values
-from factory.importing.sample_clock import expect_going
+from factory.importing.sample_clock import expect_going, parse_stamps, unix_seconds
 from factory.importing.tally import Tally, leave_out, note_unread
 from factory.importing.units import SECONDS, in_unit
 from twin.errors import InputError, unknown_name

@@ -15,9 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import LITRES, potential_density
+from factory.exporting.og1.og1_terms import (
+    ASCENT,
+    DESCENT,
+    INFLECTION,
+    SURFACING,
+)
+from factory.exporting.og1.variables import ESTIMATED
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import positions
-from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
+from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
+    Channel,
+    LoggedFixes,
+)
 from factory.importing.formats.og1.vocabulary import (
     CONDUCTIVITIES,
     CORRECTED,
@@ -34,8 +46,13 @@ from factory.importing.formats.og1.vocabulary import (
     flags_of,
     without_bad,
 )
-from factory.importing.netcdf import as_array, attributes_of, seconds_of, unit_in
-from factory.importing.seawater import ctd_channels, siemens
+from factory.importing.netcdf import (
+    as_array,
+    attributes_of,
+    seconds_of,
+    unit_in,
+)
+from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import in_unit, is_of
 from twin.errors import InputError
@@ -295,3 +312,34 @@ def _stretches(columns: Sequence[Array], count: int) -> Array:
         known = np.flatnonzero(np.isfinite(values))
         changes[known[1:]] |= np.diff(values[known]) != 0.0
     return np.cumsum(changes).astype(np.float64)
+
+
+STORED = ("gap_stored", "phase_stored")
+"""Columns that are made here"""
+
+_PHASES = {SURFACING: 0.0, DESCENT: 1.0, ASCENT: 2.0, INFLECTION: 3.0}
+"""The format's codes and those of `measured_phase`"""
+
+
+def stored_columns(columns: Mapping[str, Array], flags: Mapping[str, Array]) -> dict[str, Array]:
+    """Gaps and phases of the store, and pressure where only the depth beside a gap is written.
+
+    Args:
+      columns: of the file, (samples,) each.
+      flags: of the variables that have some.
+    """
+    found = {}
+    depth = columns.get("DEPTH")
+    if "DEPTH" in flags:
+        found["gap_stored"] = (flags["DEPTH"] == ESTIMATED).astype(float)
+    if "PHASE" in columns:
+        phase = np.full(len(columns["PHASE"]), np.nan)
+        for code, flag in _PHASES.items():
+            phase[columns["PHASE"] == code] = flag
+        found["phase_stored"] = phase
+    pressure, latitude = columns.get("PRES"), columns.get("LATITUDE_GPS")
+    if depth is not None and pressure is not None and np.isnan(pressure).any():
+        known = latitude[np.isfinite(latitude)] if latitude is not None else np.zeros(0)
+        place = float(np.median(known)) if known.size else 0.0
+        found["PRES"] = np.where(np.isnan(pressure), pressure_of(depth, place), pressure)
+    return found

@@ -18,14 +18,10 @@ from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
 from factory.exporting.og1.og1_terms import (
-    ASCENT,
-    DESCENT,
-    INFLECTION,
-    SENSORS,
-    SURFACING,
+    TERMS,
     VARIATION,
 )
-from factory.exporting.og1.variables import ENDING, ESTIMATED
+from factory.exporting.og1.variables import ENDING
 from factory.importing.angles import LoggedAngle, attitude_degrees
 from factory.importing.cleaning import clean, downward
 from factory.importing.columns import tidy, with_values
@@ -39,6 +35,7 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.og1.derived import (
+    STORED,
     Variation,
     ctd,
     deployed,
@@ -46,6 +43,7 @@ from factory.importing.formats.og1.derived import (
     fixes_apart,
     fixes_in,
     oxygen_per_volume,
+    stored_columns,
     tracks_in,
     true_heading,
     with_start,
@@ -84,7 +82,6 @@ from factory.importing.netcdf import (
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.pressures import pressure_by_flight, to_dbar
 from factory.importing.sample_clock import NoClock, sample_clock
-from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from factory.importing.units import converted, declared, is_of, unit_of
 from twin.errors import InputError
@@ -194,36 +191,6 @@ def signals_in(
     return channels, set(sources.values()), applied
 
 
-STORED = ("gap_stored", "phase_stored")
-"""Columns that are made here"""
-_PHASES = {SURFACING: 0.0, DESCENT: 1.0, ASCENT: 2.0, INFLECTION: 3.0}
-"""The format's codes and those of `measured_phase`"""
-
-
-def stored_columns(columns: Mapping[str, Array], flags: Mapping[str, Array]) -> dict[str, Array]:
-    """Gaps and phases of the store, and pressure where only the depth beside a gap is written.
-
-    Args:
-      columns: of the file, (samples,) each.
-      flags: of the variables that have some.
-    """
-    found = {}
-    depth = columns.get("DEPTH")
-    if "DEPTH" in flags:
-        found["gap_stored"] = (flags["DEPTH"] == ESTIMATED).astype(float)
-    if "PHASE" in columns:
-        phase = np.full(len(columns["PHASE"]), np.nan)
-        for code, flag in _PHASES.items():
-            phase[columns["PHASE"] == code] = flag
-        found["phase_stored"] = phase
-    pressure, latitude = columns.get("PRES"), columns.get("LATITUDE_GPS")
-    if depth is not None and pressure is not None and np.isnan(pressure).any():
-        known = latitude[np.isfinite(latitude)] if latitude is not None else np.zeros(0)
-        place = float(np.median(known)) if known.size else 0.0
-        found["PRES"] = np.where(np.isnan(pressure), pressure_of(depth, place), pressure)
-    return found
-
-
 def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
     """One log for each file: the format's unit is a deployment.
 
@@ -233,7 +200,7 @@ def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
     """
     logs = [log for _, log in each_file(paths, lambda path: _file(path, options, tally), tally)]
     kept: list[DeploymentLog] = []
-    for log in sorted(logs, key=_size, reverse=True):
+    for log in sorted(logs, key=lambda one: -sum(map(len, one.channels.values()))):
         same = [one for one in kept if one.deployment == log.deployment and _overlap(one, log)]
         if same:
             tally.add(
@@ -246,10 +213,6 @@ def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
     for name in sorted({n for n in names if names.count(n) > 1}):
         tally.add("note", name, names.count(name), "files of one deployment: rows of each kept")
     return [log for log in logs if any(log is one for one in kept)]
-
-
-def _size(log: DeploymentLog) -> int:
-    return sum(map(len, log.channels.values()))
 
 
 def _overlap(one: DeploymentLog, other: DeploymentLog) -> bool:
@@ -314,7 +277,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     tally.add("read", path.name, len(time), "measurements")
     extra = payload_names(options.payload)
     own = own_signals(attributes)
-    read = (*READ, *own, *extra, *SENSORS, *(f"{n}{ENDING}" for n in ("TIME", *flags)))
+    read = (*READ, *own, *extra, *TERMS["sensors"], *(f"{n}{ENDING}" for n in ("TIME", *flags)))
     read = (*read, "PHASE", *DEPLOYED) if ours else (*read, RECKONED, *REPORTED)
     note_unread("OG1 file", names, read, tally)
     leave_out_made_again(names, read, tally)

@@ -18,9 +18,8 @@ from factory.exporting.metadata import INSTRUMENTS
 from factory.exporting.og1.og1_terms import (
     MEASURED,
     NOT_LOGGED,
-    ON_A_GRID,
-    PAYLOAD,
     RAW_TIMES,
+    TERMS,
     TRACKS,
     VARIATION,
 )
@@ -32,6 +31,8 @@ DIMENSION = "N_MEASUREMENTS"
 OURS = {name: stored for name, stored, _ in MEASURED} | {"DVL_MODE": "measured_dvl_mode"}
 """Names that `factory export` writes, and the store's. Further signals have the store's name in
 capitals, and its attribute `signal_group`."""
+PAYLOAD = tuple(name for name, _ in TERMS["payload"].values())
+"""Names that OG1.0 has for what payloads measured"""
 ALIASES = {
     "measured_pitch": ("PITCH", "GLIDER_PITCH"),
     "measured_roll": ("ROLL", "GLIDER_ROLL"),
@@ -74,7 +75,7 @@ READ = (
     *OURS, *(name for names in ALIASES.values() for name in names), *TEMPERATURES, *SALINITIES,
     *CONDUCTIVITIES, "LATITUDE", "LONGITUDE", "LATITUDE_GPS", "LONGITUDE_GPS", "TIME", "TIME_GPS",
     *OWN_TRACK, *WAYPOINT, *TRUE_TRACK, *ORIGINAL_TIMES.values(), VARIATION,
-    *DIVES, *CURRENTS.values(), *_IDENTITY, *PAYLOAD.values(),
+    *DIVES, *CURRENTS.values(), *_IDENTITY, *PAYLOAD,
 )  # fmt: skip
 MADE_AGAIN = {
     r"(GLIDER_|ANGLE_OF_|VERT_CURR_|DAC_)\w+_MODEL|VERT_CURR_MODEL": "a flight model's: `twin "
@@ -124,7 +125,7 @@ def deployment_words(file: Any, deployment: str) -> str | None:
     """The text, as JSON, which is YAML too; None where the file says nothing of the kind."""
     said = {}
     for name in file.ncattrs():
-        value = " ".join(str(file.getncattr(name)).replace(ON_A_GRID, "").split())
+        value = " ".join(str(file.getncattr(name)).replace(TERMS["logged"]["comment"], "").split())
         by_people = name in PEOPLE or _PERSON.fullmatch(name)
         if by_people and value not in _NOTHING and not _OURS.fullmatch(value):
             said[name] = value

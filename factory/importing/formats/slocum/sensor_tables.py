@@ -16,14 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean
-from factory.importing.columns import (
-    Table,
-    parse_stamps,
-    read_table,
-    tidy,
-    unix_seconds,
-    with_values,
-)
+from factory.importing.columns import Table, read_table, tidy, with_values
 from factory.importing.deployment_log import (
     NO_FIXES,
     Channel,
@@ -42,7 +35,7 @@ from factory.importing.formats.slocum.native_sensors import (
 )
 from factory.importing.gps_fixes import RECEIVER, has_fix
 from factory.importing.payload import payload_names
-from factory.importing.sample_clock import sample_clock
+from factory.importing.sample_clock import parse_stamps, sample_clock, unix_seconds
 from factory.importing.tally import Tally, note_empty, note_unread
 from twin.errors import InputError
 from twin.geodesy import offset

@@ -87,7 +87,7 @@ def test_a_feature_of_ones_own_is_computed_both_ways():
         ({"terms": (Term(channel="true_surge"),)}, "only what is measured"),
         ({"terms": ()}, "needs one term"),
         ({"terms": (Term(channel="measured_depth"), Term(channel="measured_pump"))}, "combine"),
-        ({"unit": ""}, "lacks its group or its unit"),
+        ({"unit": ""}, "lacks `unit`"),
     ],
 )
 def test_a_feature_that_is_only_half_there_is_refused(changes, message):

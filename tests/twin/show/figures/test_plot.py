@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from pictures import (
+    call,
     dead_reckoned,
     measured,
     short_scenario,
-    write_short_store,
     write_tracks,
 )
 
-from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.physics.simulation import simulate
 from twin.records.mission_dataset import dataset_of
@@ -29,8 +28,8 @@ from twin.show.figures import (
     track_figure,
 )
 from twin.show.figures import figure as draw_figure
-from twin.show.figures.device import truth_of
 from twin.show.figures.map import KEY_ID, LOCATOR_ID
+from twin.show.figures.signals import truth_of
 from twin.show.figures.water import mean_profile
 
 WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)
@@ -39,17 +38,6 @@ WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)
 @pytest.fixture(scope="module")
 def trajectory():
     return measured(simulate(short_scenario()))
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return write_short_store(tmp_path_factory.mktemp("plot") / "short.zarr")
-
-
-def call(capsys, *words: object) -> tuple[int, str, str]:
-    code = PROGRAM.main([str(word) for word in words])
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 def has_unit(label):

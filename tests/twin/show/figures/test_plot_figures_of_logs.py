@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider, write_slocum
+from logs import Flight, write_slocum
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from pictures import call, write_dives
 from PIL import Image
 from simulated_logs import simulated_log
 
 from factory.importing.import_run import import_logs
-from twin.__main__ import PROGRAM
 from twin.errors import InputError, VehicleError
 from twin.geodesy import offset
 from twin.logs import estimate_flight, logged_trajectory
@@ -41,21 +41,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three dives of an imaginary Seaglider, with a CTD and currents."""
-    folder = tmp_path_factory.mktemp("dives")
-    data, _ = import_logs("seaglider", write_seaglider(folder, FLIGHT, "SG1"))
-    return write_store(data, folder / "dives.zarr")
+    return write_dives(tmp_path_factory.mktemp("dives"), FLIGHT.dives)
 
 
 @pytest.fixture(scope="module")
 def logged(dives: Path) -> LoggedTrajectory:
     return logged_trajectory(dives, [0, 1, 2])
-
-
-def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    code = PROGRAM.main([str(word) for word in words])
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 def titles(drawn: Figure) -> list[str]:

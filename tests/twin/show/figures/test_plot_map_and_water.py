@@ -35,7 +35,7 @@ from twin.show.figures.map_ground import (
     longitude_text,
     rings,
 )
-from twin.show.figures.temperature_salinity import OCEAN_MAPS, ocean_map
+from twin.show.figures.water import OCEAN_MAPS, ocean_map
 
 
 @pytest.fixture(scope="module")

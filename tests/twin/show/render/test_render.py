@@ -88,7 +88,7 @@ def test_a_still_shows_glider_ribbon_and_current(subject, camera):
         assert yellow.mean() > 0.2
 
         line = painter.stage.lines[0]
-        ribbon, colours = without(painter, [*line.chunks, line.head.geom], 6 * SEEN)
+        ribbon, colours = without(painter, [*line.chunks, line.head], 6 * SEEN)
         assert ribbon.sum() > 40
         warm = colours[:, 0] > colours[:, 2] + 40.0  # the water is the other way round
         assert warm.mean() > 0.5
@@ -108,7 +108,7 @@ def test_dead_reckoned_tracks_are_drawn_in_their_colours(with_tracks, camera):
             return
         green = []
         for line in painter.stage.lines[1:]:
-            mask, colours = without(painter, [*line.chunks, line.head.geom])
+            mask, colours = without(painter, [*line.chunks, line.head])
             assert mask.sum() > 20
             strong = colours[np.argsort(colours.sum(axis=1))[-10:]].mean(axis=0)
             green.append(strong[1] - strong[0])
@@ -130,7 +130,8 @@ def test_the_running_end_of_the_ribbon_has_the_colour_of_its_time(subject):
     at = (30.0, 200.0)
     with painter_of(subject, at=at) as painter:
         model, line = painter.stage.model, painter.stage.lines[0]
-        first, count = (a[line.head.mesh] for a in (model.mesh_texcoordadr, model.mesh_texcoordnum))
+        mesh = model.geom_dataid[line.head]
+        first, count = model.mesh_texcoordadr[mesh], model.mesh_texcoordnum[mesh]
         for index, time in enumerate(at):
             painter.paint(index)
             along = model.mesh_texcoord[first : first + count, 0]

@@ -14,26 +14,14 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from patience import HANG_S
-from pictures import needs_gl, short_subject, write_short_store, write_tracks
+from pictures import call, needs_gl, short_subject, write_tracks
 from PIL import Image
 
-from twin.__main__ import PROGRAM
 from twin.records.store import read_trajectory
 from twin.show.render import context
 from twin.show.render.context import NoOpenGL, new_context
 from twin.show.render.film import save_video
 from twin.show.render.shot import Shot
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return write_short_store(tmp_path_factory.mktemp("film") / "short.zarr")
-
-
-def call(capsys, *words: object) -> tuple[int, str, str]:
-    code = PROGRAM.main([str(word) for word in words])
-    out = capsys.readouterr()
-    return code, out.out, out.err
 
 
 def read_video(path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from logs import Flight, write_seaglider
-from pictures import needs_gl
+from pictures import needs_gl, write_dives
 
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
@@ -20,8 +20,7 @@ from twin.records.store import write_store
 from twin.show.render.canvas import track_colours
 from twin.show.render.film import known_samples
 from twin.show.render.hud import UNKNOWN, readouts
-from twin.show.render.playback import moving_parts, poses
-from twin.show.render.scale import track_values
+from twin.show.render.playback import moving_parts, poses, track_values
 from twin.show.render.shot import Shot
 from twin.show.render.subject import Replay, read_subject
 
@@ -30,9 +29,7 @@ FLIGHT = Flight(dives=2)
 
 @pytest.fixture(scope="module")
 def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("dives")
-    data, _ = import_logs("seaglider", write_seaglider(folder, FLIGHT, "SG1"))
-    return write_store(data, folder / "dives.zarr")
+    return write_dives(tmp_path_factory.mktemp("dives"), 2)
 
 
 @pytest.fixture(scope="module")

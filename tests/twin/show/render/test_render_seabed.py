@@ -11,7 +11,7 @@ from twin.errors import FloorError
 from twin.mission import Mission, SawTooth
 from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
-from twin.show.render import seabed
+from twin.show.render import sea
 from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import build
 from twin.show.render.subject import read_subject
@@ -64,16 +64,16 @@ def test_an_abyss_does_not_flatten_the_dives(run):
     shallow = build(dive(run, FlatFloor(depth_m=62.0).compile(0.0)), Shot())
     assert 62.0 < shallow.layout.high[2] < 70.0
     deep = build(dive(run, FlatFloor(depth_m=4000.0).compile(0.0)), Shot())
-    assert deep.layout.high[2] == pytest.approx(seabed.IN_SIGHT * usual.high[2])
+    assert deep.layout.high[2] == pytest.approx(sea.IN_SIGHT * usual.high[2])
     names = [deep.model.geom(i).name for i in range(deep.model.ngeom)]
     assert "deep" in names
     assert "floor" not in names  # no sand where there is none
 
 
 def test_the_chase_camera_sees_the_floor_from_near_only():
-    assert seabed.clearness(500.0) == 0.0
-    assert 0.7 < seabed.clearness(15.0) < 0.9
-    assert seabed.clearness(-0.1) == 1.0
+    assert sea.clearness(500.0) == 0.0
+    assert 0.7 < sea.clearness(15.0) < 0.9
+    assert sea.clearness(-0.1) == 1.0
 
 
 def test_a_store_brings_its_floor(run, tmp_path):

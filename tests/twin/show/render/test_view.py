@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from patience import HANG_S
-from pictures import short_scenario, short_subject, write_short_store
+from pictures import short_scenario, short_subject
 
 from twin.__main__ import PROGRAM
 from twin.physics.simulation import simulate
@@ -22,11 +22,6 @@ from twin.show.render.subject import Live, Replay
 linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="other systems have a screen"
 )
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return write_short_store(tmp_path_factory.mktemp("view") / "short.zarr")
 
 
 def environment(**more: str) -> dict[str, str]:

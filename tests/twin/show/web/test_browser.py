@@ -6,17 +6,21 @@ import dataclasses
 import re
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from logs import Flight, write_seaglider
-from pictures import dead_reckoned, short_scenario, short_subject, unpack, write_short_store
+from pictures import (
+    dead_reckoned,
+    short_scenario,
+    short_subject,
+    unpack,
+    write_dives,
+    write_short_store,
+)
 
-from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.faults.wing_lost import WingLost
@@ -25,13 +29,12 @@ from twin.logs import logged_trajectory
 from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.records.store import read_trajectory, write_store
+from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
 from twin.show.render.shot import Shot, Subject
-from twin.show.web.live_source import LiveMission
 from twin.show.web.page import assemble, page_text
-from twin.show.web.server import PageServer
+from twin.show.web.server import LiveMission, PageServer
 from twin.vehicle.vehicle import load_vehicle
 
 CAMERAS = ("orbit", "side", "map", "chase")
@@ -45,12 +48,6 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectory]:
     out = folder / "dive.html"
     assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
     return out, read_trajectory(store, 0)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser() as one:
-        yield one
 
 
 def scene(browser: Browser) -> np.ndarray:
@@ -202,8 +199,7 @@ def test_currents_and_tracks_are_drawn(browser, tmp_path):
 
 @needs_browser
 def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_path):
-    data, _ = import_logs("seaglider", write_seaglider(tmp_path, Flight(dives=2), "SG1"))
-    store, out = write_store(data, tmp_path / "dives.zarr"), tmp_path / "log.html"
+    store, out = write_dives(tmp_path, 2), tmp_path / "log.html"
     assert PROGRAM.main(["render", str(store), "--html", str(out), "--missions", "all"]) == 0
     log = logged_trajectory(store, [0, 1])
     browser.open(out)

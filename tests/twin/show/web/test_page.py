@@ -13,24 +13,22 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import Flight, write_seaglider
 from pictures import (
     dead_reckoned,
     month,
     short_scenario,
     short_subject,
     unpack,
-    write_short_store,
+    write_dives,
     write_tracks,
 )
 
-from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
 from twin.faults.wing_lost import WingLost
 from twin.logs import logged_trajectory
 from twin.physics.simulation import simulate
-from twin.records.store import read_trajectory, write_store
+from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
 from twin.show.render.shot import Shot, Subject
@@ -43,15 +41,8 @@ from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_short_store(tmp_path_factory.mktemp("page") / "short.zarr")
-
-
-@pytest.fixture(scope="module")
 def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("dives")
-    data, _ = import_logs("seaglider", write_seaglider(folder, Flight(dives=2), "SG1"))
-    return write_store(data, folder / "dives.zarr")
+    return write_dives(tmp_path_factory.mktemp("dives"), 2)
 
 
 def mission_of(text: str) -> dict[str, Any]:

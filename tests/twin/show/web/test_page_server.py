@@ -16,8 +16,7 @@ import pytest
 from pictures import short_scenario, short_subject, write_short_store
 
 from twin.show.render.shot import Shot
-from twin.show.web.live_source import LiveMission
-from twin.show.web.server import STRANGERS, PageServer
+from twin.show.web.server import STRANGERS, LiveMission, PageServer
 
 
 def test_only_a_post_flies_the_mission_on():

@@ -5,37 +5,23 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from logs import Flight, write_seaglider
-from pictures import dead_reckoned, month, short_subject, write_short_store
+from pictures import dead_reckoned, month, short_subject, write_dives
 from PIL import Image
 
-from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.logs import logged_trajectory
-from twin.records.store import read_trajectory, write_store
+from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.shot import Shot, Subject
 from twin.show.web.page import page_text
 from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_browser
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser() as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_short_store(tmp_path_factory.mktemp("tools") / "short.zarr")
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +35,7 @@ def short(store: Path) -> Path:
 def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A log of three dives and its page."""
     folder = tmp_path_factory.mktemp("dives")
-    data, _ = import_logs("seaglider", write_seaglider(folder, Flight(dives=3), "SG1"))
-    store, out = write_store(data, folder / "dives.zarr"), folder / "dives.html"
+    store, out = write_dives(folder, 3), folder / "dives.html"
     assert PROGRAM.main(["render", str(store), "--missions", "all", "--html", str(out)]) == 0
     return store, out
 

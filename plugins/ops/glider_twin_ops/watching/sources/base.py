@@ -11,7 +11,7 @@ from pathlib import Path
 from factory.importing import OF_THE_MACHINE
 from twin.errors import InputError
 from twin.lazy import resolve
-from twin.registry import Registry, instance_of
+from twin.registry import Registry
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ SOURCES: Registry[Source] = Registry(
         "tables": "glider_twin_ops.watching.sources.base:TABLES",
         "erddap": "glider_twin_ops.watching.sources.base:ERDDAP",
     },
-    check=instance_of("source", Source),
+    objects=True,
 )
 """Every sort of source, by name: from where the files of a deployment at sea come."""
 

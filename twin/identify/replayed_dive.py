@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import savgol_filter
 
-from twin.checks.calibrated import Calibrated
-from twin.checks.heading_leg import HeadingLeg, Turning, legs_of, log_signal
+from twin.identify.calibration import Calibration
+from twin.identify.heading_leg import HeadingLeg, Turning, legs_of, log_signal
+from twin.identify.logged_missions import filled, unwrapped
 from twin.records.logged import LogStore
 from twin.records.trajectory import VELOCITY
 
@@ -94,7 +95,7 @@ class ReplayedDive:
 
 
 def read_dive(
-    store: LogStore, row: int, hull: Calibrated, turning: Turning | None
+    store: LogStore, row: int, hull: Calibration, turning: Turning | None
 ) -> ReplayedDive | None:
     """One row of a store; None where it has no leg with depth, pitch and pump."""
     depth = filled(store.signal("measured_depth", row))
@@ -110,7 +111,7 @@ def read_dive(
     if not any(leg.compared for leg in legs):
         return None
     pitch = np.rad2deg(hull.true_pitch(np.deg2rad(pitch)))
-    heading = unwrapped(store.signal("measured_heading", row))
+    heading = _course(store.signal("measured_heading", row))
     if heading is not None:
         heading = np.rad2deg(hull.true_heading(np.deg2rad(heading)))
     wanted = _heading_target(store, row, heading)
@@ -143,24 +144,12 @@ def read_dive(
     )
 
 
-def filled(values: Array) -> Array | None:
-    """Values with gaps bridged by straight lines; None where fewer than two are finite."""
-    finite = np.isfinite(values)
-    if finite.sum() < 2:
-        return None
-    index = np.arange(len(values))
-    return np.asarray(np.interp(index, index[finite], values[finite]))
-
-
-def unwrapped(degrees: Array) -> Array | None:
+def _course(degrees: Array) -> Array | None:
     """Heading [deg] without jumps at north, gaps bridged; None where there is none."""
-    out = np.full(len(degrees), np.nan)
-    finite = np.isfinite(degrees)
-    out[finite] = np.rad2deg(np.unwrap(np.deg2rad(degrees[finite])))
-    return filled(out)
+    return filled(np.rad2deg(unwrapped(degrees)))
 
 
-def _water(store: LogStore, row: int, hull: Calibrated, depth: Array) -> tuple[Array, ...]:
+def _water(store: LogStore, row: int, hull: Calibration, depth: Array) -> tuple[Array, ...]:
     """Density [kg/m3], then temperature and salinity where the log has both; (time,) each."""
     density = filled(store.signal("measured_density", row))
     found = [filled(store.signal(f"measured_{name}", row)) for name in ("temperature", "salinity")]
@@ -175,7 +164,7 @@ def _all(found: list[Array | None]) -> list[Array]:
     return there if len(there) == len(found) else []
 
 
-def _pump(store: LogStore, row: int, hull: Calibrated) -> Array:
+def _pump(store: LogStore, row: int, hull: Calibration) -> Array:
     """Positions of the pump [cm3], measured or else commanded; NaN without either."""
     part = hull.vehicle.steered("buoyancy")
     assert part is not None
@@ -200,7 +189,7 @@ def _heading_target(store: LogStore, row: int, heading: Array | None) -> Array |
         return None
     asked = store.signal("commanded_heading", row)
     if np.isfinite(asked).any():
-        target = unwrapped(asked)
+        target = _course(asked)
         assert target is not None
         return target + 360.0 * np.round((heading - target) / 360.0)
     width = min(round(COURSE / store.period), len(heading)) | 1

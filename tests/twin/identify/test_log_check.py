@@ -14,11 +14,15 @@ from simulated_logs import CLIMB_PITCH, PITCH, simulated_log
 
 from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
-from twin.checks import check_logs
-from twin.checks.heading_leg import legs_of, turning_of
-from twin.checks.log_figures import FigureSamples, turn_per_actuator
-from twin.checks.log_turns import limit_cycle, oscillation_of
 from twin.errors import InputError, StoreError, VehicleError
+from twin.identify import check_logs
+from twin.identify.heading_leg import legs_of, turning_of
+from twin.identify.log_figures import (
+    FigureSamples,
+    limit_cycle,
+    oscillation_of,
+    turn_per_actuator,
+)
 from twin.records.store import write_store
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 

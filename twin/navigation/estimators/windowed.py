@@ -1,9 +1,10 @@
-"""Baseline steps: a baseline sample by sample, from the last minutes of what was measured."""
+"""Windowed estimator: a method over whole missions, sample by sample from the last minutes."""
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +13,19 @@ from twin.errors import InputError
 from twin.navigation.dead_reckoning import Signals
 from twin.navigation.estimators.base import (
     BodyVelocity,
+    Estimate,
     State,
-    VelocityDeviation,
     VelocityEstimator,
 )
 from twin.numbers import Array
-from twin.seams import BASELINES
 from twin.vehicle.vehicle import Vehicle
 
 MEMORY_S = 120.0
-"""[s] that a baseline looks back: its longest average, and an inflection, over which it holds."""
+"""[s] that a step looks back: the longest average, and an inflection, over which methods hold."""
 
 
 class Recent:
-    """The last samples of some channels, (samples,) each, as `Baseline.estimate` reads them."""
+    """The last samples of some channels, (samples,) each, as `batch` reads them."""
 
     def __init__(self, channels: tuple[str, ...], samples: int):
         self.channels, self.samples = channels, samples
@@ -80,33 +80,17 @@ class Recent:
         self._rows[:, : self.count] = rows
 
 
-class BaselineSteps(VelocityEstimator):
-    """What a baseline says of the last sample when it has seen `MEMORY_S` up to it.
+class WindowedEstimator(VelocityEstimator):
+    """A method that gives `batch`; a step is its last sample over `MEMORY_S` up to now."""
 
-    One that the command line can name has the name of its baseline as `kind`.
-    """
-
-    def __init__(self, baseline: Any, period: float):
-        """Begin before the first sample of a `Baseline`; `period` [s] between samples."""
-        self.baseline, self.period = baseline, period
-        self.channels = baseline.needs(baseline.vehicle)
+    def __init__(self, vehicle: Vehicle, period: float):
+        """Begin before the first sample; see `VelocityEstimator`."""
+        super().__init__(vehicle, period)
         self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
 
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`."""
-        found: VelocityDeviation = self.baseline.deviation
-        return found
-
-    @classmethod
-    def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
-        """See `VelocityEstimator`; it takes no argument."""
-        if argument:
-            raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
-        baseline = BASELINES[cls.kind]
-        if why := baseline.unsuited(vehicle):
-            raise InputError(f"estimator {cls.kind!r}: {why}")
-        return cls(baseline(vehicle=vehicle), period)
+    @abc.abstractmethod
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`; what it averages may lie after a sample."""
 
     def reset(self) -> None:
         """See `VelocityEstimator`."""
@@ -125,10 +109,10 @@ class BaselineSteps(VelocityEstimator):
         Raises:
           InputError: the method gives no velocity of this vehicle.
         """
-        found = self.baseline.estimate(signals, self.period)
+        found = self.batch(signals)
         if found.surge is None or found.sway is None:
             raise InputError(
-                f"the method {self.baseline.title!r} gives no velocity through the water here: "
+                f"the method {self.kind!r} gives no velocity through the water here: "
                 "choose another estimator"
             )
         covariance = None

@@ -1,4 +1,9 @@
-"""Flight: the twin on a logged dive's targets, leg by leg and depth by depth."""
+"""Flight: the twin on a logged dive's targets, leg by leg and depth by depth.
+
+Turns: the twin flown with the positions of the log's turning part, so that both have one input. In
+closed loop a twin in calm water hardly moves its rudder, where the log's works against waves and a
+compass' noise. There pitch and pump stay in closed loop and the heading is left to itself.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.replayed_dive import DivePiece, ReplayedDive, Target
 from twin.errors import InputError, SimulationUnstable
+from twin.identify.heading_leg import Turning
+from twin.identify.replayed_dive import DivePiece, ReplayedDive, Target
 from twin.mission import Mission
+from twin.mission.controller import (
+    MEMORY,
+    Command,
+    FollowedPositions,
+    MissionController,
+    Observation,
+    followed,
+)
 from twin.mission.glide_balance import steady_glide
 from twin.mission.mission_file import DONE
 from twin.mission.segments import SawTooth
@@ -189,6 +203,97 @@ def water_of(dive: ReplayedDive) -> DensityProfile:
     assert density is not None
     return DensityProfile(
         depth=used * BIN, values=density, temperature=temperature, salinity=salinity
+    )
+
+
+FlownTurn = tuple[ReplayedDive, Trajectory, Array]
+"""A dive, its flight with the log's turns, and the number of the leg at each sample, (time,)"""
+
+
+class _Turned:
+    """Guidance whose turning part follows the log's positions from the start of each leg."""
+
+    def __init__(self, vehicle: Vehicle, dive: ReplayedDive, follow: FollowedPositions):
+        self._guidance = MissionController(mission_of(vehicle, dive), vehicle)
+        self._legs = segment_legs(dive)
+        self._part = vehicle.part_names[follow.part]
+        self._table, self._memory = follow.table(), np.zeros(MEMORY)
+        self.begun: list[tuple[float, int]] = []
+        """[s] and number of each leg, -1 for the end"""
+
+    def __call__(self, observation: Observation) -> Command:
+        command = self._guidance(observation)
+        segment = self._guidance.segment
+        leg = -1
+        if not self._guidance.done:
+            leg = self._legs[min(segment, len(self._legs) - 1)]
+        if not self.begun or leg != self.begun[-1][1]:
+            self.begun.append((observation.time, leg))
+        if leg < 0:
+            return command
+        position = followed(self._table, self._memory, observation.time, segment)
+        return Command(**{**command, self._part: float(position)})
+
+    def legs(self, time: Array) -> Array:
+        """Number of the leg at each time [s], (time,); -1 where none is flown."""
+        times, numbers = zip(*self.begun, strict=True)
+        return np.array(numbers)[np.searchsorted(times, time, side="right") - 1]
+
+
+def fly_turns(
+    vehicle: Vehicle,
+    flown: Sequence[tuple[ReplayedDive, Trajectory]],
+    turning: Turning,
+    engine: str = "mujoco",
+) -> tuple[list[FlownTurn], list[SimulationUnstable]]:
+    """Dives with the log's turns, and what ended those that could not be flown.
+
+    Args:
+      flown: dives that have turns, with the twin's flight in closed loop, which says how long one
+        takes.
+      turning: whose part is of the log's kind.
+      engine: as of `Scenario`; in lanes the dives fly side by side.
+    """
+    follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
+    if engine == "lanes":
+        scenarios = [
+            dataclasses.replace(scenario_of(vehicle, d, float(f.time[-1])), engine=engine)
+            for d, f in flown
+        ]
+        runs = fly_in_lanes(scenarios, follow=follow)
+        return (
+            [
+                (dive, run, legs_flown(dive, run))
+                for (dive, _), run in zip(flown, runs, strict=True)
+                if isinstance(run, Trajectory)
+            ],
+            [run for run in runs if isinstance(run, SimulationUnstable)],
+        )
+    found: list[FlownTurn] = []
+    failed: list[SimulationUnstable] = []
+    for (dive, flight), positions in zip(flown, follow, strict=True):
+        controller = _Turned(vehicle, dive, positions)
+        scenario = scenario_of(vehicle, dive, float(flight.time[-1]), plan=False)
+        try:
+            with quiet_mujoco():
+                run = Simulation(scenario).run(controller, mission=dive.row)
+        except SimulationUnstable as error:
+            failed.append(error)
+        else:
+            found.append((dive, run, controller.legs(run.time)))
+    return found, failed
+
+
+def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
+    """What the turning part does in place of its guidance."""
+    assert dive.turning is not None
+    part = vehicle.part(turning.part)
+    legs = [dive.targets[k].leg for k in segment_legs(dive)]
+    return FollowedPositions(
+        part=vehicle.part_names.index(part.name),
+        period=dive.period,
+        positions=np.clip(turning.sense * dive.turning / part.quantity.scale, part.low, part.high),
+        legs=tuple((leg.first, leg.last) for leg in legs),
     )
 
 

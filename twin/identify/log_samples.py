@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.checks.heading_leg import HeadingLeg, Phase, Turning
-from twin.checks.log_figures import FigureSamples
-from twin.checks.log_flight import legs_flown
-from twin.checks.replayed_dive import PUMP_REST, ReplayedDive, Target
 from twin.errors import StoreError
+from twin.identify.heading_leg import HeadingLeg, Phase, Turning
+from twin.identify.log_figures import FigureSamples
+from twin.identify.log_flight import legs_flown
+from twin.identify.replayed_dive import PUMP_REST, ReplayedDive, Target
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory

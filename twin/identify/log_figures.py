@@ -1,4 +1,7 @@
-"""Figures: how a vehicle dives or climbs, from its samples; the same for a log and for the twin."""
+"""Figures: how a vehicle dives or climbs, from its samples; the same for a log and for the twin.
+
+Among them a swing that does not die out, as a badly tuned control loop makes it.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, savgol_filter
-
-from twin.checks.log_turns import Oscillation, limit_cycle, oscillation_of
+from scipy.signal import detrend, lfilter, savgol_filter
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,6 +34,18 @@ LEAST_SAMPLES = 20
 """of a mean"""
 OFTEN = 0.25
 """Part of the legs that must swing for a limit cycle"""
+LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
+"""[deg] of a swing that counts, by the signal"""
+CYCLES = 3.0
+"""Periods that a leg must hold at least: of fewer nobody knows whether they go on"""
+SHORTEST = 4
+"""samples of a period"""
+WIDTH = 0.15
+"""Part of its frequency by which a swing may wander within a leg, as speed and trim do"""
+SHARE = 0.5
+"""Part of the variance that the swing must be: noise is spread over all periods"""
+LASTING = 0.7
+"""Amplitude in the second half over that in the first; less, and it dies out"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,6 +76,20 @@ class FigureSamples:
     """of the parts, in the units of stores"""
     steady: Mask
     """away from inflections and the surface, with the pump at rest and all measured"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Oscillation:
+    """A swing at a steady period."""
+
+    signal: str
+    """heading, pitch or roll"""
+    period_s: float
+    amplitude_deg: float
+    growth: float
+    """Amplitude in the second half of a leg over that in the first"""
+    legs: float
+    """Part of the legs that show it"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -216,3 +243,55 @@ def _swing(name: str, leg: FigureSamples) -> Oscillation | None:
         return None
     first, last = max(runs, key=lambda run: run[1] - run[0])
     return oscillation_of(name, values[first:last], leg.period)
+
+
+def oscillation_of(name: str, values: Array, period: float) -> Oscillation | None:
+    """The swing of one signal in one leg, or None.
+
+    Args:
+      name: of the signal, a key of LEAST_AMPLITUDE.
+      values: deviation from the target [deg], equally spaced, (time,).
+      period: [s] between samples.
+    """
+    count = len(values)
+    if count < CYCLES * SHORTEST:
+        return None
+    swing = detrend(values)
+    power = np.abs(np.fft.rfft(swing)) ** 2
+    total = float(power[1:].sum())
+    lowest, highest = int(np.ceil(CYCLES)), count // SHORTEST
+    if total == 0.0 or highest < lowest:
+        return None
+    peak = lowest + int(np.argmax(power[lowest : highest + 1]))
+    wide = max(1, round(WIDTH * peak))
+    share = float(power[max(peak - wide, 1) : peak + wide + 1].sum()) / total
+    half = count // 2
+    early, late = (float(np.std(swing[part])) for part in (slice(half), slice(half, None)))
+    amplitude = float(np.sqrt(2.0 * share * np.mean(swing**2)))
+    growth = late / early if early > 0.0 else float("inf")
+    if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LASTING:
+        return None
+    return Oscillation(
+        signal=name, period_s=count * period / peak, amplitude_deg=amplitude, growth=growth, legs=1
+    )
+
+
+def limit_cycle(
+    legs: Sequence[Mapping[str, Oscillation | None]], least: float
+) -> Oscillation | None:
+    """The largest swing among those that at least a part of the legs show, their medians.
+
+    Args:
+      legs: of each leg, what `oscillation_of` found, by signal.
+      least: that part.
+    """
+    found = []
+    for name in LEAST_AMPLITUDE:
+        mine = [one for leg in legs if (one := leg.get(name)) is not None]
+        if mine and len(mine) >= least * len(legs):
+            median = {
+                field: float(np.median([getattr(one, field) for one in mine]))
+                for field in ("period_s", "amplitude_deg", "growth")
+            }
+            found.append(Oscillation(signal=name, legs=len(mine) / len(legs), **median))
+    return max(found, key=lambda one: one.amplitude_deg / LEAST_AMPLITUDE[one.signal], default=None)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from benchmarks.layer_speed import naive_context_delay
-from learn.networks.context_delay import ContextDelay
+from learn.networks.elman import ContextDelay
 
 
 def layer_and_data(inputs, hidden, past, time, batch, dtype, seed=0):

@@ -1,0 +1,386 @@
+"""Check: the twin of a vehicle file beside the logs of the real vehicle, phase by phase."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.checks.agreement import EndsApart, ends_apart, state_at
+from twin.errors import SimulationUnstable, StoreError, VehicleError
+from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.heading_leg import LEAST_RANGE, PHASES, Phase, Turning, turning_of
+from twin.identify.log_figures import PhaseFigures, phase_figures, turn_per_actuator
+from twin.identify.log_flight import PATIENCE, FlownTurn, fly_dives, fly_turns, legs_flown
+from twin.identify.log_samples import (
+    Present,
+    angle_of_attack,
+    check_logged,
+    check_signals,
+    flown_samples,
+    logged_samples,
+    notes_of,
+)
+from twin.identify.replayed_dive import ReplayedDive, read_dive
+from twin.records.logged import LogStore, log_rows
+from twin.records.trajectory import Trajectory
+from twin.vehicle.laws import FlowFrame
+from twin.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+DEPTH_RATE_LIMIT = 0.05
+"""Relative, of the depth rate in each phase"""
+TURN_LIMIT = 0.25
+"""Relative, of the turn rate per position of what turns the vehicle"""
+TURNING_LIMIT = 3.0
+"""[deg] of the mean position of what turns the vehicle, twin less log: an asymmetry that the log
+flew and the vehicle file lacks"""
+HEADING_LIMIT = 2.0
+"""[deg] of the twin's heading about its target"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PhaseComparison:
+    """Log beside twin in one phase."""
+
+    log: PhaseFigures
+    twin: PhaseFigures | None
+    """None: it never came to a steady part of such a leg"""
+    speed_from: str | None
+    """What the log's speed is: "measured", "depth rate and pitch", or None"""
+    same_part: bool
+    """Whether the same kind of part turns both, so that its effect can be compared"""
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able; ratios are twin over log, deviations twin less log."""
+        log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
+        twin = {name: twin.get(name) for name in log}
+        cycles = {
+            "log": self.log.oscillation,
+            "twin": None if self.twin is None else self.twin.oscillation,
+        }
+        ratio = {
+            name: _ratio(twin[name], log[name])
+            for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator")
+        }
+        if not self.same_part:
+            ratio["turn_per_actuator"] = None
+        return {
+            "log": {**log, "parts": dict(self.log.parts)},
+            "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
+            "speed_from": self.speed_from,
+            "ratio": ratio,
+            "deviation": {
+                name: _difference(twin[name], log[name])
+                for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg")
+                if name != "turning_deg" or self.same_part
+            },
+            "limit_cycle": {
+                name: None if one is None else dataclasses.asdict(one)
+                for name, one in cycles.items()
+            },
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogCheck:
+    """What a vehicle file's twin does with the targets of a store of logs."""
+
+    vehicle: Vehicle
+    store: Path
+    dives: tuple[ReplayedDive, ...]
+    flights: tuple[Trajectory | SimulationUnstable, ...]
+    """The twin's flight of each dive"""
+    phases: dict[Phase, PhaseComparison]
+    turning: Turning | None
+    engine: str
+    """What flew the twin"""
+    beside_mujoco: EndsApart | None
+    """Of the first dive, where lanes flew it"""
+    notes: tuple[str, ...]
+    """What the log lacks or what stands in for it, one sentence each"""
+
+    @property
+    def beyond(self) -> list[str]:
+        """One phrase for each figure beyond its limit; empty when the twin flies as the log."""
+        found = [f"dive {d.row}: {f}" for d, f in self._flown() if isinstance(f, Exception)]
+        for name, phase in self.phases.items():
+            found += [f"{name}: {text}" for text in _beyond(phase)]
+        short = [d.row for d, f in self._flown() if isinstance(f, Trajectory) and not _is_flown(f)]
+        if short:
+            found.append(
+                f"the twin took more than {PATIENCE:g} times the log's time in {len(short)} of "
+                f"{len(self.dives)} dives ({', '.join(map(str, short))})"
+            )
+        return found
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        legs = Counter(leg.phase for dive in self.dives for leg in dive.legs if leg.compared)
+        return {
+            "vehicle": self.vehicle.name,
+            "store": str(self.store),
+            **(
+                {}
+                if self.beside_mujoco is None
+                else {
+                    "engine": self.engine,
+                    "beside_mujoco": dataclasses.asdict(self.beside_mujoco),
+                }
+            ),
+            "dives": len(self.dives),
+            "missions": [dive.row for dive in self.dives],
+            "legs": {phase: legs[phase] for phase in PHASES},
+            "hours": sum(len(d.depth) * d.period for d in self.dives) / 3600.0,
+            "turning": None if self.turning is None else dataclasses.asdict(self.turning),
+            "phases": {name: phase.describe() for name, phase in self.phases.items()},
+            "limits": {
+                "depth_rate_relative": DEPTH_RATE_LIMIT,
+                "turn_per_actuator_relative": TURN_LIMIT,
+                "turning_deg": TURNING_LIMIT,
+                "heading_sd_deg": HEADING_LIMIT,
+            },
+            "notes": list(self.notes),
+            "beyond": self.beyond,
+            "ok": not self.beyond,
+        }
+
+    def _flown(self) -> list[tuple[ReplayedDive, Trajectory | SimulationUnstable]]:
+        return list(zip(self.dives, self.flights, strict=True))
+
+
+def _beyond(phase: PhaseComparison) -> list[str]:
+    log, twin = phase.log, phase.twin
+    if twin is None:
+        return ["the twin never flew it steadily"]
+    found = []
+    ratio = _ratio(twin.depth_rate, log.depth_rate)
+    if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
+        found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
+    turn = _ratio(twin.turn_per_actuator, log.turn_per_actuator) if phase.same_part else None
+    if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
+        found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
+    held = _difference(twin.turning, log.turning) if phase.same_part else None
+    if held is not None and abs(held) > TURNING_LIMIT:
+        found.append(
+            f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
+            f"{log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such asymmetry; "
+            "identify it (`twin identify`)"
+        )
+    if twin.heading_sd is not None and twin.heading_sd > HEADING_LIMIT:
+        found.append(f"heading wanders by {twin.heading_sd:.1f} deg (at most {HEADING_LIMIT:g})")
+    if twin.oscillation is not None:
+        one = twin.oscillation
+        found.append(
+            f"{one.signal} swings by {one.amplitude_deg:.1f} deg every {one.period_s:.0f} s and "
+            "does not die out"
+        )
+    return found
+
+
+def _is_flown(flight: Trajectory) -> bool:
+    return flight.provenance.get("ended") == "flown"
+
+
+def _ratio(mine: float | None, theirs: float | None) -> float | None:
+    return None if mine is None or not theirs else mine / theirs
+
+
+def _difference(mine: float | None, theirs: float | None) -> float | None:
+    return None if mine is None or theirs is None else mine - theirs
+
+
+def check_logs(
+    store: str | Path,
+    vehicle: str | Path | Vehicle | Calibration,
+    *,
+    missions: Sequence[int] | None = None,
+    engine: str = "mujoco",
+) -> LogCheck:
+    """Fly the twin of a vehicle on the targets of logged dives, and compare.
+
+    Args:
+      store: path of a store that `factory import` wrote.
+      vehicle: shipped name or path of an MJCF file, with the errors of the sensors that it holds;
+        a vehicle, whose sensors are taken as exact; or `twin.identify.load_calibration(...)`.
+      missions: rows of the store, all by default.
+      engine: what flies the twin, as of `Scenario`; of lanes the first dive is flown in MuJoCo too.
+
+    Raises:
+      StoreError: no store of logs, no such row, no pitch or pump, or no whole dive in any row.
+      VehicleError: no such vehicle, or one without a pump or without a part that pitches it.
+      InputError, MissionError: the vehicle cannot do what the log's did.
+      SimulationUnstable: the twin went unstable in every dive.
+    """
+    hull = _hull(vehicle)
+    flown = _flown_vehicle(hull)
+    _check_vehicle(flown)
+    check_logged(store)
+    with LogStore(store) as logs:
+        turning = turning_of(hull.vehicle, Present(logs))
+        rows = list(range(len(logs))) if missions is None else list(missions)
+        for row in rows:
+            logs.check_mission(row)
+        said = log_rows(logs)
+        powered = [row for row in rows if said[row].powered]
+        rows = [row for row in rows if row not in powered]
+        check_signals(logs, rows)
+        found = [read_dive(logs, row, hull, turning) for row in rows]
+        dives = [dive for dive in found if dive is not None]
+        if not dives:
+            raise StoreError(
+                f"store {store} has no whole dive: no mission descends or climbs by "
+                f"{LEAST_RANGE:g} m with pitch and pumped volume"
+                + f" and without its thruster ({len(powered)} ran it)"
+                * bool(powered)
+            )
+        notes = notes_of(logs, dives, turning, hull.vehicle)
+        if powered:
+            listed = ", ".join(map(str, powered))
+            notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
+    flights = fly_dives(flown, dives, engine)
+    if all(isinstance(flight, SimulationUnstable) for flight in flights):
+        raise flights[0]  # type: ignore[misc]
+    phases, more = _phases(flown, dives, flights, turning, engine)
+    return LogCheck(
+        vehicle=flown,
+        store=Path(store),
+        dives=tuple(dives),
+        flights=tuple(flights),
+        phases=phases,
+        turning=turning,
+        engine=engine,
+        beside_mujoco=_beside_mujoco(flown, dives, flights) if engine == "lanes" else None,
+        notes=(*notes, *more),
+    )
+
+
+def _hull(vehicle: str | Path | Vehicle | Calibration) -> Calibration:
+    """The vehicle with what its file says of its sensors, where it is of a kind that can."""
+    if not isinstance(vehicle, str | Path):
+        return _exact(vehicle) if isinstance(vehicle, Vehicle) else vehicle
+    loaded = load_vehicle(vehicle)
+    _check_vehicle(loaded)
+    if not isinstance(loaded.law, FlowFrame):
+        return _exact(loaded)
+    return load_calibration(vehicle)
+
+
+class _OneDensity(Calibration):
+    """Of a vehicle whose file says nothing of the water that made a log."""
+
+    def sea_density(self, depth: Array) -> Array:
+        """The reference density of the vehicle's file at every depth."""
+        return np.full(np.shape(depth), self.vehicle.reference_density)
+
+
+def _exact(vehicle: Vehicle) -> Calibration:
+    """A vehicle whose sensors are taken as exact and whose hull does not swell."""
+    return _OneDensity(
+        vehicle=vehicle,
+        water_density=vehicle.reference_density,
+        thermal_expansion=0.0,
+        thermal_lag=1.0,
+    )
+
+
+def _flown_vehicle(hull: Calibration) -> Vehicle:
+    """The vehicle with the expansion that was identified, where its own fields have none."""
+    vehicle = hull.vehicle
+    if vehicle.hull_thermal_expansion or not hull.thermal_expansion:
+        return vehicle
+    return vehicle.replace(
+        hull_thermal_expansion=hull.thermal_expansion, hull_thermal_lag=hull.thermal_lag
+    )
+
+
+def _check_vehicle(vehicle: Vehicle) -> None:
+    """Refuse vehicles that a glider's log says nothing about."""
+    for control, what in (("buoyancy", "pump"), ("pitch", "part that pitches it")):
+        if vehicle.steered(control) is None:
+            raise VehicleError(
+                f"vehicle {vehicle.name!r} has no {what} (its parts: "
+                f"{', '.join(vehicle.part_names) or 'none'}): logs are compared with the flight of "
+                "a glider; give a glider's file"
+            )
+
+
+def _phases(
+    vehicle: Vehicle,
+    dives: Sequence[ReplayedDive],
+    flights: Sequence[Trajectory | SimulationUnstable],
+    turning: Turning | None,
+    engine: str,
+) -> tuple[dict[Phase, PhaseComparison], list[str]]:
+    """Log and twin in each phase that the log has, and what must be said about it."""
+    pump = vehicle.steering["buoyancy"]
+    flown = [
+        (dive, flight)
+        for dive, flight in zip(dives, flights, strict=True)
+        if isinstance(flight, Trajectory)
+    ]
+    phases: dict[Phase, PhaseComparison] = {}
+    turned: list[FlownTurn] = []
+    notes: list[str] = []
+    if turning is not None and turning.same:
+        turns = [(dive, flight) for dive, flight in flown if dive.turning is not None]
+        turned, failed = fly_turns(vehicle, turns, turning, engine)
+        notes = [f"on the log's own turns: {error}" for error in failed]
+    for phase in PHASES:
+        log = phase_figures([s for dive, _ in flown for s in logged_samples(dive, phase, pump)])
+        if log is None:
+            notes.append(f"no whole {phase} in the log: the figures of that phase are missing")
+            continue
+        legs = [
+            s
+            for dive, f in flown
+            for s in flown_samples(dive, f, legs_flown(dive, f), phase, vehicle, turning)
+        ]
+        mine = phase_figures(legs)
+        if mine is not None and turned:
+            legs = [
+                s
+                for dive, f, n in turned
+                for s in flown_samples(dive, f, n, phase, vehicle, turning)
+            ]
+            mine = dataclasses.replace(mine, turn_per_actuator=turn_per_actuator(legs))
+        angles = [a for d, f in flown if (a := angle_of_attack(d, f, phase)) is not None]
+        speed_from = None if log.speed is None else "measured"
+        if log.speed is None and angles:
+            speed_from = "depth rate and pitch"
+            path = math.radians(log.pitch - float(np.mean(angles)))
+            log = dataclasses.replace(log, speed=-log.depth_rate / math.sin(path))
+            notes.append(
+                f"speed of the log in its {phase}s: depth rate over the sine of pitch less the "
+                f"twin's angle of attack ({np.mean(angles):.1f} deg); it measured none"
+            )
+        phases[phase] = PhaseComparison(
+            log=log,
+            twin=mine,
+            speed_from=speed_from,
+            same_part=turning is not None and turning.same,
+        )
+    return phases, notes
+
+
+def _beside_mujoco(
+    vehicle: Vehicle,
+    dives: Sequence[ReplayedDive],
+    flights: Sequence[Trajectory | SimulationUnstable],
+) -> EndsApart:
+    """Of the first dive that lanes flew."""
+    dive, flight = next(
+        (d, f) for d, f in zip(dives, flights, strict=True) if isinstance(f, Trajectory)
+    )
+    theirs = fly_dives(vehicle, [dive])[0]
+    last = len(flight.time) - 1
+    if isinstance(theirs, Trajectory):
+        last = min(last, len(theirs.time) - 1)
+    return ends_apart(float(flight.time[last]), state_at(flight, last), theirs)

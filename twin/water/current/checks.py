@@ -1,0 +1,91 @@
+"""Checks: settings of currents, worded alike for every kind, and `NAME=VALUE` between commas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from twin.errors import CurrentError
+
+FASTEST_CURRENT = 10.0
+"""[m/s] No ocean current is faster (tidal races reach about 8); above it the units are wrong."""
+
+
+def finite(kind: str, name: str, value: float, unit: str) -> float:
+    """`value` as a float; raises CurrentError unless it is a finite number."""
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number with hundreds of digits
+        number = math.inf
+    except (TypeError, ValueError):
+        raise CurrentError(f"{kind}: {name} must be a number in {unit}, not {value!r}") from None
+    if not math.isfinite(number):
+        raise CurrentError(f"{kind}: {name} must be a finite number in {unit}, not {number}")
+    return number
+
+
+def speed(kind: str, name: str, value: float) -> float:
+    """`value` as a plausible velocity component [m/s] of either sign."""
+    number = finite(kind, name, value, "m/s")
+    if abs(number) > FASTEST_CURRENT:
+        raise CurrentError(
+            f"{kind}: {name} is {number} m/s, beyond {FASTEST_CURRENT:g} m/s: give it in m/s"
+        )
+    return number
+
+
+def positive(kind: str, name: str, value: float, unit: str) -> float:
+    """`value` as a float greater than zero."""
+    number = finite(kind, name, value, unit)
+    if number <= 0.0:
+        raise CurrentError(f"{kind}: {name} must be greater than 0 {unit}, not {number:g}")
+    return number
+
+
+def not_negative(kind: str, name: str, value: float, unit: str) -> float:
+    """`value` as a float of at least zero."""
+    number = finite(kind, name, value, unit)
+    if number < 0.0:
+        raise CurrentError(f"{kind}: {name} must be at least 0 {unit}, not {number:g}")
+    return number
+
+
+def split_settings(kind: str, rest: str) -> tuple[list[str], dict[str, str]]:
+    """Split comma-separated values into positional ones and NAME=VALUE."""
+    positional: list[str] = []
+    given: dict[str, str] = {}
+    for item in rest.split(","):
+        name, equals, value = item.partition("=")
+        name, value = name.strip(), value.strip()
+        if not equals:
+            positional.append(name)
+            continue
+        name = name.lower()
+        if name in given:
+            raise CurrentError(f"{kind}: {name}= is given twice")
+        given[name] = value
+    return positional, given
+
+
+def number(kind: str, name: str, text: str) -> float:
+    """A finite number; raises CurrentError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise CurrentError(f"{kind}: {name} must be a number, not {text!r}")
+    return value
+
+
+def whole_number(kind: str, name: str, text: str) -> int:
+    """A whole number; raises CurrentError."""
+    value = number(kind, name, text)
+    if value != int(value):
+        raise CurrentError(f"{kind}: {name} must be a whole number, not {value:g}")
+    return int(value)
+
+
+def allowed(names: Iterable[str]) -> str:
+    """The end of a message: which settings there are."""
+    return f"settings: {', '.join(names)}"
