@@ -63,7 +63,7 @@ def fit(
       say: told warnings, and what is being done after the training.
       history: a line for the record, such as the command.
       report: evaluate the networks and write the report; else `learn.finishing.finish` does later.
-      settings: as of `fit_settings`, which names and explains them.
+      settings: as of `FitSettings`, which names and explains them.
 
     Returns:
       The run, with `folder`, `figures` and `predict`.

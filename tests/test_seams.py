@@ -16,6 +16,7 @@ from twin.plugins import imported
 
 NO_KINDS = {
     "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
+    "twin.water.current.tabulated:Tabulated": "a function's table, which flies as a grid",
 }
 """Classes derived from a seam's base that are no kind of their own, and why"""
 SEAMS = script("architecture").seams()

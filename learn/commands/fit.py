@@ -5,17 +5,15 @@ from __future__ import annotations
 import contextlib
 import shlex
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn import NETWORKS, OPTIMISERS
 from learn.run import RUNS, checked_name, free_name
+from learn.training import CHOICES, FitSettings
 from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Seconds
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 from twin.errors import InputError, unknown_name
@@ -24,28 +22,9 @@ if TYPE_CHECKING:
     from learn import FitConfig
     from learn.training import TrainingJob, TrainingReport
 
-CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
-    "network": NETWORKS,
-    "inputs": ("full", "glider"),
-    "optimiser": OPTIMISERS,
-    "division": ("missions", "samples"),
-    "device": ("auto", "cpu", "cuda"),
-    "labels": ("truth", "dvl"),
-    "smoothing": ("gaussian", "causal", "none"),
-}
-"""Options of few words. They are text for the parser, which would list None among the words."""
-
-
-def _words(option: str) -> Any:
-    """How the help shows an option of `CHOICES`."""
-    return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
-
-
-NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CHOICES)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Fit(JsonOption):
+class Fit(FitSettings, JsonOption):
     """Train surge and sway networks on a store, judge them by dead reckoning, write a report.
 
     Several stores, each of its own vehicle, train networks of a family of vehicles.
@@ -57,66 +36,12 @@ class Fit(JsonOption):
         learn fit seawing.zarr slocum.zarr seaglider.zarr --without shift pump
     """
 
-    # An option that is not given is None, so that a resumed run keeps its own.
     store: Annotated[tuple[StoreArgument, ...], tyro.conf.Positional] = ()
     """store of missions, or several [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
-    network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: ema, the paper's is elman]"""
-    hidden: int | None = None
-    """units per hidden layer [default: 50]"""
-    layers: int | None = None
-    """hidden layers [default: 3]"""
-    delays: int | None = None
-    """elman: past outputs that a hidden layer is fed back [default: 5]"""
-    memories: tuple[float, ...] | None = None
-    """ema: seconds of its averages, rising [default: 2 8 30]"""
-    inputs: Annotated[str | None, INPUTS] = None
-    """full needs gyroscopes and accelerometers, glider is what every glider's log has
-    [default: full]"""
-    features: tuple[str, ...] = ()
-    """features or groups instead of a set of --inputs, such as attitude depth_rate glide_speed"""
-    without: tuple[str, ...] = ()
-    """features, groups or sensors (imu, attitude, controls) that the vehicle lacks"""
-    optimiser: Annotated[str | None, OPTIMISER] = None
-    """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
-    seconds: Seconds | None = None
-    """time in training of each network, such as 120 (seconds) or 10min, to which preparing
-    and judging add (10 s of one member take some 36 s in all); two are trained side by side
-    [default: 120]"""
-    epochs: int | None = None
-    """passes over the training missions instead of a time (scg: iterations); repeatable"""
-    window: int | None = None
-    """networks with trained memory: samples that a piece of a mission counts; longer ones teach a
-    longer memory [default: 128]"""
-    washin: int | None = None
-    """samples before it in which the network finds its state [default: 48]"""
-    seed: int | None = None
-    """of initial weights and order; every network gets one of its own from it [default: 0]"""
-    members: int | None = None
-    """networks per velocity; with more than one their spread is an uncertainty [default: 2]"""
-    division: Annotated[str | None, DIVISION] = None
-    """missions: the store's split; samples: the paper's random 70/15/15, which leaks
-    [default: missions]"""
     no_mirror: bool = False
     """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
-    labels: Annotated[str | None, LABELS] = None
-    """what is learned: the truth of a simulated store, or what its Doppler log measured, cleaned
-    [default: truth]"""
-    known_current: str | None = None
-    """--labels dvl: what is taken off bottom track. none: it is unknown, only water track is
-    learned from; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
-    [default: none]"""
-    smoothing: Annotated[str | None, SMOOTHING] = None
-    """--labels dvl: after outliers are removed; causal looks back only [default: gaussian]"""
-    period: float | None = None
-    """seconds between samples, a multiple of the store's: simulated missions as slow as a log"""
-    start: Path | None = None
-    """run whose networks the training starts from, with their inputs, scales and period:
-    simulation then real"""
-    device: Annotated[str | None, DEVICE] = None
-    """auto takes a GPU when there is one [default: cpu]"""
     workers: int | None = None
     """networks trained at a time, a process each [default: the CPUs that this process may use]"""
     scheduler: str | None = None
@@ -125,8 +50,6 @@ class Fit(JsonOption):
     memory: float | None = None
     """GB for the training data; a store that needs more is streamed, with the same result. With
     --scheduler it is for each network [default: half of the memory that is free]"""
-    buffer: int | None = None
-    """samples of the missions that are shuffled together [default: 1048576]"""
     no_report: bool = False
     """train alone: `learn report` judges the networks and draws the page later"""
     tensorboard: bool = False
@@ -148,10 +71,12 @@ class Fit(JsonOption):
             raise InputError("--resume needs the --name of the run to continue")
         self._check_choices()
         folder = self._folder()
-        options = {name: getattr(self, name) for name in SETTINGS} | {"store": self.store or None}
+        settings = {one.name: getattr(self, one.name) for one in fields(FitSettings)}
         place = training_folder(folder, replace=self.overwrite)
         config = fit_settings(
-            resumed=place if self.resume else None, mirror=not self.no_mirror, **options
+            self.store or None,
+            resumed=place if self.resume else None,
+            **settings | {"mirror": not self.no_mirror},
         )
         if self.tensorboard:
             event_writer_type()
@@ -190,25 +115,6 @@ class Fit(JsonOption):
 
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
-
-
-SETTINGS = (
-    *(
-        "store",
-        "network",
-        "hidden",
-        "layers",
-        "delays",
-        "memories",
-        "inputs",
-        "features",
-        "without",
-    ),
-    *("optimiser", "seconds", "epochs", "window", "washin", "buffer", "seed", "members"),
-    "division",
-    *("period", "start", "device", "labels", "known_current", "smoothing"),
-)
-"""Options that `learn.fit_settings` takes under the same name."""
 
 
 class Watcher:

@@ -20,6 +20,7 @@ from learn.networks.familiarity import training_hulls
 from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.schedule import TrainingConfig
+from learn.training.settings import FitSettings
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import (
     INPUT_SETS,
@@ -158,34 +159,7 @@ DEFAULT_INPUTS = "full"
 
 
 def fit_settings(
-    store: str | StorePath | Stores | None = None,
-    *,
-    resumed: Path | None = None,
-    network: str | None = None,
-    hidden: int | None = None,
-    layers: int | None = None,
-    delays: int | None = None,
-    memories: Sequence[float] | None = None,
-    inputs: str | None = None,
-    features: Sequence[str] = (),
-    without: Sequence[str] = (),
-    optimiser: str | None = None,
-    seconds: float | None = None,
-    epochs: int | None = None,
-    window: int | None = None,
-    washin: int | None = None,
-    buffer: int | None = None,
-    seed: int | None = None,
-    members: int | None = None,
-    division: str | None = None,
-    mirror: bool = True,
-    period: float | None = None,
-    start: str | Path | None = None,
-    device: str | None = None,
-    labels: str | None = None,
-    known_current: str | None = None,
-    smoothing: str | None = None,
-    held_out: Sequence[int] = (),
+    store: str | StorePath | Stores | None = None, *, resumed: Path | None = None, **settings: Any
 ) -> FitConfig:
     """The settings of a training: those given here, a resumed run's own, and the defaults.
 
@@ -194,40 +168,12 @@ def fit_settings(
         need the same time between samples, and inputs are what all their vehicles have [default:
         data/missions.zarr].
       resumed: folder of the run that is continued, if it exists.
-      network: a name of `learn.NETWORKS` [ema, the paper's is elman].
-      hidden: units per hidden layer [50].
-      layers: hidden layers [3].
-      delays: elman: past outputs that a hidden layer is fed back [5].
-      memories: ema: [s] of its averages, rising [2, 8, 30].
-      inputs: `full` needs gyroscopes and accelerometers, `glider` is what every glider's log has
-        [full].
-      features: features or groups instead of a set of inputs.
-      without: features, groups or sensors that the vehicle lacks.
-      optimiser: a name of `learn.OPTIMISERS` [soap].
-      seconds: [s] of computing of each network [120].
-      epochs: passes over the training missions instead; the result does not depend on the
-        machine's speed.
-      window: samples that a piece of a mission counts [128]; networks with trained memory only,
-        as `washin`.
-      washin: samples before it in which the network finds its state [48].
-      buffer: samples of the missions that are shuffled together; less needs less memory [1048576].
-      seed: of initial weights and order [0].
-      members: networks per velocity; with more than one their spread is an uncertainty [2].
-      division: `missions`, the store's split, or `samples`, the paper's, which leaks [missions].
-      mirror: show every mission mirrored too, port for starboard.
-      period: [s] between samples, a multiple of the store's.
-      start: run whose weights, inputs, scales and period the training begins with.
-      device: cpu, cuda or auto [cpu].
-      labels: `truth`, or `dvl` for what the Doppler log measured through the water [truth].
-      known_current: with `dvl`, what is taken off bottom track: `none` is known and only water
-        track is learned from, `store` for the current that the store holds, or "NORTH,EAST" in
-        m/s, "0,0" in still water [none].
-      smoothing: with `dvl`, after outliers are removed: `gaussian`, `causal` or `none` [gaussian].
-      held_out: rows of the store that are not trained on, to be judged by.
+      settings: as of `learn.FitSettings`, which explains them.
 
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
     """
+    own = FitSettings(**settings)
     base = continued = _resumed(resumed)
     places = each_store((base.stores if base else DEFAULT_STORE) if store is None else store)
     if not places:
@@ -237,41 +183,34 @@ def fit_settings(
         features=_inputs(places, DEFAULT_INPUTS),
         members=DEFAULT_MEMBERS,
     )
-    sizes = _given(hidden=hidden, layers=layers, delays=delays, memories=memories)
-    kinds = _given(kind=network) | sizes
+    sizes = own.given("hidden", "layers", "delays", "memories")
+    kinds = own.given(kind="network") | sizes
     chosen, shape = base.features, base.network
-    other_inputs = bool(features or without or inputs is not None)
-    if start is not None:
-        first = open_run(start)
+    start, period = base.start, base.period if own.period is None else own.period
+    other_inputs = bool(own.features or own.without or own.inputs is not None)
+    if own.start is not None:
+        first = open_run(own.start)
         if other_inputs or kinds:
             raise InputError(
                 "--start takes inputs and network from the run: leave out --inputs, --features, "
                 "--without, --network, --hidden, --layers, --delays and --memories"
             )
-        if period not in (None, first.period):
+        if own.period not in (None, first.period):
             raise InputError(
                 f"run {first.name} has a sample every {first.period:g} s: leave --period out"
             )
         start, period, chosen = str(first.folder), first.period, first.features
         shape = NetworkConfig(**first.description["settings"]["network"])
-    else:
-        start, period = base.start, base.period if period is None else period
     if other_inputs:
-        if inputs is not None and inputs not in INPUT_SETS:
-            raise InputError(unknown_name("set of inputs", inputs, INPUT_SETS))
-        chosen = _inputs(places, inputs or DEFAULT_INPUTS, features, without)
-    budget = _given(seconds=seconds, epochs=epochs)
-    if epochs is not None and seconds is None:
-        budget["seconds"] = 0.0
-    training = _given(
-        optimiser=optimiser,
-        seed=seed,
-        device=device,
-        window=window,
-        washin=washin,
-        buffer=buffer, **budget,
-    )  # fmt: skip
-    learned = _given(source=labels, known_current=known_current, smoothing=smoothing)
+        if own.inputs is not None and own.inputs not in INPUT_SETS:
+            raise InputError(unknown_name("set of inputs", own.inputs, INPUT_SETS))
+        chosen = _inputs(places, own.inputs or DEFAULT_INPUTS, own.features, own.without)
+    training = own.given(
+        *("optimiser", "seed", "device", "window", "washin", "buffer", "seconds", "epochs")
+    )
+    if own.epochs is not None:
+        training.setdefault("seconds", 0.0)
+    learned = own.given("known_current", "smoothing", source="labels")
     one, *more = _same_places(places, base)
     config = FitConfig(
         store=one,
@@ -279,21 +218,21 @@ def fit_settings(
         features=chosen,
         network=NetworkConfig(**{**dataclasses.asdict(shape), **kinds}),
         training=TrainingConfig(**{**dataclasses.asdict(base.training), **training}),
-        members=base.members if members is None else members,
-        division=base.division if division is None else division,  # type: ignore[arg-type]
-        mirror=base.mirror and mirror,
+        members=base.members if own.members is None else own.members,
+        division=base.division if own.division is None else own.division,  # type: ignore[arg-type]
+        mirror=base.mirror and own.mirror,
         period=period,
         start=None if start is None else str(start),
         labels=LabelConfig(**{**dataclasses.asdict(base.labels), **learned}),
-        held_out=tuple(held_out) or base.held_out,
+        held_out=tuple(own.held_out) or base.held_out,
         hulls=base.hulls,
     )
     if continued is None:
-        hulls = training_hulls(places, chosen, period) if start is None else first.hulls
+        hulls = training_hulls(places, chosen, period) if own.start is None else first.hulls
         config = dataclasses.replace(config, hulls=hulls)
     _check_uses(config, sizes, training, learned)
-    if window is not None:
-        check_window(config.stores, window, division=config.division, period=config.period)
+    if own.window is not None:
+        check_window(config.stores, own.window, division=config.division, period=config.period)
     return config
 
 
@@ -314,10 +253,6 @@ def _inputs(
             )
     wanted = tuple(features) or min((input_groups(inputs, one) for one in stores), key=len)
     return select_features(wanted, without, tuple(parts_of(stores)))
-
-
-def _given(**values: Any) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}
 
 
 def _resumed(folder: Path | None) -> FitConfig | None:
