@@ -143,7 +143,7 @@ def import_logs(
     """Read the logs of real vehicles, cut them into dives and store them.
 
     Args:
-      kind: "slocum", "seaglider", "seaexplorer", "og1" or "lrauv".
+      kind: name of the kind of log, such as "slocum"; `factory import --help` lists them.
       files: files or folders.
       out: the store.
       overwrite: replace an existing store.
