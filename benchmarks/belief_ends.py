@@ -4,7 +4,7 @@
 
 The stores are those of `factory import`, with attitude. For each deployment `twin identify` fits
 drag and neutral density to all dives at once, from the shipped vehicle of the log's kind, and
-`twin.health.follow_parameters` follows them dive by dive: without walks, which is the same question
+`follow_parameters` follows them dive by dive: without walks, which is the same question
 and shall have the same answer, and with the walks that `twin watch` gives them, whose middle is
 that of the dives looked back at. `off` is the difference over the root of the sum of both squared
 deviations, `white` the root mean square of the walks' innovations, which is 1 where they are as
@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from twin.cli.text_table import format_table
-from twin.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.start_values import start_vehicle
 from twin.records.logged import LogStore

@@ -17,7 +17,7 @@ import json
 
 import numpy as np
 
-from twin.forecast import MemberFlight, Request, fly_nominal
+from glider_twin_ops.forecast import MemberFlight, Request, fly_nominal
 from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
 from twin.mission import Mission, Waypoint

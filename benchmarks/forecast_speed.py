@@ -14,8 +14,8 @@ import json
 import os
 import time
 
-from twin.forecast import Request, forecast, known_without_logs, mission_to
-from twin.forecast.request import LEAST_MEMBERS
+from glider_twin_ops.forecast import Request, forecast, known_without_logs, mission_to
+from glider_twin_ops.forecast.request import LEAST_MEMBERS
 from twin.physics.scenario import ENGINES
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Origin

@@ -31,7 +31,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from factory.generation.deployments import (
+from factory.generation.executors import local_pool
+from glider_twin_ops.health.assessment import flown_signatures, judged
+from glider_twin_ops.health.channels import CHANNELS, NAMES
+from glider_twin_ops.health.deployment_dives import told_by
+from glider_twin_ops.health.deployment_health import DeploymentHealth
+from glider_twin_ops.health.disturbances import standing
+from glider_twin_ops.health.fault_detector import FaultDetector
+from glider_twin_ops.health.judgement import follow, sure, threshold_of
+from glider_twin_ops.health.judgement import judge as weigh
+from glider_twin_ops.health.signatures import TypicalDive, usual_dive
+from glider_twin_ops.presets.deployment import DeploymentDraw, faulty_of
+from glider_twin_ops.presets.deployments import (
     CHUNK,
     FAULT_KIND,
     FAULT_ONSET,
@@ -43,19 +54,7 @@ from factory.generation.deployments import (
     first_draw,
     flown_logs,
 )
-from factory.generation.executors import local_pool
-from factory.sampling.deployment import DeploymentDraw, faulty_of
-from learn.networks.fault_detector import FaultDetector
 from twin.faults.base import FAULTS, fault_from_dict
-from twin.health.assessment import flown_signatures, judged
-from twin.health.channels import CHANNELS, NAMES
-from twin.health.deployment_dives import told_by
-from twin.health.deployment_health import DeploymentHealth
-from twin.health.disturbances import standing
-from twin.health.judgement import follow, sure
-from twin.health.judgement import judge as weigh
-from twin.health.signatures import TypicalDive, usual_dive
-from twin.health.thresholds import threshold_of
 from twin.records.logged import LogStore
 from twin.records.presence import is_store
 from twin.records.store import read_zarr, write_store

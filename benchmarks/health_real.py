@@ -20,12 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from glider_twin_ops.health.assessment import LEAST_DIVES, flown_signatures, judged
+from glider_twin_ops.health.channels import NAMES
+from glider_twin_ops.health.deployment_dives import told_by
+from glider_twin_ops.health.judgement import sure, threshold_of
 from twin.cli.text_table import format_number
-from twin.health.assessment import LEAST_DIVES, flown_signatures, judged
-from twin.health.channels import NAMES
-from twin.health.deployment_dives import told_by
-from twin.health.judgement import sure
-from twin.health.thresholds import threshold_of
 from twin.identify.start_values import start_vehicle
 from twin.records.logged import LogStore
 from twin.vehicle.vehicle import Vehicle, load_vehicle

@@ -4,7 +4,7 @@
 
 FOLDER is as of `benchmarks.surfacings`. From its fifth dive on, each deployment is asked for the
 times of the next, the second and the fourth surfacing, by what its dives so far have told: stays at
-the surface and how well dives keep the time (`twin.forecast.surfacing_schedule.Rhythm`). Those
+the surface and how well dives keep the time (`Rhythm`). Those
 beyond a hole in the log are left out. Printed is the part that comes within the interval of 90 %,
 its median width, and by how much the middle is off in the median, beside a rival that lets dives
 follow each other without a stay, as long as the median of the last five.
@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.surfacings import stores_in
+from glider_twin_ops.forecast.logged_leg import DiveTime, dive_times
+from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
 from twin.cli.text_table import format_table
-from twin.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
-from twin.logs.logged_leg import DiveTime, dive_times
 from twin.records.logged import LogStore
 
 AHEAD = (1, 2, 4)

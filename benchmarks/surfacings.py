@@ -4,7 +4,7 @@
 
 FOLDER holds stores of logs, or folders of logs whose names begin with their kind (slocum_...,
 seaglider_..., seaexplorer_...), which are imported. What is believed before the first dive
-(`twin.forecast.Priors`) is learned for each deployment from the others, and the deployment is then
+(`Priors`) is learned for each deployment from the others, and the deployment is then
 walked through from its second dive to its last. `--shipped` takes the shipped ones instead, for
 deployments that did not teach them; `--priors` prints those of all in the folder. `--waypoints 1`
 knows no more of a dive's list of waypoints than the first.
@@ -32,14 +32,14 @@ import numpy as np
 from scipy.stats import binom
 
 from factory.importing import import_logs
+from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
+from glider_twin_ops.forecast.current_models import BESIDE, FIELD, FILTER
+from glider_twin_ops.forecast.deployment_hindcast import bootstrap
+from glider_twin_ops.forecast.logged_leg import REPORTED
+from glider_twin_ops.forecast.pool import Prior
+from glider_twin_ops.forecast.walk import Pair
 from twin.errors import InputError, TwinError
-from twin.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
-from twin.forecast.scores import bootstrap
-from twin.forecast.walk import Pair
-from twin.logs.logged_leg import REPORTED
 from twin.navigation.current import Reaches
-from twin.navigation.current.models import BESIDE, FIELD, FILTER
-from twin.navigation.current.pool import Prior
 from twin.records.presence import is_store
 from twin.records.store import write_store
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from twin.health.manoeuvres import (
+from glider_twin_ops.health.manoeuvres import (
     LEARNED,
     NOISE,
     Manoeuvre,
@@ -30,7 +30,7 @@ from twin.health.manoeuvres import (
     slopes_of,
     turned,
 )
-from twin.health.signatures import TypicalDive, usual_dive
+from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin.identify import load_calibration
 from twin.identify.calibration import Calibration
 from twin.identify.depth_rates import DepthRates

@@ -70,7 +70,7 @@ def measure(dives: int, place: Path) -> dict[str, object]:
     """Of a deployment of so many dives."""
     from logs import Flight, write_basestation  # type: ignore[import-not-found]
 
-    from factory.watching import WatchedDeployment
+    from glider_twin_ops.watching import WatchedDeployment
 
     source, later = place / "arrived", place / "later"
     source.mkdir()
@@ -99,7 +99,7 @@ def measure(dives: int, place: Path) -> dict[str, object]:
 def kills(times: int, seed: int, place: Path) -> dict[str, object]:
     """Kill passes at random moments, and let the next one go on."""
     from benchmarks.histories import DONE, fork, wait
-    from factory.watching.watch_pass import PARTS
+    from glider_twin_ops.watching.watch_pass import PARTS
 
     names = (*PARTS, FORECAST, "what lies beside them")
     draw = random.Random(seed)
@@ -195,8 +195,8 @@ def real_passes(folder: Path, cache: Path | None, place: Path) -> dict[str, obje
 
 def log_seconds(folder: Path, *, again: bool = False) -> float:
     """[s] of this process until the log is up to date, or made again."""
-    from factory.watching import WatchedDeployment
-    from factory.watching.log_of_files import log_of_files
+    from glider_twin_ops.watching import WatchedDeployment
+    from glider_twin_ops.watching.log_of_files import log_of_files
 
     deployment = WatchedDeployment.read(folder)
     begin = time.process_time()
@@ -258,7 +258,7 @@ def real_orders(
 
 def _real(folder: Path, cache: Path | None, place: Path) -> tuple[Path, Path, list[Path]]:
     """An empty source with lists of sensors, its deployment, and the logs in order of time."""
-    from factory.watching import WatchedDeployment
+    from glider_twin_ops.watching import WatchedDeployment
 
     source, lists = place / "arrived", place / "lists"
     source.mkdir(parents=True)
@@ -285,7 +285,7 @@ def _stored(path: Path) -> Any:
     """A log less what says when and from which files' digest it was made."""
     import xarray as xr
 
-    from factory.watching.log_of_files import DIGEST
+    from glider_twin_ops.watching.log_of_files import DIGEST
     from twin.records.attributes import HISTORY
 
     found = xr.open_zarr(path, decode_times=False).load()
@@ -309,7 +309,7 @@ def _files(place: Path) -> list[Path]:
     import xarray  # noqa: F401
     from logs import Flight, write_basestation
 
-    import factory.watching.watch_pass  # noqa: F401
+    import glider_twin_ops.watching.watch_pass  # noqa: F401
     import twin.physics.lanes  # noqa: F401
 
     later = place / "later"
@@ -318,7 +318,7 @@ def _files(place: Path) -> list[Path]:
 
 
 def _deployment(place: Path, files: list[Path]) -> Path:
-    from factory.watching import WatchedDeployment
+    from glider_twin_ops.watching import WatchedDeployment
 
     source = place / "arrived"
     source.mkdir(parents=True)
@@ -332,7 +332,7 @@ def _deployment(place: Path, files: list[Path]) -> Path:
 
 
 def _pass(folder: Path) -> None:
-    from factory.watching import WatchedDeployment, one_pass
+    from glider_twin_ops.watching import WatchedDeployment, one_pass
 
     one_pass(WatchedDeployment.read(folder))
 
@@ -340,8 +340,8 @@ def _pass(folder: Path) -> None:
 def _between(folder: Path) -> bool:
     """The part of a pass that files in any order could harm."""
     from benchmarks.histories import DONE, fork, wait
-    from factory.watching import WatchedDeployment
-    from factory.watching.log_of_files import log_of_files
+    from glider_twin_ops.watching import WatchedDeployment
+    from glider_twin_ops.watching.log_of_files import log_of_files
 
     made = WatchedDeployment.read(folder)
     return wait(fork(lambda: log_of_files(made, folder))) == DONE
@@ -349,8 +349,8 @@ def _between(folder: Path) -> bool:
 
 def _bytes(folder: Path) -> str:
     """Of log, beliefs, events and the page's figures; what lies beside them, too."""
-    from factory.watching.made_parts import content_of
-    from factory.watching.watch_pass import PARTS
+    from glider_twin_ops.watching.log_of_files import content_of
+    from glider_twin_ops.watching.watch_pass import PARTS
 
     beside = sorted(path.name for path in folder.iterdir() if "writing" in path.name)
     parts = [content_of(folder / name) for name in (*PARTS, FORECAST)]

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Ellipse
 
 import twin
-from twin.forecast import Request, forecast, known_without_logs, mission_to
+from glider_twin_ops.forecast import Request, forecast, known_without_logs, mission_to
 
 LATITUDE, LONGITUDE = 36.80, -122.20
 UNIX_TIME = 1_795_000_000.0  # [s] in November 2026, for the tide

@@ -13,6 +13,7 @@ from factory.generation.generation import generate as _generate
 from factory.sampling.distribution import Parameter
 from factory.sampling.recipe import make_recipe
 from twin.errors import InputError
+from twin.plugins import entry_point, load_entry_point
 
 if TYPE_CHECKING:
     from factory.importing.tally import ImportReport
@@ -110,6 +111,27 @@ def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:
     return parameter_table(load_vehicle(vehicle))
 
 
+def make_deployments(out: str | Path, *, preset: str = "faulty", **options: Any) -> Any:
+    """Fly deployments of many dives, half of them with a fault, by the plugin `ops`.
+
+    Args:
+      options: of `glider_twin_ops.presets.make_deployments`.
+
+    Returns:
+      The store, and how many deployments, faults, dives and days are in it.
+
+    Raises:
+      InputError: the plugin is not installed, or cannot do as it is asked.
+    """
+    point = entry_point("glider_twin.deployments", "faulty")
+    if point is None:
+        raise InputError(
+            f"preset {preset} comes with a plugin that is not installed: "
+            "`pip install ./plugins/ops` in a clone"
+        )
+    return load_entry_point(point, f"preset {preset}")(out, preset=preset, **options)
+
+
 def import_logs(
     kind: str,
     files: Sequence[str | Path],
@@ -121,7 +143,7 @@ def import_logs(
     """Read the logs of real vehicles, cut them into dives and store them.
 
     Args:
-      kind: "slocum", "seaglider", "seaexplorer", "og1" or "lrauv".
+      kind: name of the kind of log, such as "slocum"; `factory import --help` lists them.
       files: files or folders.
       out: the store.
       overwrite: replace an existing store.

@@ -1,6 +1,6 @@
 """Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
 
-Here are those of logs, exports and sources of files.
+Here are those of logs and exports.
 """
 
 from __future__ import annotations
@@ -46,22 +46,3 @@ EXPORTERS: Registry[Any] = Registry(
     objects=True,
 )
 """Formats that a store can be exported to."""
-
-SOURCES: Registry[Any] = Registry(
-    "source",
-    group="glider_twin.sources",
-    folder="factory/watching/sources",
-    base="factory.watching.Source",
-    page="howto/watch.md#a-source-of-your-own",
-    shipped={
-        "slocum": "factory.watching.sources.kinds:SLOCUM",
-        "seaglider": "factory.watching.sources.kinds:SEAGLIDER",
-        "seaexplorer": "factory.watching.sources.kinds:SEAEXPLORER",
-        "netcdf": "factory.watching.sources.kinds:NETCDF",
-        "tables": "factory.watching.sources.kinds:TABLES",
-        "erddap": "factory.watching.sources.kinds:ERDDAP",
-    },
-    apart={"lrauv": PROTOCOLS},
-    objects=True,
-)
-"""From where the files of a deployment at sea come."""

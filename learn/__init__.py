@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from learn.api import fit as fit
     from learn.networks.base import Network as Network
     from learn.networks.config import NetworkConfig as NetworkConfig
-    from learn.networks.fault_detector import FaultDetector as FaultDetector
     from learn.networks.predictor import Prediction as Prediction
     from learn.report.contents import RunEvaluation as RunEvaluation
     from learn.run import Run as Run

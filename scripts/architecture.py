@@ -32,16 +32,16 @@ BOXES = {
     "fossen": ("fossen", "independent model", "twin", 0, 1),
     "checks": ("checks", "the two models agree", "twin", 1, 1),
     "identify": ("identify", "parameters from logs", "twin", 2, 1),
-    "pictures": ("plot, render", "figures, films", "twin", 3, 1),
-    "recipe": ("recipe", "what is drawn", "factory", 1, 0),
-    "generation": ("flight, generation", "missions in parallel", "factory", 2, 0),
+    "pictures": ("show", "figures, films, pages", "twin", 3, 1),
+    "recipe": ("sampling", "recipes, draws", "factory", 1, 0),
+    "generation": ("generation", "missions in parallel", "factory", 2, 0),
     "importing": ("importing", "logs of vehicles", "factory", 3, 0),
-    "exporting": ("exporting, inspect", "OG1, Parquet, verify", "factory", 4, 0),
+    "exporting": ("exporting", "OG1, Parquet", "factory", 4, 0),
     "data": ("data", "sequences, labels", "learn", 0, 0),
     "networks": ("networks, training", "surge and sway", "learn", 1, 0),
     "navigation": ("navigation", "features, baselines", "twin", 4, 1),
     "evaluation": ("evaluation", "errors by method", "learn", 2, 0),
-    "report": ("report, runs", "page, model card", "learn", 3, 0),
+    "report": ("report", "page, model card", "learn", 3, 0),
 }
 """Name: what stands in the box, its package, its column and its row."""
 FLOWS = (

@@ -57,7 +57,6 @@ AREAS = {
     "factory": "Data factory",
     "learn.api": "Train and judge",
     "learn.adaptation": "Train and judge",
-    "learn.networks.fault_detector": "Train and judge",
     "learn.run": "Train and judge",
     "learn.training.fit_config": "Train and judge",
     "learn": "Kinds of your own",

@@ -108,9 +108,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Skip the import of files that a run leaves out; None leaves the others to pytest."""
-    if config.getoption("--quick") and _seconds(collection_path):
+    if config.getoption("--quick", False) and _seconds(collection_path):
         return True
-    part, own = config.getoption("--part"), _part(collection_path)
+    part, own = config.getoption("--part", None), _part(collection_path)
     return True if part is not None and own not in (None, part) else None
 
 

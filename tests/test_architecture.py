@@ -60,8 +60,6 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
-    "factory.commands <-> twin": "`twin watch`: what a pilot types is `twin`, what imports logs is "
-    "the factory, and the table of commands names its place, unimported",
     "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
 }
 """Folders of which one names the other only for when it is asked, and why"""
@@ -95,7 +93,6 @@ NAMES_ACTUATORS = {
     "twin.checks": "published positions",
     "twin.control": "energy of pumps and propellers, and a pilot for gliders",
     "twin.faults": "a fault is of one part",
-    "twin.health": "channels and beliefs are of a glider's parts",
     "twin.physics.electric": "the load of a pump",
     "twin.logs.energy_timeline": "what a pump moves by depth and direction",
     "twin.logs.energy_use": "a pump, drives and a propeller take unlike shares",
@@ -114,7 +111,6 @@ OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.show.render.painter": "shift of a mesh",
-    "twin.show.health_page": "the pump's answer, as twin.health has it",
     "learn.data.store_checks": "advice on what store to take",
 }
 
@@ -346,6 +342,12 @@ def test_few_public_classes_share_a_name() -> None:
     found = doubled(classes)
     assert len(found) < MOST_DOUBLED_CLASSES, found
     assert doubled([("Hold", "a"), ("Dvl", "b"), ("Hold", "c")]) == {"Hold": ["a", "c"]}
+
+
+def public_objects(package: str) -> set[str]:
+    """Names in a lazy face that are not modules beside it, which it may show as such."""
+    found = twin.lazy.places(importlib.import_module(package).__name__)
+    return {name for name, place in found.items() if ":" in place}
 
 
 def test_a_lazy_face_shows_no_name_of_a_module_beside_it() -> None:

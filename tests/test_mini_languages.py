@@ -152,7 +152,7 @@ def slocum(text: str) -> None:
 
 def goto(text: str) -> None:
     """`twin forecast --goto`"""
-    from twin.forecast import mission_to
+    from glider_twin_ops.forecast import mission_to
 
     mission_to(text, depth=200.0, pitch_deg=26.0, surface_after_s=7200.0, radius=100.0)
 

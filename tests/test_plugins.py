@@ -53,14 +53,14 @@ def face(package: str) -> frozenset[str] | None:
     module = ROOT / package.replace(".", "/")
     if not (module / "__init__.py").is_file():
         return None
-    importlib.import_module(package)
+    written = getattr(importlib.import_module(package), "__all__", ())
     tree = ast.parse((module / "__init__.py").read_text(encoding="utf-8"))
     own = {n.name for n in tree.body if isinstance(n, ast.ClassDef | ast.FunctionDef)}
     own |= {t.id for n in tree.body if isinstance(n, ast.Assign)
             for t in n.targets if isinstance(t, ast.Name)}  # fmt: skip
     shown = {a.asname for n in tree.body if isinstance(n, ast.ImportFrom)
              for a in n.names if a.asname}  # fmt: skip
-    names = {*own, *shown, *twin.lazy.places(package), "__version__"}
+    names = {*own, *shown, *written, *twin.lazy.places(package), "__version__"}
     return frozenset(n for n in names if not n.startswith("_") or n == "__version__")
 
 

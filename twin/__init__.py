@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from twin import frames as frames
     from twin import geodesy as geodesy
     from twin import lazy as lazy
+    from twin import numbers as numbers
+    from twin import registry as registry
     from twin.checks.agreement import check_manoeuvres as check_manoeuvres
     from twin.checks.agreement import check_published as check_published
     from twin.facade import scenario_of as scenario_of

@@ -33,23 +33,6 @@ PROGRAM = Program(
                 "EstimateFlight",
                 "speed, vertical water velocity, currents and corrected tracks of logs",
             ),
-            "hindcast": (
-                "HindcastSurfacings",
-                "forecasts of a deployment's surfacings beside where it surfaced",
-            ),
-            "health": (
-                "JudgeHealth",
-                "is something wrong with the vehicle: which fault, since when, how sure",
-            ),
-            "forecast": (
-                "ForecastSurfacings",
-                "the next surfacings of a glider: places with ellipses, times, energy",
-            ),
-            "route": ("PlanRoute", "the best ways to a place through a forecast of the current"),
-            "watch": (
-                "factory.commands.watch:WatchDeployment",
-                "a deployment at sea: new files in, health, forecast and a page out, every day",
-            ),
             "compile": (
                 "CompileVehicles",
                 "the code of the shipped vehicles, once for all flights",
@@ -71,6 +54,23 @@ PROGRAM = Program(
                 "Version",
                 "versions of this package and of the libraries that can change a result",
             ),
+            "watch": (
+                "plugins/ops",
+                "a deployment at sea: new files in, health, forecast and a page out, every day",
+            ),
+            "health": (
+                "plugins/ops",
+                "is something wrong with the vehicle: which fault, since when, how sure",
+            ),
+            "forecast": (
+                "plugins/ops",
+                "the next surfacings of a glider: places with ellipses, times, energy",
+            ),
+            "hindcast": (
+                "plugins/ops",
+                "forecasts of a deployment's surfacings beside where it surfaced",
+            ),
+            "route": ("plugins/ops", "the best ways to a place through a forecast of the current"),
         },
     ),
 )

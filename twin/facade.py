@@ -21,7 +21,7 @@ from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
 from twin.physics.ballast import weighed
 from twin.physics.condition import BODY, INSTRUMENTS, differs, healthy
-from twin.physics.electric import electric
+from twin.physics.electric import electric_signals
 from twin.physics.lookup_tables import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
@@ -298,7 +298,7 @@ def with_sensors(
     measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth, under_way)
     if scenario.faults:
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAULTS,)))
-        measured |= electric(scenario, trajectory, rng)
+        measured |= electric_signals(scenario, trajectory, rng)
         given = {**trajectory.signals, **measured}
         wrong = read_by(scenario.faults, given, trajectory.time, rng, period=scenario.sample_period)
         # what was measured under way was faulty there

@@ -107,7 +107,7 @@ class Generate(EngineOption, JsonOption):
 
     def _deployments(self, console: Console) -> int:
         """Deployments of many dives, half of them with a fault."""
-        from factory.generation import make_deployments
+        from factory.facade import make_deployments
         from twin.errors import InputError
 
         for name in ("set", "config", "sensors", "current", "shard", "resume", "scheduler"):

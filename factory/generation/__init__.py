@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from factory.generation.deployments import PERIODS as PERIODS
-    from factory.generation.deployments import make_deployments as make_deployments
     from factory.generation.executors import dask_executor as dask_executor
+    from factory.generation.executors import local_pool as local_pool
     from factory.generation.generated_store import GeneratedStore as GeneratedStore
     from factory.generation.generated_store import StoredFlight as StoredFlight
     from factory.generation.generated_store import is_flight as is_flight

@@ -221,9 +221,9 @@ def close_locks() -> None:
 MOST_IN_SHARD = 64
 """Missions in a shard: 48 h of preset paper, a MB per signal, some seconds of work"""
 SHARDS_PER_STORE = 8
-"""At least, where there are so many missions: processes that share a store end together"""
+"""Fewest shards, if there are enough missions: processes that share a store end together"""
 SHARDS_ABREAST = 4
-"""The same of missions that fly together: of 64 each takes a twentieth of the time of one alone"""
+"""Fewest shards of the batched engine: of 64 missions each takes a twentieth of one alone"""
 MOST_SHARDS = 192
 """Shards of a large store grow instead: a million missions stay below 20 000 files"""
 ROWS = 65_536

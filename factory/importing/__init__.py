@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from factory.importing.columns import tidy as tidy
     from factory.importing.deployment_log import EMPTY as EMPTY
     from factory.importing.deployment_log import NO_FIXES as NO_FIXES
+    from factory.importing.deployment_log import OF_THE_MACHINE as OF_THE_MACHINE
     from factory.importing.deployment_log import OTHER_KIND as OTHER_KIND
     from factory.importing.deployment_log import TRUNCATED as TRUNCATED
     from factory.importing.deployment_log import UNREADABLE as UNREADABLE
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from factory.importing.deployment_log import DeploymentLog as DeploymentLog
     from factory.importing.deployment_log import LoggedFixes as LoggedFixes
     from factory.importing.deployment_log import each_file as each_file
+    from factory.importing.dives.dive_store import build as dives_dataset  # noqa: F401
     from factory.importing.formats.base import IMPORTERS as IMPORTERS
+    from factory.importing.formats.base import TABLES as TABLES
     from factory.importing.formats.base import Importer as Importer
     from factory.importing.formats.base import ReadOptions as ReadOptions
     from factory.importing.formats.base import WrongFormat as WrongFormat
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from factory.importing.formats.csv.mapping_file import signal_names as signal_names
     from factory.importing.gps_fixes import RECEIVER as RECEIVER
     from factory.importing.gps_fixes import has_fix as has_fix
+    from factory.importing.import_run import METADATA as METADATA
     from factory.importing.import_run import import_logs as import_logs
     from factory.importing.payload import payload_channels as payload_channels
     from factory.importing.payload import payload_names as payload_names

@@ -71,13 +71,13 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
 
     Depths and pressures that count upward are turned, counted.
 
-    `time` increases strictly (see `reading.columns.tidy`).
+    `time` increases strictly (see `factory.importing.columns.tidy`).
     """
     subject = subject or name
     if name in CHAINED:
         values = downward(values, subject, tally)
     if name == "measured_temperature":
-        values = of_kelvin(values, subject, tally)
+        values = kelvin_to_celsius(values, subject, tally)
     there = np.isfinite(values)
     limits = LIMITS.get(name)
     if limits is not None:
@@ -126,11 +126,11 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
 _WAVES = 5.0
 """[m], [dbar] No sensor of a floating vehicle is higher above the sea."""
 _RARE, _OFTEN = 0.01, 0.05
-"""Parts of a log up to which samples above the sea are wrong ones, and up to which they are where
-they come by a few. With more of them the sensor has an offset: that is taken off where the log says
-when it floats, and told where it does not."""
+"""Fractions of a log. Up to the first, all samples above the sea are removed; up to the second,
+only short runs. With more the sensor has an offset, which is taken off where the log says when it
+floats, and reported where it does not."""
 _RUN = 3
-"""Samples of a few."""
+"""Longest short run [samples]"""
 _UPWARD, _ABOVE = 2.0, 0.1
 """[m], [dbar] A column that counts upward moves by more than the first, and is above the sea by no
 more than this part of how far it is below."""
@@ -178,7 +178,7 @@ _MEASURED = 0.9
 _FEWEST = 20
 
 
-def of_kelvin(values: Array, subject: str, tally: Tally) -> Array:
+def kelvin_to_celsius(values: Array, subject: str, tally: Tally) -> Array:
     """Temperatures [degC]; those that are degC in name and can only be kelvin, converted."""
     different = np.unique(values[np.isfinite(values)])
     if different.size < _FEWEST:

@@ -8,7 +8,7 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import clean, of_kelvin
+from factory.importing.cleaning import clean, kelvin_to_celsius
 from factory.importing.deployment_log import (
     Channel,
     DeploymentLog,
@@ -108,7 +108,7 @@ def ctd_channels(
         off |= (practical <= 0.0) & (temperature == 0.0)
     there = off & np.isfinite(temperature)
     tally.add("removed", "temperature", int(there.sum()), "the CTD is off or in the air")
-    temperature = of_kelvin(np.where(off, np.nan, temperature), "temperature", tally)
+    temperature = kelvin_to_celsius(np.where(off, np.nan, temperature), "temperature", tally)
     warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
     if conductivity is not None and practical is None:
         conducts = clean("conductivity", time, conductivity, tally)

@@ -85,7 +85,7 @@ RUN = {
     "docs/reference/missions.md": {"tests/twin/mission/test_mission_docs.py": 8},
     "docs/reference/networks.md": {"tests/learn/test_kinds_of_users.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
-    "docs/howto/watch.md": {"tests/factory/watching/test_sources.py": 1},
+    "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
 }
 """The tests that run the blocks of a page, and how many each runs"""
 

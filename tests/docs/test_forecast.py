@@ -57,7 +57,7 @@ def test_the_program_runs(capsys) -> None:
 def test_every_option_of_the_table_is_one_of_the_command() -> None:
     import dataclasses
 
-    from twin.commands.forecast import ForecastSurfacings
+    from glider_twin_ops.commands.forecast import ForecastSurfacings
 
     fields = {field.name for field in dataclasses.fields(ForecastSurfacings)} - {"json"}
     told = set(re.findall(r"--([a-z-]+)", page()))

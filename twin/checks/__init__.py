@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from twin.checks.agreement import DURATION as DURATION
     from twin.checks.agreement import POSITION_LIMIT as POSITION_LIMIT
     from twin.checks.agreement import SPEED_LIMIT as SPEED_LIMIT
+    from twin.checks.agreement import EndsApart as EndsApart
+    from twin.checks.agreement import ends_apart as ends_apart
+    from twin.checks.agreement import flown_in_mujoco as flown_in_mujoco
+    from twin.checks.agreement import state_at as state_at
     from twin.checks.engines import FINER as FINER
     from twin.checks.engines import WITHIN as WITHIN
     from twin.checks.engines import check_engines as check_engines

@@ -2,7 +2,7 @@
 
     twin.Scenario(mission=mission, faults=twin.parse_faults("wing_lost:side=port,from=2h"))
 
-`twin.health` finds them in logs.
+`twin health` finds them in logs.
 """
 
 from typing import TYPE_CHECKING
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.faults.base import DAY as DAY
     from twin.faults.base import FAULTS as FAULTS
     from twin.faults.base import Condition as Condition
     from twin.faults.base import Fault as Fault

@@ -186,7 +186,7 @@ class Fault:
         return FaultRun(self)
 
     def expected(self, way: Array) -> Mapping[str, Array] | None:
-        """What a fault of size 1 adds to the channels of `twin.health` in each dive, (dives,), by
+        """What a fault of size 1 adds to the channels of health in each dive, (dives,), by
         name; None: flights of the twin with and without it tell.
 
         Args:

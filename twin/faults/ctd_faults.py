@@ -17,7 +17,7 @@ MILLISIEMENS_PER_CM = 10.0
 
 
 def lagged(values: Array, lag: Array, period: float) -> Array:
-    """What an instrument shows that follows with a lag [s] at each sample, (n,), where it is known.
+    """Response of an instrument that follows `values` with a lag [s], one per sample, shape (n,).
 
     NaN stay NaN, and where the lag is 0 the values stay as they are. From the sample on at which it
     changes, the instrument follows with the new one from what it showed there.

@@ -8,6 +8,7 @@ flight_dataset(found)["w_water"]
 from twin.logs.corrected_track import Drift as Drift
 from twin.logs.corrected_track import corrected_track as corrected_track
 from twin.logs.corrected_track import linear_track as linear_track
+from twin.logs.corrected_track import track_velocity as track_velocity
 from twin.logs.depth_averaged_current import DiveCurrent as DiveCurrent
 from twin.logs.endurance import Endurance as Endurance
 from twin.logs.endurance import endurance_of as endurance_of
@@ -16,6 +17,7 @@ from twin.logs.energy_use import counted_energy as counted_energy
 from twin.logs.energy_use import energy_used as energy_used
 from twin.logs.energy_use import second_half as second_half
 from twin.logs.fix import Fixes as Fixes
+from twin.logs.fix import fixes_at as fixes_at
 from twin.logs.fix import place_of as place_of
 from twin.logs.flight_dataset import DAC as DAC
 from twin.logs.flight_dataset import EPOCH as EPOCH
@@ -29,7 +31,5 @@ from twin.logs.flight_estimate import MissionFlight as MissionFlight
 from twin.logs.flight_estimate import estimate_flight as estimate_flight
 from twin.logs.flight_summary import FlightSummary as FlightSummary
 from twin.logs.flight_summary import summarise as summarise
-from twin.logs.logged_leg import DiveTime as DiveTime
-from twin.logs.logged_leg import dive_times as dive_times
 from twin.logs.logged_mission import logged_trajectory as logged_trajectory
 from twin.logs.thermal_lag import ThermalLag as ThermalLag

@@ -4,18 +4,6 @@ from twin.mission.glide_balance import SteadyGlide as SteadyGlide
 from twin.mission.glide_balance import steady_glide as steady_glide
 from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
 from twin.mission.plan import Mission as Mission
-from twin.mission.seaglider_commands import commanded as commanded
-from twin.mission.seaglider_commands import commands_of as commands_of
-from twin.mission.seaglider_commands import commands_text as commands_text
-from twin.mission.seaglider_commands import read_commands as read_commands
-from twin.mission.seaglider_science import ScienceLayer as ScienceLayer
-from twin.mission.seaglider_science import read_science as read_science
-from twin.mission.seaglider_science import science_text as science_text
-from twin.mission.seaglider_science import sparser as sparser
-from twin.mission.seaglider_targets import SeagliderTarget as SeagliderTarget
-from twin.mission.seaglider_targets import read_targets as read_targets
-from twin.mission.seaglider_targets import targets_of as targets_of
-from twin.mission.seaglider_targets import targets_text as targets_text
 from twin.mission.segments import Circle as Circle
 from twin.mission.segments import Hold as Hold
 from twin.mission.segments import Hover as Hover
@@ -26,7 +14,13 @@ from twin.mission.segments import Spiral as Spiral
 from twin.mission.segments import Surface as Surface
 from twin.mission.segments import Transect as Transect
 from twin.mission.segments import Waypoint as Waypoint
+from twin.mission.segments.base import SURFACED_MARGIN_M as SURFACED_MARGIN_M
 from twin.mission.shipped_missions import load_mission as load_mission
 from twin.mission.shipped_missions import load_mission_for as load_mission_for
 from twin.mission.shipped_missions import mission_names as mission_names
+from twin.mission.slocum_arguments import degrees_minutes as degrees_minutes
 from twin.mission.slocum_arguments import slocum_arguments as slocum_arguments
+from twin.mission.slocum_arguments import waypoints_of as waypoints_of
+from twin.mission.slocum_behavior import degrees as degrees
+from twin.mission.slocum_mission import read_slocum as read_slocum
+from twin.mission.way import way as track_to_follow  # noqa: F401

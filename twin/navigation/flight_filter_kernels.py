@@ -71,8 +71,8 @@ LEAST_SINE = 0.12
 LEAST_SURGE = 0.05
 """[m/s] below which its deviation is no longer relative"""
 LEAST_NET = 0.05
-"""[kg] net buoyancy below which the balance takes an exponential of it, which a glide whose
-buoyancy seems to pull the other way has too: so the ballast is learned from it."""
+"""[kg] Net buoyancy below which an exponential replaces it. It stays positive even if buoyancy
+seems to pull the wrong way, so that the ballast is still learned."""
 WIDEST = 0.3
 """[rad] flow angles are held within this; half of it starts over."""
 MOST_OFFSET = 0.02

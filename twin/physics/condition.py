@@ -59,7 +59,7 @@ def healthy(scenario: Scenario) -> Condition:
 
 
 def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Condition) -> None:
-    """Make a compiled model that of a condition, in the middle of a run or at its start.
+    """Change a compiled model to match a condition, in the middle of a run or at its start.
 
     The tables of the run, the log and the state of the simulation stay.
 

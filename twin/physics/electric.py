@@ -37,7 +37,7 @@ SEA_LEVEL = 101_325.0
 """[Pa]"""
 
 
-def electric(
+def electric_signals(
     scenario: Scenario, flown: Trajectory, rng: np.random.Generator | None = None
 ) -> dict[str, Array]:
     """Charge [A h], voltage [V], current [A], power of the pump [W] and vacuum [Pa], each (n,).

@@ -63,7 +63,7 @@ def _unfinished(run: Trajectory, stronger: str) -> str:
 
 
 def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
-    """That a vehicle that goes to places met a current beyond its speed; empty where not."""
+    """Remark that a current exceeded the speed of a vehicle that goes to places; else empty."""
     plan = scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
         return ""

@@ -71,7 +71,7 @@ def is_unfinished(path: str | StorePath) -> bool:
 
 
 def begun_within(path: str | StorePath) -> bool:
-    """Whether an older factory has begun a store at `path`, and in it, and not completed it."""
+    """Whether an older version left an unfinished store inside the folder `path`."""
     return not is_complete(path) and UNFINISHED in files_at(path).folders()
 
 

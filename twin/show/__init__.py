@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from twin.show import dates as dates
+    from twin.show import style as style
     from twin.show.check_page import log_check_rows as log_check_rows
     from twin.show.check_page import write_log_check as write_log_check
     from twin.show.figures.page_layout import Page as Page
@@ -13,11 +15,6 @@ if TYPE_CHECKING:
     from twin.show.flight_figures import flight_caption as flight_caption
     from twin.show.flight_figures import read_flight as read_flight
     from twin.show.flight_figures import write_flight_figures as write_flight_figures
-    from twin.show.forecast_page import check_forecast_target as check_forecast_target
-    from twin.show.forecast_page import forecast_row as forecast_row
-    from twin.show.forecast_page import write_forecast as write_forecast
-    from twin.show.health_page import write_health as write_health
-    from twin.show.hindcast_page import write_hindcast as write_hindcast
     from twin.show.identification_figure import residual_figure as residual_figure
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -28,9 +28,9 @@ class SimulatedMission:
     """Identity, place and date of one simulated mission."""
 
     name: str
-    """Which mission of what, without spaces"""
+    """Identifier of the mission, without spaces"""
     said: str
-    """The same in words, and which of place and date are nominal"""
+    """One sentence of the mission; it says which of place and date are nominal"""
     vehicle: str
     latitude: float
     """[degree] of the origin"""

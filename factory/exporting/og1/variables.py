@@ -119,21 +119,20 @@ def variable(
     """
     told = {**TERMS["variables"][like or name], **more}
     kind, fill = told.pop("kind", "f8"), told.pop("fill", None)
-    if isinstance(fill, float) and np.isnan(fill):
-        fill = np.nan  # YAML's has another sign bit
     dimensions = () if told.pop("once", False) else (N_MEASUREMENTS,)
+    if fill and not dimensions and np.isfinite(values):
+        fill = None
     if meanings := told.pop("flags", None):
         told["flag_values"] = np.array(list(meanings), np.int8)
         told["flag_meanings"] = " ".join(meanings.values())
-    return name, Og1Variable(np.asarray(values), told, fill, dimensions, kind)
+    return name, Og1Variable(np.asarray(values), told, fill and float(fill), dimensions, kind)
 
 
 def deployment(start: float, latitude: float, longitude: float) -> Variables:
     """When and where the deployment began [s since 1970], [degree]."""
     yield variable("DEPLOYMENT_TIME", start)
-    for name, value in (("LATITUDE", latitude), ("LONGITUDE", longitude)):
-        known: dict[str, Any] = {} if np.isnan(value) else {"fill": None}
-        yield variable(f"DEPLOYMENT_{name}", value, **known)
+    yield variable("DEPLOYMENT_LATITUDE", latitude)
+    yield variable("DEPLOYMENT_LONGITUDE", longitude)
 
 
 Mask = NDArray[np.bool_]

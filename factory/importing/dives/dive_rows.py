@@ -114,7 +114,7 @@ OF_ROWS: Mapping[str, Mapping[str, Any]] = {
         "long_name": "part of the data set, by dive in blocks of time",
     },
 }
-"""CF attributes of the axes and of what else there is one of for each row"""
+"""CF attributes of the axes and the per-row variables"""
 
 
 _STANDARD_NAMES = {

@@ -9,7 +9,7 @@ import pytest
 from logs import Flight, write_slocum
 
 from factory.__main__ import PROGRAM
-from factory.watching.morning_page import summary
+from glider_twin_ops.pages.morning_page import summary
 from twin.show.figures.page_layout import Page
 
 MARKS = "\x1b]0;owned\x07\x9b2J\u202e"

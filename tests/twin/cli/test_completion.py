@@ -12,9 +12,11 @@ from twin.__main__ import PROGRAM
 from twin.cli.completion import SHELLS, completion
 from twin.errors import InputError
 
+INSTALLED = [one for one in PROGRAM.commands if one.installed]
+
 
 def script_of(shell: str) -> str:
-    commands = ((one.name, one.summary, one.load()) for one in PROGRAM.commands)
+    commands = ((one.name, one.summary, one.load()) for one in INSTALLED)
     return completion(PROGRAM.name, PROGRAM.summary, commands, shell)
 
 
@@ -44,7 +46,7 @@ def test_bash_completes(words: list[str], expected: set[str], tmp_path: Path) ->
 @pytest.mark.parametrize("shell", SHELLS)
 def test_every_command_is_in_the_script(shell: str, tmp_path: Path) -> None:
     script = script_of(shell)
-    assert all(command.name in script for command in PROGRAM.commands)
+    assert all(command.name in script for command in INSTALLED)
     if shutil.which(shell) is None:
         return
     (tmp_path / "script").write_text(script)

@@ -7,10 +7,10 @@ import dataclasses
 import pytest
 
 from factory.commands.generate import Generate
+from glider_twin_ops.commands.forecast import ForecastSurfacings
 from glider_twin_protocols.serve_command import Serve
 from twin.cli.durations import duration
 from twin.cli.options import parse_options
-from twin.commands.forecast import ForecastSurfacings
 from twin.commands.simulate import Simulate
 from twin.errors import InputError
 

@@ -15,6 +15,7 @@ from logs import SHARED
 from simulated_logs import simulated_flight
 
 import twin
+from glider_twin_ops.forecast.logged_leg import flown_velocities
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, UnknownName
 from twin.geodesy import from_tangent_plane
@@ -22,7 +23,6 @@ from twin.identify.speed import motion_of
 from twin.logs import estimate_flight, flight_dataset
 from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
-from twin.logs.logged_leg import flown_velocities
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
 from twin.show.flight_figures import FLIGHT_FIGURES, write_flight_figures

@@ -20,9 +20,15 @@ if TYPE_CHECKING:
     from twin.show.figures.logged_dive import log_figure as log_figure
     from twin.show.figures.map import Currents as MapCurrents  # noqa: F401
     from twin.show.figures.map import MapContent as MapContent
+    from twin.show.figures.map import draw_base as draw_base
     from twin.show.figures.map import draw_content as draw_map  # noqa: F401
     from twin.show.figures.map import joined as joined_longitude  # noqa: F401
+    from twin.show.figures.map_ground import NEIGHBOURS as NEIGHBOURS
+    from twin.show.figures.map_ground import box_around as box_around
+    from twin.show.figures.map_ground import rings as rings
     from twin.show.figures.overview import overview_figure as overview_figure
+    from twin.show.figures.page_layout import INDEX as INDEX
+    from twin.show.figures.page_layout import Page as Page
     from twin.show.figures.page_layout import add_caption as add_caption
     from twin.show.figures.page_layout import check_page_target as check_page_target
     from twin.show.figures.page_layout import mission_caption as mission_caption

@@ -133,8 +133,9 @@ MOST_SHOWN = 6
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
     """The true signal that `measured_<name>` observes, or None when truth has no such signal.
 
-    The sensor that measures it says which; of what only real vehicles measure it has that name. In
-    a log the measured signal itself stands for the truth of many: these have none to compare with.
+    The class of the sensor names its true signal; what only real vehicles measure has
+    `true_<name>`. In a log the measured signal itself stands for the truth of many: these have none
+    to compare with.
     """
     if source_of(trajectory, f"true_{name}", "") == MEASURED:
         return None

@@ -7,6 +7,9 @@ subclass of `Current` with a compiled kernel, decorated with `register`. Importi
 package loads neither numba nor xarray.
 """
 
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
 from twin.seams import CURRENTS as CURRENTS
 from twin.water.current.axes import Origin as Origin
 from twin.water.current.base import Current as Current
@@ -31,3 +34,8 @@ from twin.water.current.uniform import Uniform as Uniform
 
 register = CURRENTS.add
 """Add a kind of one's own, whose examples are tried (`probe`); usable as a decorator."""
+
+if TYPE_CHECKING:
+    from twin.water.current.sampler import sample_track as sample_track
+
+__getattr__, _ = attach(__name__, places(__name__))

@@ -1,0 +1,1 @@
+"""Commands of `twin` for a vehicle at sea, an entry point each."""

@@ -1,0 +1,305 @@
+"""`twin forecast`: where and when a glider surfaces next, how surely, and what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from twin.cli import Console, Hours, JsonOption
+
+if TYPE_CHECKING:
+    from glider_twin_ops.forecast import Forecast as Found
+    from glider_twin_ops.forecast import Known, Request
+    from twin import Vehicle
+    from twin.mission import Mission
+    from twin.water.current import Current
+
+
+USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
+"""[m] of --goto"""
+USUAL_HOURS = 6.0
+"""[h] under water between surfacings of --goto"""
+USUAL_VEHICLE = "glider"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForecastSurfacings(JsonOption):
+    """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
+    members that are drawn from what is known and flown on all cores. Examples:
+
+        twin forecast --vehicle slocum-200 --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
+        twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
+    """
+
+    vehicle: str | None = None
+    """what `twin identify` wrote, a shipped vehicle's name, or the path of an MJCF file; default:
+    with --logs the shipped one of the log's kind, as `twin flight` takes it, else glider"""
+    from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
+    """where and when it dives next: degrees north and east, and UTC, such as
+    36.8,-122.4,2026-11-22T12:00; default: the last fix of --logs"""
+    goto: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
+    """places to go to, with ; between them"""
+    mission: str | None = None
+    """mission file instead, TOML or Slocum's .mi, or a shipped mission's name"""
+    depth: float | None = None
+    """of --goto: depth [m] of the dives; default: 200"""
+    pitch: float | None = None
+    """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
+    surface_every: Hours | None = None
+    """of --goto: hours under water between surfacings; default: 6"""
+    radius: float | None = None
+    """of --goto: distance [m] at which a place is reached; default: 500"""
+    current: str | None = None
+    """forecast of the current: a file (CF netCDF or zarr) that covers --hours and some more, or
+    grid:FILE,hold=SECONDS to let its first and last time last longer, or any other text that
+    `twin simulate --current` takes; default: what the logs told goes on"""
+    current_error: float | None = None
+    """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
+    density: str = "usual"
+    """water column, as `twin simulate --density` takes it"""
+    logs: Path | None = None
+    """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
+    compass's error, and where it is"""
+    way: Literal["usual", "model", "log"] = "usual"
+    """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
+    pitch, or the reported current) or usual (model where the vehicle was identified)"""
+    members: int = 200
+    """drawn and flown, at least 10"""
+    hours: Hours = 12.0
+    """how far ahead surfacings are told, such as 12 (hours) or 2d; members fly on until the late
+    ones are up, too"""
+    energy_left_kwh: float | None = None
+    """energy left in the batteries [kW h], for the days left"""
+    seed: int = 0
+    """of the draws"""
+    engine: Literal["lanes", "mujoco"] = "lanes"
+    """what flies the members: lanes, the Fossen model for many at once, whose first member is
+    flown in MuJoCo too and the difference said; or mujoco"""
+    threads: int = 0
+    """of the fleets; 0 takes every core"""
+    out: Path | None = None
+    """folder for index.html with a map, forecast.json and forecast.geojson; written at once with
+    the first member, and again as others follow"""
+
+    def run(self, console: Console) -> int:
+        """Ask, fly, say."""
+        self._check()
+        if self.out is not None:
+            from glider_twin_ops.pages.forecast_page import check_forecast_target
+
+            check_forecast_target(self.out)
+        self._once(console, self.logs)
+        return 0
+
+    def _check(self) -> None:
+        from twin.errors import InputError
+
+        if self.goto is not None and self.mission is not None:
+            raise InputError("give --goto or --mission, not both")
+        if self.goto is None and self.mission is None:
+            said = 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
+            raise InputError(said if self.logs is None else f"{said}; {self._aim(self.logs)}")
+        if self.from_ is None and self.logs is None:
+            raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
+        for name, needed in (
+            ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
+            ("current_error", "current"),
+        ):  # fmt: skip
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
+        if self.way != "usual" and self.logs is None:
+            raise InputError("--way is for --logs, which is not given: leave it out")
+        if self.threads < 0:
+            raise InputError(f"--threads {self.threads} must be 0 or more")
+
+    def _aim(self, logs: Path) -> str:
+        """Where the log itself goes, and who takes that from it."""
+        from glider_twin_ops.forecast import aim_of
+
+        aim = aim_of(logs)
+        sent = f'in its last dive it was sent to --goto "{aim}"' if aim else "the log has none"
+        return f"{sent}; `twin watch --new FOLDER --from FILES` takes it from the log at each pass"
+
+    def _once(self, console: Console, logs: Path | None) -> None:
+        """One forecast."""
+        from glider_twin_ops.forecast import forecast
+
+        request, known = self._request(console, logs)
+        command_shows = _Shows(self, console, request)
+        with console.progress(total=request.members, label="forecast", unit="members") as progress:
+
+            def refined(found: Found) -> None:
+                command_shows.first(found)
+                done = found.flown + found.failed
+                progress.update(done - progress.done, **_near(found))
+                if self.out is not None and not found.complete:
+                    command_shows.write(found)
+
+            try:
+                found = forecast(request, known, threads=self.threads, refined=refined)
+            except KeyboardInterrupt as interrupt:
+                if command_shows.written is None:
+                    raise
+                raise KeyboardInterrupt(command_shows.partial()) from interrupt
+        command_shows.all(found)
+
+    def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
+        from glider_twin_ops.forecast import FIELD_ERROR, Request, begun, known_from_logs
+
+        vehicle = self._vehicle(console, logs)
+        mission = self._mission(vehicle)
+        known = None
+        if logs is not None:
+            console.note(f"reading {logs}")
+            from twin.identify import identified, other_kind, with_consumption
+            from twin.logs import counted_energy
+
+            if warning := other_kind(logs, vehicle):
+                console.warn(warning)
+            model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
+            known = known_from_logs(logs, str(vehicle.path) if model else None)
+            if known.silent:
+                console.warn(known.silent)
+            if (used := counted_energy(logs, vehicle, newest=True)) is not None:
+                vehicle = with_consumption(vehicle, used.consumption)
+                console.note(f"energy by the log's counter: {used.power:.2f} W so far")
+        place, known, stale = begun(self.from_, known)
+        if stale:
+            console.warn(stale)
+        request = Request(
+            vehicle=vehicle,
+            mission=mission,
+            place=place,
+            hours=self.hours,
+            members=self.members,
+            field=self._field(),
+            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
+            density=self.density,
+            energy_left_kwh=self.energy_left_kwh,
+            seed=self.seed,
+            engine=self.engine,
+        )
+        for note in request.notes():
+            console.warn(note)
+        return request, known
+
+    def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
+        from twin import load_vehicle
+        from twin.identify import start_vehicle
+
+        if self.vehicle is not None or logs is None:
+            return load_vehicle(USUAL_VEHICLE if self.vehicle is None else self.vehicle)
+        found = start_vehicle(logs)
+        console.note(f"vehicle: {found.name}, of the log's kind; --vehicle takes an identified one")
+        return found
+
+    def _mission(self, vehicle: Vehicle) -> Mission:
+        import math
+
+        from glider_twin_ops.forecast import mission_to
+        from twin.mission import load_mission_for
+
+        if self.mission is not None:
+            return load_mission_for(vehicle, self.mission)
+        assert self.goto is not None
+        mission = mission_to(
+            self.goto,
+            depth=USUAL_DEPTH if self.depth is None else self.depth,
+            pitch_deg=math.degrees(vehicle.usual_glide[0]) if self.pitch is None else self.pitch,
+            surface_after_s=3600.0
+            * (USUAL_HOURS if self.surface_every is None else self.surface_every),
+            radius=USUAL_RADIUS if self.radius is None else self.radius,
+        )
+        mission.check(vehicle)
+        return mission
+
+    def _field(self) -> Current | None:
+        if self.current is None:
+            return None
+        from twin.water.current import parse_field
+
+        return parse_field(self.current)
+
+
+class _Shows:
+    """What a forecast says: its first member at once, then all."""
+
+    def __init__(self, command: ForecastSurfacings, console: Console, request: Request):
+        self._command, self._console, self._request = command, console, request
+        self._said = False
+        self.written: Found | None = None
+        """What --out holds"""
+
+    def first(self, found: Found) -> None:
+        """The mean of what is known, at once."""
+        if self._said:
+            return
+        self._said = True
+        if not found.surfacings:
+            self._console.note(
+                f"the mean of what is known does not surface in {found.request.hours:g} h"
+            )
+        for one in found.surfacings:
+            self._console.note(
+                f"surfacing {one.number}: about {found.minute(one.time_s)} UTC at "
+                f"{one.latitude:.4f}, {one.longitude:.4f}"
+            )
+
+    def partial(self) -> str:
+        """What --out holds after an interruption, in words; its page stops reading itself again."""
+        assert self.written is not None
+        self.write(self.written, ended=True)
+        return (
+            f"{self._command.out} holds the forecast of {self.written.flown} of "
+            f"{self._request.members} members; give the command again for all"
+        )
+
+    def write(self, found: Found, *, ended: bool = False) -> Path:
+        """The folder; `ended`: no more members follow."""
+        from glider_twin_ops.pages.forecast_page import write_forecast
+
+        assert self._command.out is not None
+        reload_s = None if ended or found.complete else 5.0
+        index = write_forecast(found, self._command.out, reload_s=reload_s)
+        self.written = found
+        return index
+
+    def all(self, found: Found) -> None:
+        """The answer."""
+        from glider_twin_ops.pages.forecast_page import forecast_row
+
+        console = self._console
+        console.answer(**found.describe())
+        if found.surfacings:
+            console.table([forecast_row(found, one) for one in found.surfacings])
+            console.say("semi-axes: from the middle of an ellipse to its edge")
+            console.say(found.bounds_known)
+        elif not found.left_out:
+            console.say(f"no surfacing within {found.request.hours:g} h")
+        for said in found.remarks:
+            console.warn(said)
+        if found.failed:
+            console.warn(f"{found.failed} of {found.request.members} members went unstable")
+        if (beside := found.beside_mujoco) is not None:
+            say = console.warn if beside.unstable else console.say
+            say(f"members flown in lanes; of the first one, {beside.text}")
+        left = "" if found.days_left is None else f", {found.days_left:.1f} days left"
+        console.say(f"{found.energy_per_day} per day{left}")
+        for name, words in found.spread.items():
+            console.say(f"{name}: {words}")
+        if self._command.out is not None:
+            console.say(f"map: {self.write(found)}")
+
+
+def _near(found: Found) -> dict[str, str]:
+    """The next surfacing in a few words."""
+    if not found.surfacings:
+        return {}
+    from glider_twin_ops.forecast import NINETY
+
+    one = found.surfacings[0]
+    return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}

@@ -1,0 +1,176 @@
+"""`twin hindcast`: forecasts of a deployment's surfacings beside where it surfaced."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from twin.cli import Console, JsonOption, counted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from glider_twin_ops.forecast import DeploymentHindcast, Scores
+
+
+@dataclass(frozen=True, kw_only=True)
+class HindcastSurfacings(JsonOption):
+    """Walk through deployments, forecast every surfacing from what a pilot knew before its dive,
+    and score that beside rivals that go straight to the waypoint: with no current, that of the last
+    dive (persistence), mean and tide by least squares, and the vehicle's own. Example:
+
+        twin hindcast real.zarr --out hindcast
+    """
+
+    stores: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="STORE [STORE ...]", help_behavior_hint="(required)"),
+    ]
+    """stores of logs, as `factory import` writes them; several are scored together, too"""
+    train_fraction: float = 0.0
+    """part of each deployment, at its beginning, that teaches and is not scored, such as the dives
+    that --vehicle was identified on"""
+    vehicle: str | None = None
+    """flight model for the way through the water: what `twin identify` wrote, or a shipped name;
+    default: depth rate and pitch, and without a logged pitch the current that the vehicle reported
+    after each dive"""
+    current: str | None = None
+    """forecast of the current that is known ahead: a file (CF netCDF or zarr) that covers the
+    deployments, or any other text that `twin simulate --current` takes; what it is worth is learned
+    on the way. Default: none"""
+    members: int | None = None
+    """fly so many members for every scored surfacing too, as `twin forecast` does, and score where
+    they come up; by --vehicle, or the shipped one of the log's kind. Default: none"""
+    engine: Literal["lanes", "mujoco"] = "lanes"
+    """what flies --members; of lanes one member is flown in MuJoCo too and the difference said"""
+    out: Path | None = None
+    """folder for a page with a map, index.html, that opens without a network"""
+
+    def run(self, console: Console) -> int:
+        """Walk, score, say."""
+        from glider_twin_ops.forecast import hindcast
+        from twin.errors import InputError
+        from twin.records import LogStore
+
+        if self.out is not None:
+            from twin.show.figures import check_page_target
+
+            check_page_target(self.out)
+        if self.engine != "lanes" and self.members is None:
+            raise InputError("--engine is for --members, which is not given: leave it out")
+        field = None
+        if self.current is not None:
+            from twin.water.current import parse_field
+
+            field = parse_field(self.current)
+        total = 0
+        for path in self.stores:
+            with LogStore(path) as logs:
+                total += len(set(logs.deployments))
+        with console.progress(total=total, label="hindcast", unit="deployment") as progress:
+            found = hindcast(
+                self.stores,
+                train_fraction=self.train_fraction,
+                vehicle=self.vehicle,
+                current=field,
+                members=self.members,
+                engine=self.engine,
+                advance=progress.update,
+            )
+        for which, title in (
+            ("surfacing", "where it surfaced: mean error, m per hour under way"),
+            ("current", "current alone, way through the water and duration given: the same"),
+            ("members", "where it surfaced, the forecast by members flown: the same"),
+        ):
+            rows = [(one.name, getattr(one, which)) for one in found.deployments]
+            rows = [(name, scores) for name, scores in rows if scores and scores.segments]
+            if len(rows) > 1:
+                rows.append(("all", getattr(found, which)))
+            if rows:
+                console.table(_lines(rows), title=title, digits=3)
+        for one in found.deployments:
+            console.note(f"{one.name}: {_told(one)}")
+            for mission, why in one.unflown.items():
+                console.warn(f"{one.name}: members tell nothing of row {mission}: {why}")
+            if one.beside_mujoco is not None:
+                console.note(f"{one.name}: last dive, first member: {one.beside_mujoco.text}")
+        if self.out is not None:
+            from glider_twin_ops.pages.hindcast_page import write_hindcast
+
+            words = " ".join(str(path) for path in self.stores)
+            command = f"twin hindcast {words}"
+            if self.train_fraction:
+                command += f" --train-fraction {self.train_fraction:g}"
+            if self.current is not None:
+                command += f" --current {self.current}"
+            if self.members is not None:
+                command += f" --members {self.members}"
+            console.say(str(write_hindcast(self.out, found, command)))
+        console.answer(
+            surfacing=found.surfacing.describe(),
+            current=found.current.describe(),
+            **({} if found.members is None else {"members": found.members.describe()}),
+            deployments=[
+                {
+                    "name": one.name,
+                    "store": one.store,
+                    "dives": one.dives,
+                    "legs": len(one.legs),
+                    "surfacing": one.surfacing.describe(),
+                    "current": one.current.describe(),
+                    **_members(one),
+                }
+                for one in found.deployments
+            ],
+        )
+        return 0
+
+
+def _members(one: DeploymentHindcast) -> dict[str, object]:
+    """Of members flown, as JSON can hold it."""
+    if one.members is None:
+        return {}
+    beside = one.beside_mujoco
+    return {
+        "members": one.members.describe(),
+        "members_unflown": {str(mission): why for mission, why in one.unflown.items()},
+        "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
+    }
+
+
+def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:
+    """A line of a table for each deployment."""
+    from glider_twin_ops.forecast import METHODS
+
+    partial = {method for _, scores in rows for method in scores.partial}
+    return [
+        {
+            "deployment": name,
+            "scored": scores.segments,
+            **{m.replace("_", " "): scores.mean[m] for m in METHODS},
+            **{f"{m.replace('_', ' ')} scored": scores.segments_of[m] for m in sorted(partial)},
+            "forecast / best rival": scores.ratio,
+            "inside 50 %": scores.coverage_50,
+            "inside 90 %": scores.coverage_90,
+        }
+        for name, scores in rows
+    ]
+
+
+def _told(one: DeploymentHindcast) -> str:
+    """What its forecasts rest on, or why there are none."""
+    dives = counted(len(one.legs), "dive")
+    if not one.surfacing.segments:
+        return (
+            f"{dives} between fixes: too few to score: a dive is scored beside the current of "
+            "one before it, and after those that only teach"
+        )
+    weights = sorted(one.walked.pool.pool.weights.items(), key=lambda item: -item[1])
+    said = ", ".join(f"{name} {weight:.2f}" for name, weight in weights)
+    taught = f", the first {one.train} not scored" if one.train else ""
+    return f"{dives}{taught}; weights after the last: {said}"

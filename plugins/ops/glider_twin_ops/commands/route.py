@@ -1,0 +1,165 @@
+"""`twin route`: the best ways to a place for a vehicle that may be slower than the water."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from twin.cli import Console, JsonOption
+
+if TYPE_CHECKING:
+    from glider_twin_ops.forecast import Known, Request
+
+RADIUS, USUAL_PITCH = 1000.0, 26.0
+"""[m] at which a place is reached; [degree] of the mission before the polar has told the fastest"""
+LONGEST = 240.0
+"""[h] that a way may last"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRoute(JsonOption):
+    """The best three ways to a place through a forecast of the current, beside the straight one:
+    hours and gain with intervals by draws of the forecast's error, and flown by the twin. Example:
+
+        twin route --vehicle slocum-200 --from 48.5,-15,2000-01-05T00:00 --to 48.8,-14.2
+            --current forecast.nc
+    """
+
+    to: Annotated[str, tyro.conf.arg(metavar="LAT,LON")]
+    """where it is to go"""
+    vehicle: str | None = None
+    """as of `twin forecast`"""
+    from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
+    """where and when it begins, UTC; default: the last fix of --logs"""
+    via: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
+    """places to pass, in the order that takes least"""
+    avoid: Annotated[Path | None, tyro.conf.arg(metavar="GEOJSON")] = None
+    """polygons that it must not enter: shallow water, shipping, borders"""
+    current: str | None = None
+    """forecast of the current, as `twin forecast --current` takes it; without one, --logs must tell
+    the current"""
+    current_error: float | None = None
+    """standard deviation [m/s], north and east each, of its error; default: 0.1"""
+    logs: Path | None = None
+    """store of logs that `factory import` wrote"""
+    depth: float = 200.0
+    """[m] of the dives"""
+    pitch: float | None = None
+    """[deg] of dives and climbs; default: the fastest over ground"""
+    surface_every: float = 6.0
+    """hours under water between surfacings"""
+    members: int = 16
+    """that the twin flies along each way, at least 10"""
+    seed: int = 0
+    """of the draws"""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="GEOJSON")] = None
+    """write the ways here, for a map"""
+    overwrite: bool = False
+    """replace an existing --out"""
+
+    def run(self, console: Console) -> int:
+        """Ask, search, fly, say."""
+        import json
+
+        from glider_twin_ops.forecast import plan_routes
+        from twin.errors import InputError
+
+        if self.out is not None and self.out.exists() and not self.overwrite:
+            raise InputError(f"{self.out} exists already; use --overwrite or another --out")
+        vias = [] if self.via is None else [_place("--via", one) for one in self.via.split(";")]
+        rings = [] if self.avoid is None else _polygons(self.avoid)
+        request, known = self._request(console)
+        plan = plan_routes(
+            request, known, vias=vias, avoided=rings, pitch_deg=self.pitch, say=console.note
+        )
+        console.table([one.row() for one in plan.routes])
+        console.say(f"{plan.speed:.2f} m/s through the water at {plan.pitch_deg:.0f} degree")
+        if vias:
+            console.say(f"vias in the order {', '.join(str(1 + k) for k in plan.order)}")
+        for one in plan.routes:
+            console.say(f"{one.name}: --goto '{one.goto}'")
+        console.say(plan.verdict())
+        if self.out is not None:
+            self.out.write_text(json.dumps(plan.geojson(), indent=1) + "\n", encoding="utf-8")
+            console.say(f"map: {self.out}")
+        console.answer(**plan.describe())
+        return 0
+
+    def _request(self, console: Console) -> tuple[Request, Known]:
+        from glider_twin_ops.forecast import (
+            FIELD_ERROR,
+            Request,
+            begun,
+            known_from_logs,
+            mission_to,
+        )
+        from twin import load_vehicle
+        from twin.errors import InputError
+        from twin.identify import identified, start_vehicle
+        from twin.water.current import parse_field
+
+        if self.current_error is not None and self.current is None:
+            raise InputError("--current-error is for --current, which is not given: leave it out")
+        known = None
+        if self.logs is None:
+            vehicle = load_vehicle(self.vehicle or "glider")
+        else:
+            vehicle = load_vehicle(self.vehicle) if self.vehicle else start_vehicle(self.logs)
+            known = known_from_logs(self.logs, str(vehicle.path) if identified(vehicle) else None)
+        place, known, stale = begun(self.from_, known)
+        if stale:
+            console.warn(stale)
+        latitude, longitude = _place("--to", self.to)
+        mission = mission_to(
+            f"{latitude},{longitude}", depth=self.depth, pitch_deg=self.pitch or USUAL_PITCH,
+            surface_after_s=3600.0 * self.surface_every, radius=RADIUS,
+        )  # fmt: skip
+        request = Request(
+            vehicle=vehicle,
+            mission=mission,
+            place=place,
+            members=self.members,
+            hours=LONGEST,
+            field=None if self.current is None else parse_field(self.current),
+            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
+            seed=self.seed,
+        )
+        return request, known
+
+
+def _place(option: str, text: str) -> tuple[float, float]:
+    """Latitude, longitude [degree]."""
+    from twin.errors import InputError
+
+    try:
+        latitude, longitude = (float(word) for word in text.split(","))
+    except ValueError:
+        latitude = math.nan
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0):
+        raise InputError(f"{option} {text}: write LAT,LON in degrees, such as 36.9,-122.5")
+    return latitude, longitude
+
+
+def _polygons(path: Path) -> list[list[tuple[float, float]]]:
+    """Outer rings of a GeoJSON file's polygons, latitude and longitude [degree]."""
+    from twin.bounded import parse_json, read_text
+    from twin.errors import InputError
+
+    found = parse_json(read_text(path, "--avoid"), f"--avoid {path}")
+    rings = []
+    try:
+        for one in found["features"] if found["type"] == "FeatureCollection" else [found]:
+            shape = one.get("geometry", one)
+            parts = {"Polygon": [shape["coordinates"]], "MultiPolygon": shape["coordinates"]}
+            for polygon in parts[shape["type"]]:
+                rings.append([(float(point[1]), float(point[0])) for point in polygon[0]])
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        raise InputError(
+            f"--avoid {path}: no GeoJSON of polygons ({type(error).__name__}: {error}); draw them "
+            "with a GIS and save them as GeoJSON"
+        ) from error
+    return rings

@@ -1,0 +1,401 @@
+"""Files that a Seaglider fetches when it calls: `targets`, `cmdfile` and `science`.
+
+Lines that begin with a slash are comments. Commands, in `cmdfile`: a line for each parameter,
+`$NAME,VALUE`, and at the end a directive: `$GO` goes on, `$RESUME` dives, `$QUIT` stays at the
+surface. Names, kinds and limits of the parameters are those of the public package basestation3;
+what they ask is in the Parameter Reference Manual, Applied Physics Laboratory, University of
+Washington, v66.12:
+
+    $D_TGT [m]         depth at which it turns
+    $T_DIVE [min]      time of a dive with its climb: vertical speed 2 $D_TGT / $T_DIVE
+    $T_MISSION [min]   time after which it gives a dive up
+    $MAX_BUOY [g]      heaviest that it may be in the dive
+    $GLIDE_SLOPE [deg] steepest way through the water
+
+To a place that is far it goes as flat as $MAX_BUOY lets it keep its vertical speed.
+
+Targets, in `targets`: a line for each place: its name, then `lat=` and `lon=` as DDMM.mmmm, north
+and east positive, `radius=` [m] at which it is reached, and `goto=` the name of the next one
+(Seaglider File Formats Manual, School of Oceanography and Applied Physics Laboratory, University of
+Washington, v66.12).
+
+Science, in `science`: a line for each layer, from the surface down, by which it samples: the depth
+[m] at which it ends, seconds between samples, for each sensor a digit (every how many samples it is
+read; 0 is off), and seconds between two looks at pitch, roll and depth. Newer vehicles write the
+last three as `seconds=`, `sensors=` and `gc=`, and may have more of the kind, which are kept. Both
+forms are those of the public package basestation3.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from twin import Vehicle
+from twin.bounded import read_text
+from twin.errors import MissionError, unknown_name
+from twin.mission import Mission, SteadyGlide, degrees, degrees_minutes, steady_glide, waypoints_of
+from twin.mission.segments import Waypoint
+
+TARGETS = "targets"
+TARGET_KEYS = ("lat", "lon", "radius", "goto")
+TARGET_OPTIONS = ("escape", "depth", "finish", "timeout")
+"""Keys that say when a target is given up, or reached by depth or by a line: kept out"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeagliderTarget:
+    """One place."""
+
+    name: str
+    latitude: float
+    """[degree]"""
+    longitude: float
+    """[degree]"""
+    radius_m: float
+    goto: str
+    """Name of the next one; its own where it stays"""
+
+
+def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
+    """The places of a mission to waypoints, T1, T2, ...; it stays at the last.
+
+    Raises:
+      MissionError: another kind of mission, or places that are given from the start.
+    """
+    segment = waypoints_of(mission, "targets of a Seaglider")
+    count = len(segment.targets)
+    return tuple(
+        SeagliderTarget(
+            name=f"T{k}",
+            latitude=target["latitude"],
+            longitude=target["longitude"],
+            radius_m=segment.arrival_radius_m,
+            goto=f"T{min(k + 1, count)}",
+        )
+        for k, target in enumerate(segment.targets, start=1)
+    )
+
+
+def targets_text(targets: Sequence[SeagliderTarget]) -> str:
+    """The text of the file."""
+    return "".join(
+        f"{one.name} lat={degrees_minutes(one.latitude)} lon={degrees_minutes(one.longitude)} "
+        f"radius={one.radius_m:.0f} goto={one.goto}\n"
+        for one in targets
+    )
+
+
+def radius_of(targets: Sequence[SeagliderTarget]) -> float:
+    """[m] of arrival, where all have the same.
+
+    Raises:
+      MissionError: they have not.
+    """
+    found = sorted({one.radius_m for one in targets})
+    if len(found) != 1:
+        raise MissionError(
+            f"targets have the radii {', '.join(f'{one:g}' for one in found)}: a mission has one"
+        )
+    return found[0]
+
+
+def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
+    """The places of a file, in its order.
+
+    Raises:
+      MissionError: it cannot be read, a line lacks a key or has one that is not known, a place is
+        no DDMM.mmmm, or `goto` names no place of the file.
+    """
+    path = Path(path)
+    found: list[SeagliderTarget] = []
+    for number, line in enumerate(read_text(path, "targets", MissionError).splitlines(), start=1):
+        said = line.strip()
+        if not said or said.startswith("/"):
+            continue
+        found.append(_target(f"{path.name} line {number}", said))
+    if not found:
+        raise MissionError(f"{path.name} has no target: a line is NAME lat= lon= radius= goto=")
+    names = [one.name for one in found]
+    for one in found:
+        if one.goto not in names:
+            raise MissionError(f"{path.name}: {one.name} goes to {one.goto}, which is not in it")
+    return tuple(found)
+
+
+def _target(where: str, line: str) -> SeagliderTarget:
+    name, *words = line.replace("= ", "=").split()
+    values = dict(word.partition("=")[::2] for word in words)
+    for key in values:
+        if key not in TARGET_KEYS + TARGET_OPTIONS:
+            raise MissionError(
+                f"{where}: {key!r} is not one of {', '.join(TARGET_KEYS + TARGET_OPTIONS)}"
+            )
+    for key in TARGET_KEYS:
+        if not values.get(key):
+            raise MissionError(f"{where}: {name} has no {key}=")
+    try:
+        radius = float(values["radius"])
+    except ValueError:
+        raise MissionError(f"{where}: radius={values['radius']} must be metres") from None
+    latitude, longitude = (degrees(where, values[key]) for key in ("lat", "lon"))
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        raise MissionError(f"{where}: latitude {latitude:g}, longitude {longitude:g} is no place")
+    return SeagliderTarget(
+        name=name, latitude=latitude, longitude=longitude, radius_m=radius, goto=values["goto"]
+    )
+
+
+CMDFILE = "cmdfile"
+GO = "$GO"
+DIRECTIVES = (GO, "$RESUME", "$QUIT", "$EXIT_TO_MENU")
+LIMITS: Mapping[str, tuple[float, float]] = {
+    "D_TGT": (0.0, 1100.0),
+    "T_DIVE": (5, 2880),
+    "T_MISSION": (10, 43200),
+    "MAX_BUOY": (-600.0, 600.0),
+    "GLIDE_SLOPE": (-90.0, 90.0),
+}
+"""Of the parameters that say a dive, in their units; whole ones have whole limits"""
+LATER, TURN = 1.5, 10.0
+"""$T_MISSION over $T_DIVE, and [min] on top: neither water that rises or sinks nor the pump's time
+below must end a dive"""
+STEEPEST, FLATTEST = 59.0, 8.0
+"""[degree] of pitch within which a glide is looked for"""
+GRAMS, MINUTE = 1000.0, 60.0
+_HALVINGS = 40
+
+
+def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
+    """The parameters of the dives of a mission to waypoints.
+
+    Raises:
+      MissionError: another kind of mission, a climb that differs from the dive, a glide that the
+        vehicle has not, or a value that no Seaglider takes.
+    """
+    segment = waypoints_of(mission, "commands of a Seaglider")
+    for name in ("pitch_deg", "net_mass_kg"):
+        if getattr(segment, f"climb_{name}") not in (None, getattr(segment, name)):
+            raise MissionError(
+                f"commands of a Seaglider have no climb of their own: leave climb_{name} out"
+            )
+    mass = vehicle.usual_glide[1] if segment.net_mass_kg is None else segment.net_mass_kg
+    glide = steady_glide(vehicle, -math.radians(segment.pitch_deg), mass)
+    minutes = round(2.0 * segment.max_depth_m / glide.vertical_speed / MINUTE)
+    found = {
+        "D_TGT": round(segment.max_depth_m, 1),
+        "T_DIVE": minutes,
+        "T_MISSION": round(_given_up(minutes)),
+        "MAX_BUOY": round(mass * GRAMS, 1),
+        "GLIDE_SLOPE": float(math.ceil(_slope(glide, segment.pitch_deg))),
+    }
+    for name, value in found.items():
+        _check("commands of a Seaglider", name, value)
+    return found
+
+
+def commands_text(commands: Mapping[str, float], directive: str = GO) -> str:
+    """The text of the file."""
+    return "".join(f"${name},{value:g}\n" for name, value in commands.items()) + directive + "\n"
+
+
+def read_commands(path: str | Path) -> dict[str, float]:
+    """The parameters of a file by their names, of every name; the directive is read, and left out.
+
+    Raises:
+      MissionError: it cannot be read, a line is neither a parameter nor a directive, a value is no
+        number or beyond its limits, or there is no directive.
+    """
+    path = Path(path)
+    found: dict[str, float] = {}
+    directive = ""
+    for number, line in enumerate(read_text(path, CMDFILE, MissionError).splitlines(), start=1):
+        said, where = line.strip(), f"{path.name} line {number}"
+        if not said or said.startswith("/"):
+            continue
+        if said in DIRECTIVES:
+            directive = said
+            continue
+        name, comma, text = said.partition(",")
+        if not (name.startswith("$") and comma):
+            raise MissionError(f"{where}: {said!r} is no $NAME,VALUE and none of {DIRECTIVES}")
+        try:
+            value = float(text)
+        except ValueError:
+            raise MissionError(f"{where}: {name},{text} must be a number") from None
+        _check(where, name[1:], value)
+        found[name[1:]] = value
+    if not directive:
+        raise MissionError(f"{path.name} has no directive: end it with {GO}")
+    return found
+
+
+def commanded(
+    commands: Mapping[str, float], targets: Sequence[SeagliderTarget], vehicle: Vehicle
+) -> Mission:
+    """The mission that commands and targets say: a dive from surfacing to surfacing.
+
+    Raises:
+      MissionError: a parameter of the dive is missing, or the vehicle has no such glide.
+    """
+    for name in ("D_TGT", "T_DIVE", "MAX_BUOY", "GLIDE_SLOPE"):
+        if name not in commands:
+            near = unknown_name("parameter", name, list(commands))
+            raise MissionError(f"{CMDFILE} has no ${name}, which a dive needs: {near}")
+    depth, mass = commands["D_TGT"], commands["MAX_BUOY"] / GRAMS
+    pitch = _pitch(vehicle, mass, 2.0 * depth / (commands["T_DIVE"] * MINUTE))
+    glide = steady_glide(vehicle, -math.radians(pitch), mass)
+    if _slope(glide, pitch) > commands["GLIDE_SLOPE"] + 0.5:
+        raise MissionError(
+            f"{CMDFILE}: {depth:g} m in {commands['T_DIVE']:g} min at {commands['MAX_BUOY']:g} g "
+            f"need a glide of {_slope(glide, pitch):.0f} degree, steeper than $GLIDE_SLOPE"
+        )
+    segment = Waypoint(
+        targets=tuple({"latitude": one.latitude, "longitude": one.longitude} for one in targets),
+        max_depth_m=depth,
+        pitch_deg=pitch,
+        net_mass_kg=mass,
+        surface_after_s=commands.get("T_MISSION", _given_up(commands["T_DIVE"])) * MINUTE,
+        surface_after_yos=1.0,
+        arrival_radius_m=radius_of(targets),
+    )
+    return Mission(name=CMDFILE, segments=(segment,))
+
+
+def _given_up(minutes: float) -> float:
+    """[min] after which a dive of a $T_DIVE is given up."""
+    return LATER * minutes + TURN
+
+
+def _slope(glide: SteadyGlide, pitch_deg: float) -> float:
+    """[degree] of the way through the water below the horizontal."""
+    return pitch_deg + math.degrees(glide.angle_of_attack)
+
+
+def _pitch(vehicle: Vehicle, mass: float, rate: float) -> float:
+    """Pitch [degree], positive, at which the vehicle sinks so fast [m/s]; the nearest it has."""
+    low, high = FLATTEST, STEEPEST
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        try:
+            slow = steady_glide(vehicle, -math.radians(middle), mass).vertical_speed < rate
+        except MissionError:
+            slow = True  # flatter than it glides
+        low, high = (middle, high) if slow else (low, middle)
+    return round(high, 2)
+
+
+def _check(where: str, name: str, value: float) -> None:
+    low, high = LIMITS.get(name, (-math.inf, math.inf))
+    whole = isinstance(low, int) and value != round(value)
+    if not (math.isfinite(value) and low <= value <= high) or whole:
+        kind = "a whole number " if isinstance(low, int) else ""
+        raise MissionError(f"{where}: ${name},{value:g} must be {kind}within {low:g} to {high:g}")
+
+
+SCIENCE = "science"
+SCIENCE_KEYS = ("seconds", "sensors", "gc")
+LEAST_PART, MOST_PART = 0.05, 4.0
+"""Of the samples, that a sparser or denser file may have"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ScienceLayer:
+    """How often it samples down to a depth."""
+
+    depth: str
+    """[m], as the file has it; or `loiter`"""
+    seconds: float
+    """Between samples"""
+    sensors: str
+    """A digit for each"""
+    gc: str
+    """[s] between two looks of its guidance"""
+    more: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """What else newer vehicles have"""
+    named: bool = False
+    """Whether the file names its values"""
+
+    def line(self) -> str:
+        """As the file has it."""
+        values = {"seconds": f"{self.seconds:g}", "sensors": self.sensors, "gc": self.gc}
+        values |= self.more
+        said = [f"{name}={value}" for name, value in values.items()]
+        return " ".join([self.depth, *(said if self.named else list(values.values()))])
+
+
+def read_science(path: str | Path) -> tuple[ScienceLayer, ...]:
+    """The layers of a file, from the surface down.
+
+    Raises:
+      MissionError: it cannot be read, holds no layer, or a line is none.
+    """
+    path = Path(path)
+    found: list[ScienceLayer] = []
+    for number, line in enumerate(read_text(path, SCIENCE, MissionError).splitlines(), start=1):
+        words = line.split()
+        if not words or words[0].startswith("/"):
+            continue
+        found.append(_layer(f"{path.name} line {number}", words))
+    if not found:
+        raise MissionError(f"{path.name} has no layer: a line is DEPTH SECONDS SENSORS GC")
+    depths = [float(one.depth) for one in found if one.depth != "loiter"]
+    if depths != sorted(depths):
+        raise MissionError(f"{path.name}: depths must grow from line to line")
+    return tuple(found)
+
+
+def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, ...]:
+    """The same layers with a part of the samples, to the second.
+
+    Raises:
+      MissionError: a part that leaves nothing, or that no sensor follows.
+    """
+    if not LEAST_PART <= part <= MOST_PART:
+        raise MissionError(
+            f"{part:g} of the samples: take a part from {LEAST_PART:g} to {MOST_PART:g}"
+        )
+    return tuple(
+        dataclasses.replace(one, seconds=max(round(one.seconds / part), 1)) for one in layers
+    )
+
+
+def science_text(layers: Sequence[ScienceLayer]) -> str:
+    """The text of the file."""
+    return "".join(one.line() + "\n" for one in layers)
+
+
+def _layer(where: str, words: Sequence[str]) -> ScienceLayer:
+    named = any("=" in word for word in words)
+    if named:
+        values = dict(word.partition("=")[::2] for word in words[1:])
+    elif len(words) == len(SCIENCE_KEYS) + 1:
+        values = dict(zip(SCIENCE_KEYS, words[1:], strict=True))
+    else:
+        raise MissionError(f"{where}: {' '.join(words)!r} is no DEPTH SECONDS SENSORS GC")
+    for key in SCIENCE_KEYS:
+        if not values.get(key):
+            raise MissionError(f"{where}: {key}= is missing")
+    seconds = _number(where, "seconds", values["seconds"])
+    _number(where, "gc", values["gc"])
+    if words[0] != "loiter":
+        _number(where, "depth", words[0])
+    if not values["sensors"].isdigit():
+        raise MissionError(f"{where}: sensors {values['sensors']!r} must be a digit for each")
+    more = {key: value for key, value in values.items() if key not in SCIENCE_KEYS}
+    return ScienceLayer(
+        depth=words[0], seconds=seconds, sensors=values["sensors"], gc=values["gc"], more=more,
+        named=named,
+    )  # fmt: skip
+
+
+def _number(where: str, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1e5:
+        raise MissionError(f"{where}: {name} {text!r} must be a number, 0 or above")
+    return value

@@ -1,0 +1,306 @@
+"""Legs: the dives of a deployment from fix to fix, with their way through the water.
+
+What a leg's way through the water is, by what its log holds:
+
+- with `--vehicle`, the velocity of that vehicle's flight model, integrated from fix to fix;
+- else, where pitch and heading are logged, depth rate / tan(|pitch| + 3 degree) along the heading,
+  which the store keeps as its depth-averaged current;
+- else, as in the short logs that come by satellite, displacement over ground less the current that
+  the vehicle itself reported for the dive.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from twin import Origin
+from twin.cli import counted
+from twin.geodesy import position
+from twin.logs import fixes_at, track_velocity
+from twin.navigation.current import Leg
+from twin.numbers import Array
+from twin.physics import utc_text
+from twin.records import LogStore
+from twin.records.attributes import DIVE_DURATION
+from twin.records.coordinates import utc_clock, utc_minute
+
+FIXED = ("measured_gps_north", "measured_gps_east")
+READ = tuple(
+    f"{name}_{axis}"
+    for name in ("measured_onboard", "commanded_waypoint", "measured_current")
+    for axis in ("north", "east")
+)
+"""Signals of the dives"""
+MODEL, PITCH, REPORTED = "flight model", "depth rate and pitch", "reported current"
+"""How a way through the water was found"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LoggedLeg:
+    """One dive of a store between two fixes."""
+
+    mission: int
+    """Row in the store."""
+    leg: Leg
+    """[s] unix; its way through the water is known"""
+    method: str
+    """MODEL, PITCH or REPORTED"""
+    begin: tuple[float, float]
+    """Latitude, longitude [degree] of the fix before"""
+    onboard: tuple[float, float] | None
+    """North, east [m] to where the vehicle itself believed to surface; None without its track"""
+    targets: tuple[tuple[float, float], ...] = ()
+    """North, east [m] from the fix before to the waypoints it was sent to, in their order; empty
+    where the log has none"""
+    believed: tuple[float, float] | None = None
+    """North, east [m/s] of the current that the vehicle knew when it dived; None where the log does
+    not say"""
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Latitude, longitude [degree] of the fix after."""
+        return place_at(self.leg.over_ground, self.begin)
+
+    @property
+    def origin(self) -> Origin:
+        """Place and time of the fix before."""
+        begin = datetime.datetime.fromtimestamp(self.leg.start, datetime.UTC)
+        latitude, longitude = self.begin
+        return Origin(latitude_deg=latitude, longitude_deg=longitude, time=utc_text(begin))
+
+
+def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tuple[float, float]:
+    """Latitude, longitude [degree] so far north and east [m] of a place."""
+    north, east = (np.array([float(value)]) for value in metres)
+    latitude, longitude = position(north, east, *begin)
+    return float(latitude[0]), float(longitude[0])
+
+
+def legs_of(
+    logs: LogStore, deployment: str, flown: Mapping[int, Array] | None = None
+) -> list[LoggedLeg]:
+    """The legs of a deployment, in order of time; dives without two fixes or a way are left out.
+
+    Args:
+      logs: the store.
+      deployment: name of it.
+      flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by
+        mission, where there is one.
+    """
+    durations = logs.number(DIVE_DURATION)
+    moved = np.stack([logs.number(f"displacement_{n}") for n in ("north", "east")], axis=1)
+    currents = {
+        method: np.stack([logs.number(f"{name}_{n}") for n in ("north", "east")], axis=1)
+        for method, name in ((PITCH, "dac"), (REPORTED, "vehicle_dac"))
+    }
+    found: list[LoggedLeg] = []
+    missions = logs.missions_of(deployment)
+    places = {mission: k for k, mission in enumerate(missions)}
+    blocks = {name: logs.rows(name, missions) for name in (*FIXED, *READ) if name in logs}
+
+    def signal(name: str, mission: int) -> Array:
+        count = int(logs.samples[mission])
+        if name not in blocks:
+            return np.full(count, np.nan)
+        return np.asarray(blocks[name][places[mission], :count], float)
+
+    for mission in missions:
+        duration, ground = float(durations[mission]), moved[mission]
+        begin, _ = logs.fixes(mission)
+        start = float(logs.starts[mission])
+        if not (np.isfinite([duration, start, *ground, *begin]).all() and duration > 0.0):
+            continue
+        if found and start < found[-1].leg.end - 1.0:
+            continue
+        way, method = None, ""
+        if flown and mission in flown:
+            velocity = flown[mission]
+            way = 0.5 * logs.period * (velocity[1:] + velocity[:-1]).sum(axis=0)
+            method = MODEL
+        for kind, values in currents.items():
+            if way is None and np.isfinite(values[mission]).all():
+                way, method = ground - duration * values[mission], kind
+        if way is None or not np.isfinite(way).all():
+            continue
+        found.append(
+            LoggedLeg(
+                mission=mission,
+                leg=Leg(
+                    start=start,
+                    duration=duration,
+                    over_ground=(float(ground[0]), float(ground[1])),
+                    through_water=(float(way[0]), float(way[1])),
+                ),
+                method=method,
+                begin=begin,
+                onboard=_onboard(functools.partial(signal, mission=mission), logs.period),
+                targets=_targets(functools.partial(signal, mission=mission)),
+                believed=_believed(functools.partial(signal, mission=mission)),
+            )
+        )
+    return found
+
+
+class DiveTime(NamedTuple):
+    """A dive whose begin and end are known."""
+
+    begin: float
+    """[s] unix"""
+    end: float
+    """[s] unix"""
+    stay: float
+    """[s] at the surface before it; NaN where the log does not tell"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiveTimes:
+    """When a deployment dived, and when its log is silent."""
+
+    dives: tuple[DiveTime, ...]
+    """From surface to surface, in order of time: those without a known way, too"""
+    holes: tuple[tuple[float, float], ...]
+    """Begin and end [s] unix of silences in which it may have dived"""
+
+    @property
+    def silent(self) -> str:
+        """What is not known, in words; empty where nothing is missing."""
+        if not self.holes:
+            return ""
+        told = [f"{utc_minute(one)} to {utc_clock(end, one)}" for one, end in self.holes[-TOLD:]]
+        return (
+            f"the log has {counted(len(self.holes), 'hole')} of an hour or more"
+            f"{', the last' if len(self.holes) > TOLD else ''}: {', '.join(told)} UTC. A file is "
+            "missing or short, and it may have dived then: stays at the surface around holes do "
+            "not count"
+        )
+
+
+SILENT = 3600.0
+"""[s] without a sample from which a log has a hole: as `factory import` parts dives"""
+TOLD = 3
+"""Holes that are told with their times, the last ones"""
+AFLOAT = 3.0
+"""[m] that the pressure sensor of a glider at the surface is under water at most"""
+SAME = 1.5
+"""[s] by which two times of one stay may differ: clocks are rounded"""
+
+
+def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
+    """When a deployment dived.
+
+    What lies between two dives is a stay at the surface where fixes begin and end it, and either
+    tell it without a hole or are so near that no usual dive fits in. Else a file may be missing, or
+    half of one: nobody knows whether it dived then, nor how long the stay was. A dive that the log
+    leaves or enters under water lasted longer than it says, and is left out.
+    """
+    durations, waited = (logs.number(name) for name in (DIVE_DURATION, "surface_duration"))
+    dives: list[DiveTime] = []
+    holes: list[tuple[float, float]] = []
+    before, fixed = math.nan, False
+    for row in logs.missions_of(deployment):
+        begin, end = float(logs.starts[row]), float(logs.starts[row] + durations[row])
+        if not end > begin:
+            continue
+        begun, ended = (bool(np.isfinite(fix).all()) for fix in logs.fixes(row))
+        gap, told = begin - before, float(np.nan_to_num(waited[row]))
+        usual = usual_duration(dives) if dives else 0.0
+        known = fixed and begun and (abs(gap - told) < SAME or gap < usual)
+        if not known and gap - told >= SILENT:
+            holes.append((before, begin - told))
+        if (begun and ended) or _afloat(logs.signal("measured_depth", row)):
+            dives.append(DiveTime(begin, end, gap if known else math.nan))
+        before, fixed = end, ended
+    return DiveTimes(dives=tuple(dives), holes=tuple(holes))
+
+
+def _afloat(depth: Array) -> bool:
+    """Whether a dive begins and ends at the surface by its depth [m]."""
+    known = depth[np.isfinite(depth)]
+    return bool(known.size and max(known[0], known[-1]) < AFLOAT)
+
+
+def usual_duration(before: Sequence[DiveTime]) -> float:
+    """[s] median of the last three dives."""
+    return float(np.median([one.end - one.begin for one in before[-3:]]))
+
+
+def why_no_legs(logs: LogStore, deployment: str) -> str:
+    """What the dives of a deployment without legs lack, in words."""
+    rows = logs.missions_of(deployment)
+    fixes = [np.isfinite(logs.fixes(row)).all(axis=1).tolist() for row in rows]
+    begun, ended = (sum(each) for each in zip(*fixes, strict=True))
+    moved = np.isfinite(logs.number("displacement_north")[rows])
+    if moved.any():
+        return (
+            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to "
+            "GPS fix, but no way through the water (pitch and heading, a vehicle's own current, or "
+            "--vehicle with a flight model)"
+        )
+    return (
+        f"no dive has GPS fixes at both ends: of {counted(len(rows), 'dive')} of deployment "
+        f"{deployment!r} {begun} {_begin(begun)} with one and {ended} {_begin(ended, 'end')}"
+    )
+
+
+def _begin(count: int, verb: str = "begin") -> str:
+    return f"{verb}s" if count == 1 else verb
+
+
+def _onboard(signal: Callable[[str], Array], period: float) -> tuple[float, float] | None:
+    """By the vehicle's own track, without its jumps to fixes; None without one."""
+    track = np.stack([signal(f"measured_onboard_{n}") for n in ("north", "east")], axis=1)
+    known = np.stack([signal(name) for name in FIXED], axis=1)
+    velocity = track_velocity(track, period, fixes_at(known))
+    if velocity is None:
+        return None
+    north, east = period * velocity[:-1].sum(axis=0)
+    return float(north), float(east)
+
+
+APART = 30.0
+"""[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
+
+
+def _targets(signal: Callable[[str], Array]) -> tuple[tuple[float, float], ...]:
+    """The waypoints that were commanded during a dive, in their order."""
+    places = np.stack([signal(f"commanded_waypoint_{axis}") for axis in ("north", "east")], axis=1)
+    places = places[np.isfinite(places).all(axis=1)]
+    new = np.ones(len(places), bool)
+    new[1:] = (np.diff(places, axis=0) != 0.0).any(axis=1)
+    found: list[tuple[float, float]] = []
+    for north, east in places[new].tolist():
+        if not found or math.dist((north, east), found[-1]) > APART:
+            found.append((north, east))
+    return tuple(found)
+
+
+def _believed(signal: Callable[[str], Array]) -> tuple[float, float] | None:
+    """The current that a vehicle knew first in a dive; None without."""
+    signals = (signal(f"measured_current_{axis}") for axis in ("north", "east"))
+    both = np.stack(list(signals), axis=1)
+    known = both[np.isfinite(both).all(axis=1)]
+    return (float(known[0, 0]), float(known[0, 1])) if known.size else None
+
+
+def flown_velocities(
+    store: Path, vehicle: str | None, missions: list[int] | None = None
+) -> dict[int, Array]:
+    """Velocity through the water by a vehicle's flight model, by mission.
+
+    Raises:
+      TwinError: the vehicle cannot be flown on this store.
+    """
+    from twin.logs import estimate_flight
+
+    flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
+    return {
+        one.dive.mission: one.dive.velocity for one in flight.missions if one.dive.tells_current
+    }

@@ -1,0 +1,201 @@
+"""Pool: forecasts of several models, mixed by how likely each made what was found.
+
+The weight of a model is multiplied by the likelihood of each value found under its forecast, and
+forgets (dynamic model averaging: Raftery, Karny and Ettler 2010, Technometrics 52). A forecast is a
+mixture of Student's t distributions, one a model, so that one surprise neither settles nor ruins a
+model. The scale of a model's errors is learned on the way: robustly, from a prior that counts as
+some errors, and with the same forgetting.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.errors import InputError
+from twin.numbers import Array
+
+FREEDOM = 5.0
+"""[1] degrees of freedom of Student's t: as heavy as the tails of currents' changes are"""
+FORGETTING = 0.95
+"""[1] part that a weight's logarithm, and the count of errors behind a scale, keep at each value:
+twenty values say what a model is worth"""
+TEMPER = 0.5
+"""[1] power of a likelihood: errors of neighbours are alike, so that two say as much as one"""
+COUNTED = 4.0
+"""[1] errors as which a scale's prior counts"""
+LEAST = 1e-4
+"""[1] part of the weights that stays the prior's, so that a model may come back"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """Of one model, before it was tried on a deployment."""
+
+    weight: float
+    """[1] beside the others', which need not add up to 1"""
+    scale: float
+    """of its errors, in the unit in which the model says how they spread"""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mixture:
+    """A forecast of several numbers by the models that said something."""
+
+    names: tuple[str, ...]
+    weights: Array
+    """[1] (model,), adding up to 1"""
+    means: Array
+    """(model, number)"""
+    covariances: Array
+    """(model, number, number)"""
+
+    @functools.cached_property
+    def mean(self) -> Array:
+        """(number,)"""
+        return np.asarray(self.weights @ self.means)
+
+    @functools.cached_property
+    def covariance(self) -> Array:
+        """Within the models and between them, (number, number)."""
+        apart = self.means - self.mean
+        within = np.einsum("m,mij->ij", self.weights, self.covariances)
+        return np.asarray(within + np.einsum("m,mi,mj->ij", self.weights, apart, apart))
+
+    def draw(self, count: int, freedom: float, rng: np.random.Generator) -> Array:
+        """Draws (draw, number): each takes one model by its weight, and an error by Student's t
+        of so many degrees of `freedom` with the model's covariance."""
+        taken = rng.choice(len(self.weights), size=count, p=self.weights)
+        heavy = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, count))
+        roots = np.linalg.cholesky(self.covariances)
+        normal = rng.standard_normal((count, self.means.shape[1]))
+        error = np.einsum("mij,mj->mi", roots[taken], normal)
+        return np.asarray(self.means[taken] + heavy[:, None] * error)
+
+
+class Pool:
+    """Weights and scales of some models, learned from every value that is found.
+
+    pool = Pool({"persistence": Prior(1.0, 0.1), "mean": Prior(1.0, 0.1)})
+    ahead = pool.expect([[0.1, 0.0], [0.2, 0.1]])
+    pool.learn([0.12, 0.01])
+
+    Args:
+      priors: by the models' names.
+      freedom: [1] degrees of Student's t, above 2.
+      counted: [1] errors as which a prior's scale counts.
+      forgetting: [1] see `FORGETTING`.
+
+    Raises:
+      InputError: no model, or a weight or scale that is not positive.
+    """
+
+    def __init__(
+        self,
+        priors: Mapping[str, Prior],
+        *,
+        freedom: float = FREEDOM,
+        counted: float = COUNTED,
+        forgetting: float = FORGETTING,
+    ):
+        if not priors:
+            raise InputError("a pool needs at least one model")
+        for name, prior in priors.items():
+            if not (prior.weight > 0.0 and prior.scale > 0.0):
+                raise InputError(
+                    f"model {name} has weight {prior.weight:g} and scale {prior.scale:g}; both "
+                    "must be positive: leave out a model that shall not count"
+                )
+        self.names = tuple(priors)
+        self.freedom, self.forgetting = freedom, forgetting
+        weights = np.array([prior.weight for prior in priors.values()])
+        self._prior = weights / weights.sum()
+        self._logarithms = np.log(self._prior)
+        self._squares = counted * np.array([prior.scale for prior in priors.values()]) ** 2
+        self._count = np.full(len(self.names), counted)
+        self._asked: tuple[Array, Array, NDArray[np.bool_]] | None = None
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """[1] of every model now."""
+        return dict(zip(self.names, _normalised(self._logarithms).tolist(), strict=True))
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """Of every model's errors now."""
+        return dict(zip(self.names, np.sqrt(self._squares / self._count).tolist(), strict=True))
+
+    def expect(self, means: ArrayLike, shapes: ArrayLike | None = None) -> Mixture:
+        """The mixture of what the models say.
+
+        Args:
+          means: (model, number); NaN in the row of a model that says nothing this time.
+          shapes: how errors spread before the learned scale, (model, number, number); None: alike
+            in all directions.
+
+        Raises:
+          InputError: no model says anything.
+        """
+        said = np.asarray(means, float)
+        known = np.isfinite(said).all(axis=1)
+        if not known.any():
+            raise InputError("none of the pool's models says anything")
+        size = said.shape[1]
+        shape = np.tile(np.eye(size), (len(said), 1, 1)) if shapes is None else np.asarray(shapes)
+        spread = (self._squares / self._count)[:, None, None] * shape
+        self._asked = said, spread, known
+        wider = self.freedom / (self.freedom - 2.0)
+        return Mixture(
+            names=tuple(name for name, there in zip(self.names, known, strict=True) if there),
+            weights=_normalised(self._logarithms[known]),
+            means=said[known],
+            covariances=wider * spread[known],
+        )
+
+    def learn(self, value: ArrayLike) -> Array:
+        """What was found, (number,), of what was asked last.
+
+        Returns:
+          The part that each model had in explaining it, (model,), 0 of those that said nothing.
+
+        Raises:
+          InputError: nothing was asked.
+        """
+        if self._asked is None:
+            raise InputError("a pool learns from what it was asked before: call expect first")
+        means, spread, known = self._asked
+        self._asked = None
+        missed = np.asarray(value, float) - means[known]
+        size = missed.shape[1]
+        whitened = np.linalg.solve(spread[known], missed[..., None])[..., 0]
+        distance = np.einsum("mi,mi->m", missed, whitened)
+        _, volume = np.linalg.slogdet(spread[known])
+        tail = 0.5 * (self.freedom + size) * np.log1p(distance / self.freedom)
+        likely = -0.5 * volume - tail
+        explained = np.zeros(len(known))
+        explained[known] = _normalised(self._logarithms[known] + likely)
+        moved = self._logarithms.copy()
+        before = _log_sum(moved[known])
+        moved[known] = self.forgetting * moved[known] + TEMPER * likely
+        moved[known] += before - _log_sum(moved[known])  # those that said nothing keep their share
+        kept = (1.0 - LEAST) * _normalised(moved) + LEAST * self._prior
+        self._logarithms = np.log(kept)
+        doubt = (self.freedom + size) / (self.freedom + distance)
+        error = doubt * distance * (self._squares / self._count)[known] / size
+        self._squares[known] = self.forgetting * self._squares[known] + error
+        self._count[known] = self.forgetting * self._count[known] + 1.0
+        return explained
+
+
+def _log_sum(logarithms: Array) -> float:
+    most = float(logarithms.max())
+    return most + math.log(float(np.exp(logarithms - most).sum()))
+
+
+def _normalised(logarithms: Array) -> Array:
+    return np.asarray(np.exp(logarithms - _log_sum(logarithms)))

@@ -1,0 +1,365 @@
+"""Forecast: the next surfacings of a glider, from members flown in what is known.
+
+Authorities ask between which parallels and meridians a glider stays for twelve hours. Such a box's
+edges are the outermost of all members, rounded outward: one more member would leave one of the four
+sides with a probability of 4 / (members + 1) at most.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import datetime
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from glider_twin_ops.forecast.known import Known
+from glider_twin_ops.forecast.members import MemberFlight, coarse_steps, fly, members_of
+from glider_twin_ops.forecast.request import HOUR, Request
+from glider_twin_ops.forecast.surfacing import (
+    HALF,
+    NINETY,
+    Surfacing,
+    degrees,
+    left_out,
+    over,
+    surfacings_of,
+)
+from twin.checks import EndsApart, ends_apart, flown_in_mujoco
+from twin.errors import SimulationUnstable, TwinError
+from twin.geodesy import wrap_longitude
+from twin.numbers import Array
+from twin.records.coordinates import utc_clock, utc_minute
+
+DAY = 86400.0
+MINUTE, KILO = 60.0, 1e3
+KWH = 3.6e6
+"""[J]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Forecast:
+    """What the members that have been flown say; the last one of a forecast is of all."""
+
+    request: Request
+    surfacings: tuple[Surfacing, ...]
+    flown: int
+    """Members so far."""
+    failed: int
+    """Members that left the finite numbers."""
+    track: Array
+    """Longitude, latitude [degree] of the first member, the mean of what is known, (point, 2)."""
+    spread: dict[str, str]
+    """What was drawn, in words."""
+    power_w: float
+    """Mean electrical power."""
+    ways: tuple[tuple[Array, Array], ...]
+    """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
+    left_out: str = ""
+    """Why a surfacing within the hours is not told; empty: none is left out."""
+    over_s: float | None = None
+    """[s] after the start at which the mission is over, in the median; None: it goes on."""
+    beside_mujoco: EndsApart | None = None
+    """Of the first member, where lanes flew it; None before all have been flown."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether all members have been flown."""
+        return self.flown + self.failed == self.request.members
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of the surfacings that are told and of those that are not."""
+        said = [self.left_out] if self.left_out else []
+        if self.over_s is not None:
+            said.append(
+                f"the plan is over about {self.minute(self.over_s)} UTC, "
+                f"{self.request.hours - self.over_s / HOUR:.1f} h before the forecast ends: from "
+                "then on it is taken to float and drift, and boxes and energy are of that. Give "
+                "more places in goto, a longer mission, or fewer hours"
+            )
+        return said
+
+    @property
+    def bounds_known(self) -> str:
+        """How well the members tell the bounds of the times; empty where there are none."""
+        if not self.surfacings or self.flown < 2:
+            return ""
+        off = ", ".join(f"{one.bound_s / MINUTE:.0f}" for one in self.surfacings)
+        return (
+            f"{self.flown} members tell the bounds of the times to +-{off} min: other members, "
+            "hours or seeds move them by as much; more members tell them better"
+        )
+
+    @property
+    def days_left(self) -> float | None:
+        """[d] that the batteries last at this power; None where their energy is not given."""
+        if self.request.energy_left_kwh is None or self.power_w <= 0.0:
+            return None
+        return self.request.energy_left_kwh * KWH / self.power_w / DAY
+
+    @property
+    def energy_per_day(self) -> str:
+        """In words, in kJ as the surfacings' and in kW h as what is left."""
+        return f"{self.power_w * DAY / KILO:.0f} kJ ({self.power_w * DAY / KWH:.2f} kWh)"
+
+    @property
+    def begins(self) -> datetime.datetime:
+        """UTC."""
+        return datetime.datetime.fromisoformat(str(self.request.place.time))
+
+    @property
+    def _begin(self) -> float:
+        """[s] unix of the start."""
+        return self.begins.replace(tzinfo=datetime.UTC).timestamp()
+
+    def moment(self, seconds: float) -> str:
+        """UTC at `seconds` after the start, ISO 8601 to the second."""
+        return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
+
+    def minute(self, seconds: float) -> str:
+        """UTC at `seconds` after the start as people read it, such as 2023-09-20 06:31."""
+        return utc_minute(self._begin + round(seconds))
+
+    def bounds(self, one: Surfacing) -> str:
+        """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
+        middle = self._begin
+        times = (utc_clock(middle + at, middle + one.time_s) for at in (one.early_s, one.late_s))
+        return " to ".join(times)
+
+    def targets(self) -> Array:
+        """Longitude, latitude [degree] of the mission's targets, (target, 2)."""
+        place = self.request.place
+        placed = self.request.mission.placed(place.latitude_deg, place.longitude_deg)
+        points = [
+            (target["north_m"], target["east_m"])
+            for segment in placed.segments
+            for target in getattr(segment, "targets", ())
+        ]
+        return degrees(np.array(points).reshape(-1, 2), place)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        request, place = self.request, self.request.place
+        return {
+            "vehicle": request.vehicle.name,
+            "mission": request.mission.name,
+            "start": {
+                "latitude": place.latitude_deg,
+                "longitude": place.longitude_deg,
+                "time": str(place.time),
+            },
+            "hours": request.hours,
+            "members": request.members,
+            "engine": request.engine,
+            "beside_mujoco": (
+                None if self.beside_mujoco is None else dataclasses.asdict(self.beside_mujoco)
+            ),
+            "flown": self.flown,
+            "failed": self.failed,
+            "spread": self.spread,
+            "notes": list(request.notes()),
+            "left_out": self.left_out,
+            "over_s": self.over_s,
+            "remarks": self.remarks,
+            "bounds_known": self.bounds_known,
+            "surfacings": [
+                {
+                    **one.describe(),
+                    "time": self.moment(one.time_s),
+                    "early": self.moment(one.early_s),
+                    "late": self.moment(one.late_s),
+                }
+                for one in self.surfacings
+            ],
+            "power_W": self.power_w,
+            "energy_kJ_per_day": self.power_w * DAY / KILO,
+            "energy_kWh_per_day": self.power_w * DAY / KWH,
+            "days_left": self.days_left,
+        }
+
+    def geojson(self) -> dict[str, Any]:
+        """A FeatureCollection (RFC 7946): surfacings, their ellipses, track, targets."""
+        features = [feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
+        features += [
+            feature("Point", target, {"what": "target", "number": k})
+            for k, target in enumerate(self.targets().tolist(), start=1)
+        ]
+        for one in self.surfacings:
+            said = {"number": one.number, "time": self.moment(one.time_s)}
+            for part in (NINETY, HALF):
+                ring = one.ring(part, self.request.place).tolist()
+                said_of_it = {"what": f"ellipse of {100.0 * part:.0f} %", "holds": part, **said}
+                features.append(feature("Polygon", [ring], said_of_it))
+            point = [one.longitude, one.latitude]
+            features.append(feature("Point", point, {"what": "surfacing", **said}))
+        return {"type": "FeatureCollection", "features": features}
+
+
+def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    """A GeoJSON feature (RFC 7946)."""
+    return {
+        "type": "Feature",
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": properties,
+    }
+
+
+def forecast(
+    request: Request,
+    known: Known,
+    *,
+    threads: int = 0,
+    refined: Callable[[Forecast], object] = lambda found: None,
+) -> Forecast:
+    """Fly the members and tell the surfacings.
+
+    Args:
+      known: the current filter at the start's time.
+      threads: of the fleets; 0 takes every core.
+      refined: called with the forecast so far, first of the mean alone, then after each fleet.
+
+    Raises:
+      InputError and its kinds: nothing of it can be flown.
+      TwinError: no member stayed within the finite numbers.
+    """
+    members = members_of(request, known)
+    flights: list[MemberFlight] = []
+    failed = number = 0
+    first: Array | None = None
+    found: Forecast | None = None
+    lanes = request.engine == "lanes"
+    with coarse_steps(), concurrent.futures.ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(flown_in_mujoco, members.scenarios[0]) if lanes else None  # meanwhile
+        nominal: MemberFlight | SimulationUnstable | None = None
+        for chunk in fly(members.scenarios, threads=threads):
+            nominal = nominal or chunk[0]
+            failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
+            for k, one in enumerate(chunk):
+                if isinstance(one, MemberFlight):
+                    flights.append(members.delayed(number + k, one))
+            number += len(chunk)
+            if not flights:
+                continue
+            if first is None:
+                until = flights[0].times <= request.horizon
+                first = degrees(flights[0].track[until], request.place)
+            told = surfacings_of(flights, request.place, request.horizon)
+            found = Forecast(
+                request=request,
+                surfacings=told,
+                left_out=left_out(flights, len(told), request.horizon),
+                over_s=over(flights, request.horizon),
+                flown=len(flights),
+                failed=failed,
+                track=first,
+                spread=members.spread,
+                power_w=float(np.mean([one.taken / one.duration for one in flights])),
+                ways=tuple((one.times, one.track) for one in flights),
+            )
+            refined(found)
+    if found is None:
+        raise TwinError(
+            f"none of {request.members} members could be flown to its end: fly the mission with "
+            "`twin simulate` to see why"
+        )
+    if beside is not None and isinstance(nominal, MemberFlight):
+        apart = ends_apart(nominal.duration, nominal.end, beside.result())
+        found = dataclasses.replace(found, beside_mujoco=apart)
+    return found
+
+
+HOURS = 12.0
+MINUTES = 60.0
+"""In a degree"""
+TENTH = 10.0
+"""Parts of a minute that edges are rounded to: 185 m along a meridian"""
+MOMENT = "%Y-%m-%d %H:%M"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NoticeBox:
+    """One box, in degrees; `west` is above `east` where it lies across the date line."""
+
+    begin: datetime.datetime
+    """UTC"""
+    end: datetime.datetime
+    south: float
+    north: float
+    west: float
+    east: float
+    holds: float
+    """Least probability that the whole way lies inside"""
+
+    def text(self) -> str:
+        """One line, in degrees and minutes."""
+        south, north = (_angle(value, "NS", 2) for value in (self.south, self.north))
+        west, east = (_angle(value, "EW", 3) for value in (self.west, self.east))
+        return (
+            f"{self.begin:{MOMENT}} to {self.end:{MOMENT}} UTC: {south} to {north}, {west} to "
+            f"{east}"
+        )
+
+    def feature(self) -> dict[str, Any]:
+        """A GeoJSON feature; its longitudes go on across the date line."""
+        east = self.east + (360.0 if self.east < self.west else 0.0)
+        ring = [
+            [self.west, self.south], [east, self.south], [east, self.north],
+            [self.west, self.north], [self.west, self.south],
+        ]  # fmt: skip
+        begin, end = self.begin.isoformat(), self.end.isoformat()
+        said = {"what": "box of a notice", "begin": begin, "end": end, "holds": self.holds}
+        return feature("Polygon", [ring], said)
+
+
+def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:
+    """Boxes one after the other, to the end of a forecast's hours or of its members' plan.
+
+    Args:
+      found: of all members. hours: [h] of each box.
+    """
+    ways = [(time, degrees(way, found.request.place)) for time, way in found.ways]
+    last = min(found.request.horizon, float(np.median([time[-1] for time, _ in ways])))
+    boxes = []
+    for begin in np.arange(0.0, last, hours * 3600.0):
+        end = min(begin + hours * 3600.0, last)
+        inside = np.concatenate([_between(time, way, begin, end) for time, way in ways])
+        west, south = (math.floor(v * MINUTES * TENTH) / MINUTES / TENTH for v in inside.min(0))
+        east, north = (math.ceil(v * MINUTES * TENTH) / MINUTES / TENTH for v in inside.max(0))
+        west, east = wrap_longitude(np.array([west, east])).tolist()
+        boxes.append(
+            NoticeBox(
+                begin=found.begins + datetime.timedelta(seconds=begin),
+                end=found.begins + datetime.timedelta(seconds=end),
+                south=south, north=north, west=west, east=east,
+                holds=max(0.0, 1.0 - 4.0 / (len(ways) + 1)),
+            )
+        )  # fmt: skip
+    return boxes
+
+
+def boxes_text(boxes: Sequence[NoticeBox], title: str) -> str:
+    """Lines for a message."""
+    if not boxes:
+        return f"{title}: no forecast, so no boxes\n"
+    which = "these boxes" if len(boxes) > 1 else "this box"
+    lines = [
+        f"{title}: an underwater glider stays within {which} with a probability of "
+        f"{100.0 * boxes[0].holds:.0f} %"
+    ]
+    return "\n".join([*lines, *(one.text() for one in boxes)]) + "\n"
+
+
+def _between(time: np.ndarray, way: np.ndarray, begin: float, end: float) -> np.ndarray:
+    """The points of a way within two times, those at the times themselves included."""
+    at = np.concatenate([[begin], time[(time > begin) & (time < end)], [end]])
+    return np.stack([np.interp(at, time, way[:, k]) for k in range(2)], axis=1)
+
+
+def _angle(value: float, signs: str, digits: int) -> str:
+    tenths = round(abs(value) * MINUTES * TENTH)
+    whole, minutes = divmod(tenths, round(MINUTES * TENTH))
+    return f"{whole:0{digits}d}-{minutes / TENTH:04.1f}{signs[value < 0.0]}"

@@ -1,0 +1,133 @@
+"""A detector of faults that learned from labelled deployments, beside what `assess` judges.
+
+    detector = FaultDetector.fit(values, kinds, onsets, seed=0)
+    odds, named = detector.judge(values[0])
+
+It sees the same channels of the same dives, and no physics: a network of one hidden layer takes how
+far each channel's last dives are from those before them, and tells after each dive which fault
+there is, if any.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from glider_twin_ops.health.deployment_health import NONE
+from glider_twin_ops.health.judgement import follow
+from twin.errors import InputError
+from twin.numbers import Array
+
+LAST = (1, 3, 8)
+"""Dives at the end whose mean is compared with that of all before"""
+FIRST = 4
+"""Dives before the first that is judged"""
+FARTHEST = 8.0
+"""Deviations at which a feature ends: a network does not extrapolate"""
+UNTOLD = 3
+"""Dives from the onset on that teach nothing: a fault begins unseen"""
+HIDDEN, STEPS, RATE, DECAY, DROPPED = 64, 400, 3e-3, 3e-3, 0.2
+"""Units; steps of Adam over all dives at once, their rate, decay of weights; inputs left out"""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FaultDetector:
+    """A trained detector."""
+
+    kinds: tuple[str, ...]
+    """Classes; the first is none"""
+    network: torch.nn.Module
+    """(dives, features) to scores (dives, kinds)"""
+
+    @classmethod
+    def fit(
+        cls,
+        values: Sequence[Array],
+        kinds: Sequence[str],
+        onsets: Sequence[int | None],
+        *,
+        seed: int = 0,
+    ) -> FaultDetector:
+        """Learn from deployments; the same from the same seed.
+
+        Args:
+          values: channels of each deployment as `CHANNELS` has them, (dives, channels).
+          kinds: of their faults, `none` where there is none.
+          onsets: place of the first dive with the fault in each; None where there is none.
+
+        Raises:
+          InputError: there are no sound deployments, or none with a fault.
+        """
+        names = (NONE, *sorted(set(kinds) - {NONE}))
+        if len(names) < 2 or NONE not in kinds:
+            raise InputError("a detector learns from deployments with a fault and sound ones")
+        inputs, labels = [], []
+        for one, kind, onset in zip(values, kinds, onsets, strict=True):
+            told = features(one)
+            label = np.full(len(told), names.index(NONE))
+            if onset is not None:
+                label[onset:] = names.index(kind)
+                label[onset : onset + UNTOLD] = -1
+            label[:FIRST] = -1
+            inputs.append(told[label >= 0])
+            labels.append(label[label >= 0])
+        x = torch.tensor(np.concatenate(inputs), dtype=torch.float32)
+        y = torch.tensor(np.concatenate(labels))
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            network = torch.nn.Sequential(
+                torch.nn.Dropout(DROPPED),
+                torch.nn.Linear(x.shape[1], HIDDEN),
+                torch.nn.Tanh(),
+                torch.nn.Linear(HIDDEN, len(names)),
+            )
+            optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=DECAY)
+            network.train()
+            for _ in range(STEPS):
+                optimiser.zero_grad()
+                loss = torch.nn.functional.cross_entropy(network(x), y)
+                loss.backward()
+                optimiser.step()
+        return cls(names, network.eval())
+
+    def judge(self, values: Array) -> tuple[Array, list[str]]:
+        """What it says after each dive of a deployment.
+
+        Args:
+          values: channels of its dives, (dives, channels).
+
+        Returns:
+          log of the odds of a fault, (dives,), -inf before it judges; the likeliest kind of each.
+        """
+        with torch.no_grad():
+            scores = self.network(torch.tensor(features(values), dtype=torch.float32)).double()
+        odds = (torch.logsumexp(scores[:, 1:], 1) - scores[:, 0]).numpy()
+        odds[:FIRST] = -math.inf
+        return odds, [self.kinds[1 + int(k)] for k in scores[:, 1:].argmax(1)]
+
+
+def features(values: Array) -> Array:
+    """What the network sees after each dive: (dives, channels x (ways + 1)).
+
+    Means of the last dives less the mean of those before, over the deviation that it has by the
+    channel's noise in the deployment so far; and whether the channel is there.
+    """
+    levels = follow(values)
+    spread = np.sqrt(levels.expected)
+    known = np.isfinite(values)
+    total = np.cumsum(np.where(known, values, 0.0), axis=0)
+    count = np.cumsum(known, axis=0).astype(float)
+    found = []
+    for last in LAST:
+        before, many = (np.zeros_like(total) for _ in range(2))
+        before[last:], many[last:] = total[:-last], count[:-last]
+        some, few = total - before, count - many
+        apart = some / np.maximum(few, 1.0) - before / np.maximum(many, 1.0)
+        over = spread * np.sqrt(1.0 / np.maximum(few, 1.0) + 1.0 / np.maximum(many, 1.0))
+        there = (few > 0) & (many > 1)
+        found.append(np.where(there, np.clip(apart / over, -FARTHEST, FARTHEST), 0.0))
+    return np.concatenate([*found, known.astype(float)], axis=1)

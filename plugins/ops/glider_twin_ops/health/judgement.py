@@ -1,0 +1,338 @@
+"""Judgement: is a fault more likely than drift, which one, since when and how large.
+
+Each channel has a level that walks from dive to dive; a Kalman filter follows it, and its
+innovations are what a sound vehicle leaves. A fault that began with some dive adds its signature,
+times its size, from there on; what the filter's innovations then are is linear in the size, so that
+the likelihood ratio of each kind and each first dive against drift is known in closed form (Willsky
+and Jones, IEEE TAC 21, 1976). The size has a normal prior of the kind's usual size, and the ratio
+is that of the marginal likelihoods.
+
+How much evidence is an alarm follows from the false alarms that a pilot bears. A level is the
+higher of two. One is that of simulated deployments of preset `faulty` that were sound, and of what
+came before the fault in others: 1073 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (of
+each vehicle `--each 1 --sound 6 --seed 2003` and `--each 2 --sound 24 --seed 2004`). They are
+quieter in most channels than real ones. The other is that of channels as loud, all of them, as
+`channels` states their noise and walks: 400 deployments of five days. Both are by
+
+    python -m benchmarks.health --judge FILE ... --thresholds
+
+Deployments of other seeds and real logs tell whether the rate holds: docs/results/health.md and
+docs/results/health_real.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from glider_twin_ops.health.channels import CHANNELS
+from glider_twin_ops.health.signatures import Hypothesis
+from twin.errors import InputError
+from twin.numbers import Array
+
+CLIP = 3.5
+"""Standard deviations at which an innovation counts no further: one dive alone proves little"""
+FARTHEST = 30.0
+"""Standard deviations of a signature that count"""
+LEARNED = 8.0
+"""Dives that the noise of a channel before a deployment counts as"""
+LATE = 2
+"""Dives at the end that do not teach the noise: a fault would"""
+LEAST, MOST = 0.4, 40.0
+"""Smallest and largest variance of a channel over that before the deployment"""
+STEP = 2.0
+"""Noises by which a level may step where a pilot changed the dive by one unit more than he does
+without wanting to: what the model lacks at another depth, pitch and volume"""
+FIRST = 5
+"""Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
+UNKNOWN = 100.0
+"""Standard deviation of a level before its first dive, in its noise"""
+RARE = 200.0
+"""Dives in which a fault begins once, before anything is known"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Levels:
+    """What the filters of all channels made of a deployment, each (dives, channels)."""
+
+    level: Array
+    """after each dive"""
+    deviation: Array
+    """of it"""
+    innovation: Array
+    """over its deviation; NaN where the log has no value"""
+    expected: Array
+    """[variance] of each innovation"""
+    gain: Array
+    """of each update, 0 without a value"""
+
+
+def follow(values: Array, changes: Array | None = None, wander: Array | None = None) -> Levels:
+    """Follow every channel of a deployment.
+
+    Args:
+      values: (dives, channels), NaN where the log does not tell.
+      changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
+        same; beyond, levels may step by what the model lacks. None: all dives are the same.
+      wander: deviation of each channel's change from the dive before, (dives, channels), beside
+        that of a log that tells all it depends on.
+    """
+    count, width = values.shape
+    noise = np.array([one.noise for one in CHANNELS]) ** 2
+    walk = np.array([one.walk for one in CHANNELS]) ** 2
+    level, variance = np.zeros(width), UNKNOWN**2 * noise
+    seen, squares = np.zeros(width), np.zeros((count, width))
+    scale = np.ones(width)
+    found = [np.full((count, width), math.nan) for _ in range(5)]
+    for d in range(count):
+        value = values[d]
+        known = np.isfinite(value)
+        step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
+        variance = variance + (walk + noise * step**2) * scale
+        variance = variance if wander is None else variance + wander[d] ** 2
+        spread = variance + noise * scale
+        first = known & (seen == 0)
+        level = np.where(first, value, level)
+        error = np.where(known, value - level, 0.0)
+        gain = np.where(known, variance / spread, 0.0)
+        level = level + gain * error
+        variance = np.where(known, (1.0 - gain) * variance, variance)
+        seen += known
+        told = known & ~first
+        # what is in the first dives is the vehicle: nothing there is cut off
+        most = 9.0 * scale if d >= FIRST else math.inf
+        squares[d] = np.where(told, np.minimum(error**2 / spread * scale, most), 0.0)
+        counted = np.maximum(seen - 1.0 - LATE, 0.0)
+        taught = squares[: max(d + 1 - LATE, 0)].sum(axis=0)
+        scale = np.clip((LEARNED + taught) / (LEARNED + counted), LEAST, MOST)
+        for place, row in zip(
+            found,
+            (level, np.sqrt(variance), np.where(told, error / np.sqrt(spread), math.nan), spread,
+             gain),
+            strict=True,
+        ):  # fmt: skip
+            place[d] = row
+    names = ("level", "deviation", "innovation", "expected", "gain")
+    return Levels(**dict(zip(names, found, strict=True)))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Verdict:
+    """What a deployment's dives say, dive after dive."""
+
+    evidence: Array
+    """log of the odds of a fault against none after each dive, less what they were before any dive
+    spoke, (dives,); -inf where nothing speaks for one"""
+    kinds: tuple[str, ...]
+    probability: Array
+    """of each kind after the last dive, (kinds,)"""
+    since: NDArray[np.int64]
+    """Most likely first dive of each kind, (kinds,)"""
+    size: Array
+    """Most likely size of each, in its unit, (kinds,)"""
+    size_deviation: Array
+    best: tuple[int, ...]
+    """Which hypothesis it is of each kind"""
+    running: tuple[str, ...]
+    """The most likely kind after each dive"""
+
+
+def judge(
+    levels: Levels,
+    days: Array,
+    hypotheses: Sequence[Hypothesis],
+    standing: tuple[Array, Array] | None = None,
+) -> Verdict:
+    """Weigh every fault and every first dive against drift.
+
+    Args:
+      days: [d] of the middle of each dive since the first, (dives,).
+      hypotheses: of faults, whose signatures are those of each dive where they differ.
+      standing: what may have been there all along, as `disturbances.standing` gives it; faults and
+        drift are weighed with any size of each of them.
+    """
+    count, width = levels.innovation.shape
+    always, usually = (np.zeros((0, count, width)), np.zeros(0)) if standing is None else standing
+    shared = np.zeros((len(always), width))
+    precision, told_always = np.diag(usually**-2.0), np.zeros(len(always))
+    size = len(hypotheses)
+    spread = np.sqrt(levels.expected)
+    told = np.isfinite(levels.innovation)
+    innovation = np.clip(np.where(told, levels.innovation, 0.0), -CLIP, CLIP)
+    known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
+    grows = np.array([h.fault.grows for h in hypotheses])
+    signatures = np.stack(
+        [np.broadcast_to(np.nan_to_num(h.signature), (count, width)) for h in hypotheses]
+    )  # (hypotheses, dives, channels)
+    scale = np.array([h.scale for h in hypotheses])
+    signed = np.array([h.fault.signed for h in hypotheses])
+    by_dives = np.array([bool(np.ptp(h, axis=0).any()) for h in signatures])
+    # the first is that of what was there before the log
+    onsets = np.array([0, *range(FIRST, count)])
+    answer = np.zeros((len(onsets), size, width))
+    info, score = np.zeros((2, len(onsets), size))
+    across = np.zeros((len(onsets), size, len(always)))
+    evidence, running = np.full(count, -math.inf), ["none"] * count
+    usual = np.array([_usual(h) for h in hypotheses])
+    before = np.zeros((len(onsets) - 1, size))
+    for d in range(count):
+        begun = onsets <= d
+        since = np.where(begun, days[d] - days[np.minimum(onsets, d)] + _half(days, d), 0.0)
+        shape = np.where(grows[None, :], since[:, None], 1.0) * begun[:, None]
+        added = shape[:, :, None] * (signatures[:, d, :] * known)[None]
+        response = added - answer
+        limit = FARTHEST * spread[d] / scale[None, :, None]
+        response = np.clip(response, -limit, limit)
+        answer = answer + np.nan_to_num(levels.gain[d]) * response * begun[:, None, None]
+        weighted = response / spread[d] * told[d]
+        info += (weighted**2).sum(axis=2)
+        score += (weighted * innovation[d]).sum(axis=2)
+        added = always[:, d] - shared
+        shared = shared + np.nan_to_num(levels.gain[d]) * added
+        beside = added / spread[d] * told[d]
+        across += weighted @ beside.T
+        precision = precision + beside @ beside.T
+        told_always = told_always + beside @ innovation[d]
+        taken = across @ np.linalg.inv(precision)
+        before = _against_standing(
+            _ratio(info - (taken * across).sum(axis=2), score - taken @ told_always, usual, signed),
+            by_dives,
+        )
+        if not begun[1:].any():
+            continue
+        prior = -math.log(RARE) - math.log(size)
+        alive = np.where(begun[1:, None], _gained(before) + prior, -math.inf)
+        evidence[d] = float(logsumexp(alive))
+        running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
+    onsets = onsets[1:]
+    names = tuple(dict.fromkeys(h.kind for h in hypotheses))
+    prior = -math.log(RARE) - math.log(size)
+    total = logsumexp(before + prior, axis=0) if len(onsets) else np.full(size, -math.inf)
+    every = float(np.logaddexp(0.0, logsumexp(total))) if len(onsets) else 0.0
+    probability, best, first, found, deviation = [], [], [], [], []
+    for name in names:
+        mine = [k for k, h in enumerate(hypotheses) if h.kind == name]
+        probability.append(float(np.exp(logsumexp(total[mine]) - every)) if len(onsets) else 0.0)
+        k = max(mine, key=lambda place: float(total[place]))
+        best.append(k)
+        if not len(onsets):
+            first.append(0)
+            found.append(math.nan)
+            deviation.append(math.nan)
+            continue
+        first.append(int(onsets[int(np.argmax(before[:, k]))]))
+        told_size = _size(levels, days, hypotheses[k], first[-1])
+        found.append(told_size[0])
+        deviation.append(told_size[1])
+    return Verdict(
+        evidence=evidence,
+        kinds=names,
+        probability=np.array(probability),
+        since=np.array(first, np.int64),
+        size=np.array(found),
+        size_deviation=np.array(deviation),
+        best=tuple(best),
+        running=tuple(running),
+    )
+
+
+def sure(evidence: Array) -> Array:
+    """The lower of the odds after each dive and after the one before it, (dives,).
+
+    What one dive says and the next takes back is no fault. `evidence` is that of a `Verdict`.
+    """
+    return np.minimum(evidence, np.concatenate([[-math.inf], evidence[:-1]]))
+
+
+def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:
+    """The size of a fault that began with a dive, and its deviation; nothing is cut off here."""
+    count, width = levels.innovation.shape
+    signature = np.broadcast_to(np.nan_to_num(hypothesis.signature), (count, width))
+    answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
+    for d in range(onset, count):
+        grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0
+        response = grown * signature[d] - answer
+        answer = answer + np.nan_to_num(levels.gain[d]) * response
+        known = np.isfinite(levels.innovation[d])
+        weighted = (response / np.sqrt(levels.expected[d]))[known]
+        info += float(weighted @ weighted)
+        score += float(weighted @ levels.innovation[d][known])
+    return score / info, 1.0 / math.sqrt(info)
+
+
+def _against_standing(ratio: Array, by_dives: NDArray[np.bool_]) -> Array:
+    """The ratios of faults that began in the log, (onsets - 1, hypotheses).
+
+    What shows in some dives and not in others, as a compass' iron does by the heading, may have
+    been there all along: it is weighed against that, the first row, too.
+    """
+    before = ratio[1:].copy()
+    if by_dives.any():
+        standing = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
+        before[:, by_dives] -= np.logaddexp(0.0, standing)
+    return before
+
+
+def _gained(ratio: Array) -> Array:
+    """log of by how much likelihood ratios, given by their logs, are above 1; -inf below.
+
+    Dives that say nothing of a fault leave its ratio at 1. A fault that may have begun with any of
+    them would otherwise become likely in a long deployment by their number alone.
+    """
+    more = np.maximum(ratio, 1e-300)
+    return np.where(ratio > 0.0, more + np.log(-np.expm1(-more)), -math.inf)
+
+
+def _half(days: Array, d: int) -> float:
+    """[d] from the begin of a dive to its middle, about."""
+    if len(days) < 2:
+        return 0.0
+    return 0.5 * float(days[d] - days[d - 1] if d else days[1] - days[0])
+
+
+def _usual(hypothesis: Hypothesis) -> float:
+    """Standard deviation of the size before anything is known."""
+    return 1.5 * hypothesis.scale
+
+
+def _ratio(info: Array, score: Array, usual: Array, signed: Array) -> Array:
+    """log of the marginal likelihood with a size over that without, each (onsets, hypotheses)."""
+    precision = info + 1.0 / usual**2
+    two_sided = 0.5 * score**2 / precision - 0.5 * np.log(precision * usual**2)
+    positive = math.log(2.0) + log_ndtr(score / np.sqrt(precision))
+    return two_sided + np.where(signed, 0.0, positive)
+
+
+RATES: tuple[tuple[float, float, float], ...] = (
+    (3.0, -8.58, -5.38),
+    (10.0, -6.07, -3.86),
+    (30.0, -4.49, -2.86),
+    (100.0, -2.83, -1.75),
+    (300.0, -0.43, -0.52),
+)
+"""[d] of sound vehicles with one false alarm, the log of the odds that is an alarm on simulated
+deployments, and that of channels as loud as they are stated to be"""
+
+
+def threshold_of(days: float) -> float:
+    """The log of the odds from which on there is an alarm, by straight lines over log(days).
+
+    Args:
+      days: [d] of sound vehicles in which one false alarm is borne.
+
+    Raises:
+      InputError: not a time that the simulated deployments tell.
+    """
+    least, most = RATES[0][0], RATES[-1][0]
+    if not least <= days <= most:
+        raise InputError(
+            f"--false-alarm-days {days:g} must be within {least:g} and {most:g}: more and fewer "
+            "false alarms were not measured"
+        )
+    spans, simulated, stated = np.array(RATES).T
+    return float(np.interp(np.log(days), np.log(spans), np.maximum(simulated, stated)))

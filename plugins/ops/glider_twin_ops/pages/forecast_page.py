@@ -1,0 +1,392 @@
+"""Page: a forecast as one HTML file with its map, which opens anywhere without a network.
+
+The map is one SVG: surfacings, ellipses, track and coast. Positions are drawn at equal scale north
+and east of the middle of the view; wheel and drag zoom and move it where a browser runs the page's
+few lines of script, and without them it is a picture.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glider_twin_ops.forecast.surfacing import HALF, NINETY, Surfacing, degrees
+from glider_twin_ops.forecast.surfacing_forecast import Forecast
+from twin.cli import printable
+from twin.navigation import Ellipse
+from twin.numbers import Array
+from twin.records.storage import LIST, check_folder_target, whole_folder
+
+WIDTH, HEIGHT = 960.0, 640.0
+"""[px] of the view box"""
+MARGIN = 1.25
+"""Of the view over what must be seen"""
+LEAST_SPAN = 0.02
+"""[degree] of latitude that is shown at least: 2 km"""
+NEAR = 1.5
+"""A target farther away than so many spans is outside of the first view"""
+MOST_DOTS = 400
+"""Members that are drawn of a surfacing"""
+WIDER = 12.0
+"""Spans around the middle whose coast is drawn, for who zooms out"""
+METRES_PER_DEGREE = 111_195.0
+COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
+"""Of surfacings in turn: Okabe and Ito's, which colour-blind readers tell apart"""
+
+
+class MapFrame:
+    """Degrees to pixels."""
+
+    def __init__(self, points: Array, far: Array):
+        """A view of points, (point, 2), longitude and latitude; of far ones if they are near."""
+        west, south = points.min(axis=0)
+        east, north = points.max(axis=0)
+        self.middle = 0.5 * (west + east), 0.5 * (south + north)
+        self.shrink = math.cos(math.radians(self.middle[1]))
+        span = max(north - south, (east - west) * self.shrink * HEIGHT / WIDTH, LEAST_SPAN)
+        for longitude, latitude in far:
+            away = max(
+                abs(latitude - self.middle[1]), abs(longitude - self.middle[0]) * self.shrink
+            )
+            if away < NEAR * span:
+                span = max(span, 2.0 * away)
+        self.span = MARGIN * span
+        self.scale = HEIGHT / self.span
+
+    def at(self, points: Array) -> Array:
+        """Pixels, (point, 2)."""
+        x = 0.5 * WIDTH + (points[:, 0] - self.middle[0]) * self.shrink * self.scale
+        y = 0.5 * HEIGHT - (points[:, 1] - self.middle[1]) * self.scale
+        return np.stack([x, y], axis=1)
+
+    @property
+    def metres_per_pixel(self) -> float:
+        """At the middle."""
+        return METRES_PER_DEGREE / self.scale
+
+
+def draw_map(found: Forecast) -> str:
+    """The SVG element."""
+    place = found.request.place
+    start = np.array([[place.longitude_deg, place.latitude_deg]])
+    rings = [one.ring(NINETY, place) for one in found.surfacings]
+    frame = MapFrame(np.concatenate([start, found.track, *rings]), found.targets())
+    parts = [
+        f'<svg id="map" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+        f'aria-label="map of the next surfacings" xmlns="http://www.w3.org/2000/svg">',
+        f'<rect x="{-WIDER * WIDTH:g}" y="{-WIDER * HEIGHT:g}" width="{(2 * WIDER + 1) * WIDTH:g}" '
+        f'height="{(2 * WIDER + 1) * HEIGHT:g}" class="sea"/>',
+        *_land(frame),
+        *_graticule(frame),
+    ]
+    if len(found.track) > 1:
+        parts.append(f'<polyline class="track" points="{_points(frame.at(found.track))}"/>')
+    for one, ring in reversed(list(zip(found.surfacings, rings, strict=True))):
+        colour = COLOURS[(one.number - 1) % len(COLOURS)]
+        half = one.ring(HALF, place)
+        title = f"surfacing {one.number}: {found.moment(one.time_s)} UTC"
+        dots = frame.at(degrees(one.members[:MOST_DOTS], place))
+        parts += [
+            f'<g fill="{colour}" stroke="{colour}"><title>{html.escape(title)}</title>',
+            f'<polygon class="ninety" points="{_points(frame.at(ring))}"/>',
+            f'<polygon class="half" points="{_points(frame.at(half))}"/>',
+            *(f'<circle class="member" cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in dots),
+            "</g>",
+        ]
+    x0, y0 = frame.at(start)[0]
+    west = 0
+    for one in found.surfacings:
+        colour = COLOURS[(one.number - 1) % len(COLOURS)]
+        x, y = frame.at(degrees(np.array([[one.north, one.east]]), place))[0]
+        west += 1 if x < x0 else -1
+        parts.append(
+            f'<g fill="{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/></g>'
+            + _label("name", x, y - 8.0, f"{one.number}: {found.minute(one.time_s)[11:]}", x < x0)
+        )
+    for k, (x, y) in enumerate(frame.at(found.targets()), start=1):
+        parts.append(
+            f'<g class="target"><path d="M{x:.1f} {y - 7:.1f}l7 7l-7 7l-7-7z"/></g>'
+            + _label("", x, y + 4.0, f"target {k}", False)
+        )
+    parts.append(
+        f'<g class="start"><rect x="{x0 - 5:.1f}" y="{y0 - 5:.1f}" width="10" height="10"/></g>'
+        + _label("", x0, y0 + 4.0, f"start {str(place.time)[11:16]}", west < 0)
+    )
+    parts += [*_scale_bar(frame), "</svg>"]
+    return "\n".join(parts)
+
+
+def _label(kind: str, x: float, y: float, words: str, left: bool) -> str:
+    """Words beside a point."""
+    at, anchor = (x - 10.0, "end") if left else (x + 10.0, "start")
+    return f'<text class="{kind}" x="{at:.1f}" y="{y:.1f}" text-anchor="{anchor}">{words}</text>'
+
+
+def _points(points: Array) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def _land(frame: MapFrame) -> list[str]:
+    """The coast in and around the view."""
+    from twin.show.figures import NEIGHBOURS, rings
+
+    reach = WIDER * frame.span * max(1.0, WIDTH / HEIGHT / frame.shrink)
+    low = np.array(frame.middle) - reach
+    high = np.array(frame.middle) + reach
+    found = []
+    for ring in rings():
+        for turn in NEIGHBOURS:
+            moved = ring + np.array([turn, 0.0])
+            if (moved.max(axis=0) > low).all() and (moved.min(axis=0) < high).all():
+                clipped = _clipped(moved, low, high)
+                if len(clipped) > 2:
+                    found.append(f"M{_points(frame.at(clipped))}z")
+    return [f'<path class="land" fill-rule="evenodd" d="{"".join(found)}"/>'] if found else []
+
+
+def _clipped(ring: Array, low: Array, high: Array) -> Array:
+    """A ring inside a box (Sutherland and Hodgman 1974)."""
+    points = ring
+    for axis in (0, 1):
+        for bound, sign in ((low[axis], 1.0), (high[axis], -1.0)):
+            inside = sign * (points[:, axis] - bound) >= 0.0
+            kept: list[Array] = []
+            for k in range(len(points)):
+                before, here = points[k - 1], points[k]
+                if inside[k] != inside[k - 1]:
+                    share = (bound - before[axis]) / (here[axis] - before[axis])
+                    kept.append(before + share * (here - before))
+                if inside[k]:
+                    kept.append(here)
+            if not kept:
+                return np.zeros((0, 2))
+            points = np.array(kept)
+    return points
+
+
+def _graticule(frame: MapFrame) -> list[str]:
+    """Lines of latitude and longitude with their degrees and minutes."""
+    step = _step(frame.span / 4.0)
+    parts = ['<g class="grid">']
+    for axis in (0, 1):
+        middle = frame.middle[axis]
+        reach = 0.5 * frame.span * (WIDTH / HEIGHT / frame.shrink if axis == 0 else 1.0)
+        first = math.ceil((middle - reach) / step)
+        for k in range(first, math.floor((middle + reach) / step) + 1):
+            value = k * step
+            point = np.array([[value, frame.middle[1]] if axis == 0 else [frame.middle[0], value]])
+            x, y = frame.at(point)[0]
+            if axis == 0:
+                parts.append(f'<path d="M{x:.1f} 0V{HEIGHT:g}"/>')
+                spare = ' class="spare"' if k % 2 else ""  # narrow screens leave these out
+                parts.append(
+                    f'<text{spare} x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{_name(value, "EW")}</text>'
+                )
+            else:
+                parts.append(f'<path d="M0 {y:.1f}H{WIDTH:g}"/>')
+                parts.append(f'<text x="4" y="{y - 4:.1f}">{_name(value, "NS")}</text>')
+    return [*parts, "</g>"]
+
+
+def _step(rough: float) -> float:
+    """The round step [degree] next above a rough one."""
+    minutes: Sequence[float] = (
+        0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
+    )  # fmt: skip
+    return next((m for m in minutes if m >= 60.0 * rough), 1800.0) / 60.0
+
+
+def _name(value: float, letters: str) -> str:
+    """Such as 36\N{DEGREE SIGN} 48.5' N."""
+    turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
+    minutes = round(abs(turned) * 60.0, 2)
+    whole, rest = divmod(minutes, 60.0)
+    return f"{whole:.0f}\N{DEGREE SIGN} {rest:g}' {letters[0] if turned >= 0.0 else letters[1]}"
+
+
+def _scale_bar(frame: MapFrame) -> list[str]:
+    """A round length of a fifth of the width."""
+    rough = 0.2 * WIDTH * frame.metres_per_pixel
+    power = 10.0 ** math.floor(math.log10(rough))
+    metres = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= rough)
+    name = f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"
+    right, y = WIDTH - 24.0, 30.0
+    left = right - metres / frame.metres_per_pixel
+    return [
+        f'<g class="scale"><path d="M{left:.1f} {y - 5:g}V{y:g}H{right:g}V{y - 5:g}"/>'
+        f'<text x="{0.5 * (left + right):.1f}" y="{y - 9:g}">{name}</text></g>'
+    ]
+
+
+INDEX, DOCUMENT, GEOJSON = "index.html", "forecast.json", "forecast.geojson"
+FILES = (INDEX, DOCUMENT, GEOJSON)
+HOUR = 3600.0
+
+STYLE = """:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
+  --ground: #fff; --shade: #0004; }
+* { box-sizing: border-box; }
+body { font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: var(--ink);
+  background: #fff; max-width: 64rem; margin: 0 auto; padding: 1.5rem 1.25rem 3rem; }
+h1 { font-size: 1.6rem; line-height: 1.2; margin: 0 0 .25rem; }
+p.lead, caption, footer { color: var(--dim); }
+dl { display: grid; grid-template-columns: repeat(auto-fit, minmax(12rem, 1fr)); gap: .75rem;
+  margin: 1rem 0; }
+dl div { border: 1px solid var(--line); border-radius: 6px; padding: .6rem .8rem; }
+dt { color: var(--dim); font-size: .85rem; }
+dd { margin: 0; font-size: 1.2rem; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .6rem .3rem 0; text-align: right; white-space: nowrap;
+  border-bottom: 1px solid var(--line); }
+th { color: var(--dim); font-weight: 600; vertical-align: bottom; }
+th:last-child, td:last-child { padding-right: 0; }
+svg { width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px;
+  touch-action: pan-y pinch-zoom; cursor: grab; display: block; --unit: 1; }
+svg text { font: calc(13px * var(--unit)) system-ui, "DejaVu Sans", sans-serif; fill: var(--ink);
+  paint-order: stroke; stroke: #fff; stroke-width: 3px; }
+.sea { fill: #eef4f8; } .land { fill: #e8e2d0; stroke: #8c8570; stroke-width: 1; }
+.grid path { stroke: #c5d0d9; stroke-width: .8; } .grid text { fill: var(--dim);
+  font-size: calc(11px * var(--unit)); }
+.track { fill: none; stroke: #333; stroke-width: 1.6; stroke-dasharray: 5 3; }
+.ninety { fill-opacity: .12; stroke-width: 1.2; }
+.half { fill-opacity: .2; stroke-width: 1.2; }
+.member { fill-opacity: .55; stroke: none; } .here { stroke: #fff; stroke-width: 1.5; }
+.name { font-weight: 600; }
+.target path { fill: #fff; stroke: #000; stroke-width: 1.5; } .start rect { fill: #000; }
+.scale path { fill: none; stroke: #000; stroke-width: 1.5; } .scale text { text-anchor: middle; }
+svg * { vector-effect: non-scaling-stroke; }
+@media (max-width: 40rem) { body { padding: 1rem .75rem 2rem; } svg { --unit: 2.6; }
+  .grid .spare { display: none; } }
+"""
+
+SCRIPT = """
+const map = document.getElementById("map"), box = map.viewBox.baseVal;
+// Words keep their size on the screen, on a phone and where the map is zoomed.
+const fit = () => map.style.setProperty("--unit", box.width / map.getBoundingClientRect().width);
+addEventListener("resize", fit);
+fit();
+map.addEventListener("wheel", event => {
+  event.preventDefault();
+  const by = event.deltaY > 0 ? 1.15 : 1 / 1.15, frame = map.getBoundingClientRect();
+  const x = box.x + (event.clientX - frame.left) / frame.width * box.width;
+  const y = box.y + (event.clientY - frame.top) / frame.height * box.height;
+  box.x = x + (box.x - x) * by; box.y = y + (box.y - y) * by;
+  box.width *= by; box.height *= by;
+  fit();
+}, { passive: false });
+map.addEventListener("pointermove", event => {
+  if (!event.buttons) return;
+  const frame = map.getBoundingClientRect();
+  box.x -= event.movementX / frame.width * box.width;
+  box.y -= event.movementY / frame.height * box.height;
+});
+"""
+
+
+def check_forecast_target(folder: Path) -> None:
+    """Refuse, before anything is flown, a folder that a forecast cannot be written to.
+
+    Raises:
+      WriteError: something that is no forecast is in the way.
+    """
+    check_folder_target(folder, overwrite=True, ours=_is_forecast)
+
+
+def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = None) -> Path:
+    """Write page, JSON and GeoJSON; an earlier forecast there is replaced at once.
+
+    Args:
+      reload_s: after so many seconds a browser reads the page again; None: never.
+
+    Raises:
+      WriteError: something that is no forecast is in the way, or the disk refuses.
+    """
+    with whole_folder(folder, overwrite=True, ours=_is_forecast) as place:
+        (place / INDEX).write_text(page(found, reload_s=reload_s), encoding="utf-8")
+        for name, data in ((DOCUMENT, found.describe()), (GEOJSON, found.geojson())):
+            (place / name).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    return folder / INDEX
+
+
+def page(found: Forecast, *, reload_s: float | None = None) -> str:
+    """The HTML text."""
+    from twin.show import html_page
+
+    request, place = found.request, found.request.place
+    title = f"{request.vehicle.name}: the next surfacings"
+    state = "" if found.complete else f", {found.flown} of {request.members} members"
+    state += " so far" if state and reload_s is not None else ""
+    lead = (
+        f"{request.mission.name}, from {place.latitude_deg:.4f}, {place.longitude_deg:.4f} at "
+        f"{place.time} UTC, {request.hours:g} h ahead{state}"
+    )
+    again = "" if reload_s is None else f'<meta http-equiv="refresh" content="{reload_s:g}">\n'
+    facts = {
+        "members": f"{found.flown}" + (f" ({found.failed} failed)" if found.failed else ""),
+        "energy per day": found.energy_per_day,
+        "days left": "-" if found.days_left is None else f"{found.days_left:.1f}",
+        **{f"drawn: {name}": words for name, words in found.spread.items()},
+    }
+    cells = "".join(
+        f"<div><dt>{_text(name)}</dt><dd>{_text(value)}</dd></div>" for name, value in facts.items()
+    )
+    body = (
+        f'<h1>{_text(title)}</h1>\n<p class="lead">{_text(lead)}</p>\n'
+        f"{draw_map(found)}\n"
+        '<p class="lead">Ellipses hold 50 and 90 % of the surfacings; the table has their '
+        "semi-axes, from the middle to the edge, and the bearing of the longer. "
+        "Dots are members, the broken line is the mean of what is known. "
+        "Coast: Natural Earth 1:50m, coarse.</p>\n"
+        f"{_table(found)}\n<dl>{cells}</dl>\n<script>{SCRIPT}</script>"
+    )
+    return html_page(title, body, style=STYLE, head=again)
+
+
+def _table(found: Forecast) -> str:
+    rows = [forecast_row(found, one) for one in found.surfacings]
+    said = [*found.request.notes(), *found.remarks, found.bounds_known]
+    note = "".join(f"<p>{_text(one)}</p>" for one in said if one)
+    if not rows:
+        return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
+    head = "".join(f"<th>{_text(name)}</th>" for name in rows[0])
+    lines = [
+        "<tr>" + "".join(f"<td>{_text(value)}</td>" for value in one.values()) + "</tr>"
+        for one in rows
+    ]
+    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(lines)}</table></div>{note}'
+
+
+def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
+    """A surfacing as cells of a table, by their headings."""
+    return {
+        "surfacing": f"{one.number}",
+        "UTC": found.minute(one.time_s),
+        "5 to 95 %": found.bounds(one),
+        "latitude": f"{one.latitude:.4f}",
+        "longitude": f"{one.longitude:.4f}",
+        "50 % semi-axes": _axes(one.ellipse(HALF)),
+        "90 % semi-axes": _axes(one.ellipse(NINETY)),
+        "energy": f"{one.energy_kj:.1f} kJ",
+        "members": f"{100.0 * one.part:.0f} %",
+    }
+
+
+def _axes(ellipse: Ellipse) -> str:
+    return (
+        f"{ellipse.semi_major_m / 1e3:.2f} x {ellipse.semi_minor_m / 1e3:.2f} km, "
+        f"{ellipse.bearing_deg:.0f}\N{DEGREE SIGN}"
+    )
+
+
+def _is_forecast(folder: Path) -> bool:
+    """Whether a folder holds a forecast and nothing else."""
+    names = {path.name for path in folder.iterdir()}
+    return INDEX in names and names <= {*FILES, LIST}
+
+
+def _text(text: str) -> str:
+    return html.escape(printable(text), quote=True)

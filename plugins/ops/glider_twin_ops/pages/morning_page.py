@@ -1,0 +1,411 @@
+"""Morning page: one HTML file without a network, and beside it JSON, ten lines of text, GeoJSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glider_twin_ops.forecast import NINETY, boxes_text, notice_boxes
+from glider_twin_ops.health import CHANNELS, DeploymentHealth
+from glider_twin_ops.pages.forecast_page import forecast_row
+from glider_twin_ops.pages.health_page import channel_caption, channel_figure, evidence_figure
+from glider_twin_ops.pages.morning_figures import (
+    close_figure,
+    deployment_figure,
+    mail_figure,
+    water_figure,
+)
+from glider_twin_ops.watching.morning import Morning
+from glider_twin_ops.watching.proposed_files import NAMES, ProposedFiles
+from twin.cli import counted, one_line, printable
+from twin.errors import StoreError
+from twin.records.coordinates import utc_minute
+from twin.records.storage import damaged_files
+from twin.show.figures import Page
+
+PAGE = "page"
+LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
+ROUTES = "routes.geojson"
+BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
+BESIDE = (LATEST, SUMMARY, GEOJSON, ROUTES, BOXES, BOXES_TEXT, *NAMES)
+DAY = 86400.0
+MOST_KINDS = 5
+"""Kinds of fault in the table"""
+LIKELY = 0.01
+"""Probability from which a kind is told"""
+SHOWN = 4
+"""Channels of health that are drawn, those farthest from their level"""
+
+
+def write_morning(
+    told: Morning,
+    folder: Path,
+    *,
+    new: Sequence[str],
+    made: Mapping[str, Any],
+    as_of: str = "",
+    came: Sequence[str] = (),
+) -> Path:
+    """Write `folder/page`, in the place of the page before.
+
+    Args:
+      new: what changed since that page, in sentences.
+      made: what `latest.json` keeps of how the page was made.
+      as_of: the moment up to which dives were taken; empty: all.
+      came: what a page of the past foretold beside what came.
+
+    Raises:
+      WriteError: something that is no page is in the way, or the disk refuses.
+    """
+    lead = " ".join(
+        part for part in (
+            told.deployment,
+            f"with {told.vehicle.name}" if told.vehicle else "",
+            f"as of {as_of} UTC" if as_of else "",
+        ) if part
+    )  # fmt: skip
+    leads = [lead or told.title]
+    if (fix := told.last_fix) is not None:
+        leads.append(
+            f"last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
+        )
+    verdict = told.verdict
+    if told.health is not None and told.health.alarm:  # by what it was judged is said below it
+        verdict, *qualified = verdict.split("; ")
+        leads += qualified
+    page = Page(folder / PAGE, verdict, "; ".join(leads), beside=BESIDE)
+    page.numbers(_numbers(told))
+    if (said := told.dialogue) is not None:
+        page.section("Said at its last surfacing")
+        page.say(f"{said.vehicle}, {utc_minute(said.time)} UTC by its clock.")
+        page.facts(said.facts())
+    if new:
+        page.section("New since the page before")
+        page.points(new)
+    if told.surfacings is not None:
+        _forecast(page, told)
+    if told.missing:
+        page.section("What is missing")
+        page.points(told.missing)
+    if came:
+        page.section("What came")
+        page.points(came)
+    if told.legs:
+        page.section("Track and currents")
+        page.pair(
+            [
+                (
+                    "track",
+                    close_figure(told.legs, told.surfacings),
+                    "Last dives: fixes with straight lines between those that begin and end one, "
+                    "its mean current, the next surfacings by their numbers with ellipses that "
+                    "hold 50 and 90 % of them, and where it goes: at the edge where that is "
+                    "outside.",
+                ),
+                ("deployment", deployment_figure(told.legs), "All dives."),
+                (
+                    "current",
+                    water_figure(told.legs),
+                    "Mean current of each dive: its way over ground less its way through the "
+                    "water.",
+                ),
+            ]
+        )
+    if told.health is not None:
+        _health(page, told.health)
+    if told.followed is not None:
+        page.section("Parameters")
+        page.table(
+            told.parameters(),
+            f"Followed over the last {counted(len(told.followed_dives), 'dive')} from the vehicle "
+            "file's values on, by depth rates and pitches.",
+            first=False,
+        )
+    _energy(page, told)
+    if told.routes is not None:
+        page.section("Routes")
+        page.say(
+            f"To the next place, {told.routes.speed:.2f} m/s through the water at "
+            f"{told.routes.pitch_deg:.0f} degree: {told.routes.verdict()}."
+        )
+        page.table(
+            [one.row() for one in told.routes.routes],
+            "Hours and gain over the straight way with intervals of 90 % over draws of the water, "
+            "by the twin's speed at each pitch. Corners of each, for `goto`:",
+        )
+        page.facts({one.name: one.goto for one in told.routes.routes})
+        page.attach(ROUTES, json.dumps(told.routes.geojson(), indent=1) + "\n")
+    if told.proposed is not None:
+        _proposal(page, told, told.proposed)
+    page.attach(LATEST, json.dumps({**made, **told.describe()}, indent=1) + "\n")
+    lines = summary(told, new)
+    page.attach(SUMMARY, lines)
+    verdict, *rest = lines.splitlines()
+    page.picture(MAIL, mail_figure(verdict, rest, told.legs, told.surfacings))
+    flown = told.surfacings
+    boxes = [] if flown is None else notice_boxes(flown)
+    page.attach(BOXES_TEXT, boxes_text(boxes, told.deployment or told.title))
+    for name, features in (
+        (GEOJSON, [] if flown is None else flown.geojson()["features"]),
+        (BOXES, [one.feature() for one in boxes]),
+    ):
+        collection = {"type": "FeatureCollection", "features": features}
+        page.attach(name, json.dumps(collection, indent=1) + "\n")
+    return page.write()
+
+
+def _proposal(page: Page, told: Morning, proposed: ProposedFiles) -> None:
+    page.section("Proposal")
+    page.say(
+        "The plan above as files for the vehicle, which lie beside this page. They were read back, "
+        "and the forecast flies what they say. Nothing is sent: read them, and send them yourself."
+    )
+    if told.changes:
+        page.table(told.changes, "What its last dives did, and what the files ask:", first=False)
+    for name, text in proposed.files.items():
+        page.say(name)
+        page.code(text)
+        page.attach(name, text)
+        if name in proposed.changes:
+            page.say(f"Against the {name} in the source, which it flies now:")
+            page.code(proposed.changes[name] or "no difference\n")
+
+
+def read_latest(folder: Path) -> dict[str, Any] | None:
+    """What the page before said; None without one, and where it is not as it was written."""
+    try:
+        if any(damaged_files(folder / PAGE, [LATEST])):
+            return None
+        found = json.loads((folder / PAGE / LATEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError, StoreError):
+        return None
+    return found if isinstance(found, dict) and {"made_of", "parts", "new"} <= {*found} else None
+
+
+def summary(told: Morning, new: Sequence[str]) -> str:
+    """Ten lines at most, for an e-mail."""
+    lines = [told.verdict]
+    if told.dives:
+        north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
+        speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
+        lines.append(
+            f"{counted(len(told.dives), 'dive')} of {told.deployment}, "
+            f"{len(told.legs)} from fix to fix"
+            + (
+                f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
+                if speed >= 0.0
+                else ""
+            )
+        )
+    if (fix := told.last_fix) is not None:
+        lines.append(
+            f"Last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
+        )
+    if (said := told.dialogue) is not None and said.why:
+        lines[-1] += f"; came up because of: {said.why}" + (
+            f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
+        )
+    if (found := told.surfacings) is not None and found.surfacings:
+        one = found.surfacings[0]
+        ellipse = one.ellipse(NINETY)
+        lines.append(
+            f"Next surfacing {found.minute(one.time_s)} UTC "
+            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}"
+        )
+        lines.append(
+            f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
+            f"(semi-axes, the longer towards {ellipse.bearing_deg:.0f})"
+        )
+        lines.append(f"Taken to go {told.plan}")
+    lines.append(_power(told))
+    lines += list(new[:2])
+    if told.missing:
+        more = len(told.missing) - 1
+        lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
+    return "\n".join([printable(one_line(line)) for line in lines if line][:10]) + "\n"
+
+
+def _power(told: Morning) -> str:
+    if told.used is None:
+        return ""
+    said = f"{told.used.power:.2f} W so far"
+    if told.lasts is None:
+        return said
+    said += (
+        f", {told.lasts.power:.2f} W to come: {told.lasts.days:.1f} days left (90 %: "
+        f"{told.lasts.between()})"
+    )
+    fix, outlook = told.last_fix, told.outlook
+    if fix is not None and outlook is not None and (home := outlook.home) is not None:
+        said += (
+            f"; turn home by {utc_minute(fix.time + home.safe_days * DAY)} UTC"
+            if home.safe
+            else f"; turning now, {100.0 * home.reached:.0f} of 100 draws get home"
+        )
+    return said
+
+
+def _numbers(told: Morning) -> Mapping[str, str]:
+    found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
+    if (fix := told.last_fix) is not None:
+        found["last fix, UTC"] = utc_minute(fix.time)[5:]
+    if told.surfacings is not None and told.surfacings.surfacings:
+        one = told.surfacings.surfacings[0]
+        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)[5:]
+        found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
+    if told.used is not None:
+        found["power"] = f"{told.used.power:.2f} W"
+    if told.lasts is not None:
+        found["days left"] = f"{told.lasts.days:.1f}"
+    if fix is not None and told.outlook is not None and (home := told.outlook.home) is not None:
+        if home.safe:
+            found["turn home by, UTC"] = utc_minute(fix.time + home.safe_days * DAY)[5:]
+        else:
+            found["turning now, get home"] = f"{100.0 * home.reached:.0f} of 100"
+    return found
+
+
+def _forecast(page: Page, told: Morning) -> None:
+    found = told.surfacings
+    assert found is not None
+    page.section("Next surfacings")
+    page.say(f"Taken to go {told.plan}.")
+    if found.surfacings:
+        page.table(
+            [forecast_row(found, one) for one in found.surfacings],
+            "Ellipses hold 50 and 90 % of the surfacings; their semi-axes are from the middle to "
+            "the edge, with the bearing of the longer.",
+        )
+    elif not found.left_out:
+        page.say(f"No surfacing within {found.request.hours:g} h.")
+    said = [one for one in (*found.remarks, found.bounds_known) if one]
+    if said:
+        page.points(said)
+    page.facts(found.spread)
+    page.say("Boxes of twelve hours for authorities, which also lie beside this page:")
+    page.code(boxes_text(notice_boxes(found), told.deployment))
+
+
+def _health(page: Page, health: DeploymentHealth) -> None:
+    page.section("Health")
+    if health.alarm:
+        first = health.kinds[0]
+        page.facts(
+            {
+                "what": first.says,
+                "since": f"dive {health.since_dive}, noticed after dive {health.noticed_dive}",
+                "seen on dives": ", ".join(str(number) for number in first.dives) or "-",
+                "by": ", ".join(first.channels) or "-",
+                "also possible": ", ".join(first.also) or "-",
+                "or else": first.otherwise,
+                "to find out": first.find_out,
+            }
+        )
+    likely = [one for one in health.kinds[:MOST_KINDS] if one.probability >= LIKELY]
+    if health.alarm and likely:
+        page.table(
+            [
+                {
+                    "kind": one.kind,
+                    "probability": one.probability,
+                    "since dive": one.since_dive,
+                    "size": one.size,
+                    "deviation": one.size_deviation,
+                    "unit": one.unit,
+                }
+                for one in likely
+            ],
+            "If there is a fault, which one:",
+        )
+    told = [k for k, channel in enumerate(CHANNELS) if channel.name not in health.lacking]
+    if told and len(health.dives):
+        if np.isfinite(health.evidence).any():
+            page.figure(
+                "evidence",
+                evidence_figure(health),
+                "Log of the odds of a fault after each dive, and the level of an alarm.",
+            )
+        last = [_last(health.levels.innovation[:, k]) for k in told]
+        off = sorted(zip(told, last, strict=True), key=lambda one: -abs(one[1] or 0.0))
+        page.say("What is farthest from its level, each dive and the level:")
+        page.pair(
+            [
+                (
+                    f"health-{CHANNELS[k].name}",
+                    channel_figure(health, k),
+                    channel_caption(CHANNELS[k]),
+                )
+                for k, _ in off[:SHOWN]
+            ]
+        )
+        page.table(
+            [
+                {
+                    "channel": CHANNELS[k].name,
+                    "level": float(health.levels.level[-1, k]),
+                    "deviation": float(health.levels.deviation[-1, k]),
+                    "unit": CHANNELS[k].unit,
+                    "last innovation": _last(health.levels.innovation[:, k]),
+                    "what it is": CHANNELS[k].says,
+                }
+                for k in told
+            ],
+            "Levels after the last dive. An innovation is a dive's value less the level before it, "
+            "over its deviation.",
+            first=False,
+        )
+    if health.remarks:
+        page.points(health.remarks)
+    if health.lacking:
+        told_by = f"{len(CHANNELS) - len(health.lacking)} of {len(CHANNELS)} channels"
+        page.say(f"Judged by {told_by}. Not told by this log: {', '.join(health.lacking)}.")
+
+
+def _last(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known[-1]) if known.size else None
+
+
+def _energy(page: Page, told: Morning) -> None:
+    if told.used is None:
+        return
+    page.section("Energy")
+    page.say(f"Over {told.used.hours:.1f} h {_power(told)}.")
+    if told.outlook is not None and told.outlook.rows:
+        page.table(
+            [one.row() for one in told.outlook.rows],
+            "Days left with what the dives so far took, and with what the twin says that a change "
+            "of the plan adds to it.",
+        )
+    if told.outlook is not None and (home := told.outlook.home) is not None:
+        said = (
+            f"Going on as planned, 95 of 100 draws still get there if it turns within "
+            f"{home.safe_days:.1f} days of the last fix, half of them within {home.days:.1f}"
+            if home.safe
+            else f"If it turns at the last fix, {100.0 * home.reached:.0f} of 100 draws get there"
+        )
+        page.say(
+            f"Home is {home.away_km:.1f} km away. {said}: by a straight way against the mean "
+            "current so far."
+        )
+    total = sum(one.energy for one in told.used.terms)
+    page.table(
+        [
+            {
+                "consumer": one.name,
+                "factor": one.value,
+                "deviation": None if np.isnan(one.deviation) else one.deviation,
+                "unit": one.unit,
+                "energy [kJ]": one.energy / 1e3,
+                "part": one.energy / total if total > 0.0 else None,
+            }
+            for one in told.used.terms
+        ],
+        "By the log's counter of charge; without a deviation the factor is the vehicle file's.",
+        first=False,
+    )

@@ -1,0 +1,372 @@
+"""Deployment: many dives of one vehicle in one sea, half of such with a fault, as its log has it.
+
+A deployment is one long mission of preset `field`: stays at the surface with some hours of yos
+between, all to one depth at one pitch, on legs of some headings. It is flown in lanes, measured by
+the sensors of the preset, and told by what a glider logs: no truth, no gyroscopes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from factory.sampling import (
+    Distribution,
+    Impossible,
+    Parameters,
+    Table,
+    ballast_of,
+    believed_vehicle,
+    build_current,
+    build_density,
+    check_possible,
+    draw_values,
+    encoder_zeros,
+    number,
+    origin,
+    spread_vehicle,
+)
+from twin import Scenario, Trajectory, Vehicle
+from twin.errors import InputError, TwinError
+from twin.faults import FAULTS, Fault, faults_of, read_by
+from twin.mission import Mission, SawTooth, Surface, track_to_follow
+from twin.numbers import Array
+from twin.physics import Lane, electric_signals, flown_abreast
+from twin.sensors import Dvl, SensorSuite
+from twin.water.floor import FlatFloor
+
+DIVES = (20, 60)
+"""Stays at the surface of a deployment; each is followed by a dive, from fix to fix"""
+HOURS = (2.0, 3.5)
+"""[h] under water between two of them, in which shallow vehicles make several yos"""
+STAY = 600.0
+"""[s] at the surface"""
+LEG = (4, 10)
+"""Dives on one heading"""
+JITTER = 0.03
+"""Deviation from dive to dive of what a pilot sets, over its value"""
+HEALTHY_DIVES = 0.25
+"""Part of the dives, at the beginning, that are healthy at least"""
+ABOVE_FLOOR = (20.0, 50.0)
+"""[m] between the deepest turn and the floor, so that an altimeter hears it"""
+CIRCLING = 3600.0
+"""[s] most of which no sound vehicle heads away from where it should"""
+NOT_DRAWN = ("dvl_beam",)
+"""Faults of instruments that these deployments do not carry"""
+_KEY = 0xFA17
+"""Of the streams of deployments"""
+
+# --- internal waves ---------------------------------------------------------------------------
+WAVES = 16
+"""Sinusoids that make the water's vertical velocity"""
+WAVE_PERIODS = (480.0, 5400.0)
+"""[s] between the buoyancy period and what a dive hardly tells: w is about white between (Garrett
+and Munk 1979)"""
+WAVE_SPEED = (0.002, 0.012)
+"""[m/s] deviation of a deployment's vertical water velocity: what public logs show in the mean of
+some dives (docs/results/real_logs.md)"""
+WAVE_DEPTH = 20.0
+"""[m] at which a displacement has reached its size; none at the surface"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentDraw:
+    """What one deployment is flown and measured by."""
+
+    number: int
+    attempt: int
+    """Which of its draws it is"""
+    scenario: Scenario
+    dives: int
+    fault: Fault | None
+    onset: float
+    """Number of the first dive with the fault; NaN where it is healthy"""
+    sensor_seed: np.random.SeedSequence
+    parameters: Parameters
+    wave_speed: float
+    """[m/s]"""
+
+    @property
+    def name(self) -> str:
+        """As stores call it."""
+        return f"{self.scenario.vehicle.name}-{self.number:05d}"
+
+    @property
+    def kind(self) -> str:
+        """Of its fault; `none` where it is healthy."""
+        return "none" if self.fault is None else self.fault.kind
+
+
+def _rng(seed: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_KEY, *key)))
+
+
+def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+    """Kinds of faults that deployments of a vehicle draw.
+
+    Args:
+      wanted: these alone; all that it can have by default.
+
+    Raises:
+      InputError: it cannot have one of them.
+    """
+    possible = tuple(name for name in faults_of(vehicle) if name not in NOT_DRAWN)
+    for name in wanted:
+        if FAULTS[name].kind not in possible:
+            raise InputError(
+                f"vehicle {vehicle.name!r} cannot show fault {name!r} in a glider's log; it can "
+                f"show {', '.join(possible)}"
+            )
+    return tuple(wanted) or possible
+
+
+def draw_deployment(
+    vehicle: Vehicle,
+    table: Table,
+    distributions: dict[str, Distribution],
+    *,
+    seed: int,
+    index: int,
+    attempt: int,
+    period: float,
+    kinds: Sequence[str],
+    faulty: bool,
+    size: float | None = None,
+) -> DeploymentDraw:
+    """Draw one deployment.
+
+    Args:
+      table, distributions: parameters of missions of the vehicle, by name.
+      seed, index, attempt: whose streams are used.
+      period: [s] between samples.
+      kinds: of faults that are drawn; `faulty`: whether one is.
+      size: of the fault, in its unit; drawn by default.
+
+    Raises:
+      MissionError, NoSteadyState: the vehicle cannot fly it.
+    """
+    rng = _rng(seed, index, attempt)
+    values = draw_values(table, distributions, seed=seed, mission=index, attempt=attempt)
+    segment = {
+        name: distributions[name].draw(rng) for name, row in table.items() if row.per_segment
+    }
+    segment["mission.min_depth_m"] = 8.0
+    parameters = Parameters(duration_s=3600.0, values=values, segments=(segment,))
+    flown = spread_vehicle(vehicle, parameters)
+    believed = believed_vehicle(vehicle, parameters)
+    dives = int(rng.integers(DIVES[0], DIVES[1] + 1))
+    mission, lengths = _mission(segment, dives, believed, values, rng)
+    fault, onset = None, math.nan
+    if faulty:
+        fault, onset = _fault(vehicle, kinds, dives, lengths, rng, size)
+    deepest = max(s.max_depth_m for s in mission.segments if isinstance(s, SawTooth))
+    scenario = Scenario(
+        vehicle=flown,
+        believed=believed,
+        ballast=ballast_of(vehicle, parameters),
+        encoder_zeros=encoder_zeros(vehicle, parameters),
+        mission=mission,
+        duration=period * math.ceil(sum(lengths) / period),
+        faults=() if fault is None else (fault,),
+        current=build_current(parameters),
+        density=build_density(parameters),
+        floor=FlatFloor(depth_m=deepest * (1 + 3 * JITTER) + float(rng.uniform(*ABOVE_FLOOR))),
+        origin=origin(parameters),
+        engine="lanes",
+        sample_period=period,
+    )
+    # refused here and not in flight, where the others of its block would wait for another draw
+    scenario.mission_in_metres().compile(believed)
+    return DeploymentDraw(
+        number=index,
+        attempt=attempt,
+        scenario=scenario,
+        dives=dives,
+        fault=fault,
+        onset=onset,
+        sensor_seed=np.random.SeedSequence(seed, spawn_key=(_KEY, index, attempt, 1)),
+        parameters=parameters,
+        wave_speed=float(rng.uniform(*WAVE_SPEED)),
+    )
+
+
+def faulty_of(seed: int, index: int) -> bool:
+    """Whether a deployment has a fault: one of each pair has."""
+    first = bool(_rng(seed, index // 2, 0xC0).integers(2))
+    return first == (index % 2 == 0)
+
+
+def _mission(
+    drawn: dict[str, Any],
+    dives: int,
+    vehicle: Vehicle,
+    values: Any,
+    rng: np.random.Generator,
+) -> tuple[Mission, list[float]]:
+    """The plan, and about how long [s] each dive with its stay takes."""
+    heading = float(values["mission.start_heading_deg"])
+    left = 0
+    segments: list[Any] = []
+    lengths: list[float] = []
+    one_yo = _yo_time(drawn, vehicle)
+    yos = max(1, round(3600.0 * float(rng.uniform(*HOURS)) / one_yo))
+    for _ in range(dives):
+        if left == 0:
+            heading = (heading + float(rng.uniform(-120.0, 120.0))) % 360.0
+            left = int(rng.integers(*LEG))
+        left -= 1
+        one = {
+            name: number(drawn, f"mission.{name}") * (1.0 + JITTER * float(rng.standard_normal()))
+            for name in ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg",
+                         "climb_net_mass_kg")
+        }  # fmt: skip
+        segments += [
+            Surface(duration_s=STAY),
+            SawTooth(
+                heading_deg=heading,
+                yos=yos,
+                min_depth_m=number(drawn, "mission.min_depth_m"),
+                **one,
+            ),
+        ]
+        lengths.append(STAY + yos * one_yo)
+    segments.append(Surface(duration_s=STAY))
+    lengths.append(STAY + 300.0)
+    mission = Mission(
+        segments=tuple(segments),
+        start_heading_deg=heading,
+        at_end="surface",
+        name="deployment",
+        duration_s=sum(lengths),
+    )
+    return mission, lengths
+
+
+def _yo_time(drawn: dict[str, Any], vehicle: Vehicle) -> float:
+    """[s] of one dive and climb at their steady speeds; raises NoSteadyState."""
+    height = number(drawn, "mission.max_depth_m") - number(drawn, "mission.min_depth_m")
+    total = 0.0
+    for sign, pitch, mass in ((1.0, "pitch_deg", "net_mass_kg"),
+                              (-1.0, "climb_pitch_deg", "climb_net_mass_kg")):  # fmt: skip
+        steady = track_to_follow(
+            vehicle, "deployment", pitch, -sign * number(drawn, f"mission.{pitch}"),
+            sign * number(drawn, f"mission.{mass}"), None, within_travel=True,
+        )  # fmt: skip
+        total += height / abs(steady.vertical_speed)
+    return total
+
+
+def _fault(
+    vehicle: Vehicle,
+    kinds: Sequence[str],
+    dives: int,
+    lengths: Sequence[float],
+    rng: np.random.Generator,
+    given: float | None,
+) -> tuple[Fault, float]:
+    """A fault that the vehicle can have, and the number of the dive with which it begins."""
+    kind = FAULTS[kinds[int(rng.integers(len(kinds)))]]
+    least, most = kind.sizes
+    size = float(np.exp(rng.uniform(math.log(least), math.log(most)))) if most > least else most
+    size = size if given is None else given
+    size *= float(rng.choice([-1.0, 1.0])) if kind.signed else 1.0
+    sample = kind.of_size(size)
+    choice = sample.choices(vehicle)[int(rng.integers(len(sample.choices(vehicle))))]
+    first = max(math.ceil(HEALTHY_DIVES * dives), 6)
+    onset = int(rng.integers(first, max(dives - 6, first + 1)))
+    start = sum(lengths[:onset])
+    others = dict(choice)
+    if kind.kind == "compass_iron":
+        others["toward"] = float(rng.uniform(0.0, 360.0))
+    return kind.of_size(size, start, **others), float(onset)
+
+
+# --- flown --------------------------------------------------------------------------------------
+
+
+def fly_deployments(
+    draws: Sequence[DeploymentDraw], suite: SensorSuite
+) -> Iterator[tuple[int, dict[str, Array] | TwinError]]:
+    """The signals of each deployment over its whole time, (n,), with its index, or what was wrong.
+
+    They come in any order, each made when it is asked for.
+    """
+    lanes, places = [], []
+    for index, draw in enumerate(draws):
+        try:
+            lanes.append(Lane(draw.scenario))
+            places.append(index)
+        except TwinError as error:
+            yield index, error
+    for place, found in flown_abreast(lanes):
+        if not isinstance(found, Trajectory):
+            yield places[place], found
+            continue
+        draw = draws[places[place]]
+        try:
+            check_possible(found.signals, found.time)
+            check_steered(draw, found)
+        except TwinError as error:
+            yield places[place], error
+            continue
+        yield places[place], measured(draw, found, lanes[place], suite)
+
+
+def check_steered(draw: DeploymentDraw, flown: Trajectory) -> None:
+    """Raise Impossible where a vehicle circled before it had a fault: no pilot flies on so."""
+    sound = math.inf if draw.fault is None else draw.fault.start
+    used = (flown.time < sound) & (flown["true_depth"] > 1.0)
+    off = np.deg2rad(flown["true_heading"] - flown["commanded_heading"])[used]
+    time, away = flown.time[used], np.cos(off) < 0.0
+    for begin in np.arange(0.0, flown.time[-1], CIRCLING):
+        some = away[(time >= begin) & (time < begin + CIRCLING)]
+        if some.sum() > 0.5 * max(len(some), 1):
+            raise Impossible("it circled before it had a fault", time_s=float(begin))
+
+
+def measured(
+    draw: DeploymentDraw, flown: Trajectory, lane: Lane, suite: SensorSuite
+) -> dict[str, Array]:
+    """What a glider logs of a flight, each (n,)."""
+    scenario, period = draw.scenario, draw.scenario.sample_period
+    rng = np.random.default_rng(draw.sensor_seed.spawn(1)[0])
+    moved = heave_of_waves(flown, draw.wave_speed, rng)
+    truth = {**flown.signals, "true_depth": flown["true_depth"] + moved}
+    found: dict[str, Any] = dict(
+        suite.replace(dvl=Dvl(fitted=False)).measure(
+            truth,
+            dt=period,
+            rng_seed=draw.sensor_seed,
+            drawn=suite.draw(draw.sensor_seed),
+            bottom_depth=scenario.floor.depth_m if isinstance(scenario.floor, FlatFloor) else None,
+            floor=lane.tables.floor,
+            latitude=scenario.place.latitude_deg,
+            longitude=scenario.place.longitude_deg,
+            density=scenario.density,
+        )
+    )
+    found |= electric_signals(scenario, flown, rng)
+    found |= {name: flown[name] for name in flown.signals if name.startswith("commanded_")}
+    found |= read_by(scenario.faults, found, flown.time, rng, period=period)
+    return {name: np.asarray(values, float) for name, values in found.items()} | {
+        "time": flown.time
+    }
+
+
+def heave_of_waves(flown: Trajectory, speed: float, rng: np.random.Generator) -> Array:
+    """[m] by which internal waves have moved the water down at each sample, (n,).
+
+    The vehicle moves with it; its flight through the water is the same.
+    """
+    low, high = (math.log(1.0 / period) for period in WAVE_PERIODS[::-1])
+    rate = 2.0 * math.pi * np.exp(rng.uniform(low, high, WAVES))
+    phase = rng.uniform(0.0, 2.0 * math.pi, WAVES)
+    size = speed * math.sqrt(2.0 / WAVES) / rate
+    moved = np.zeros(len(flown.time))
+    for one, at, far in zip(rate, phase, size, strict=True):
+        moved += far * np.sin(one * flown.time + at)
+    return moved * np.tanh(np.maximum(flown["true_depth"], 0.0) / WAVE_DEPTH)

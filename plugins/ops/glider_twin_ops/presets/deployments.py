@@ -1,0 +1,393 @@
+"""Deployments: many dives of one vehicle in one sea, half of them with a fault, as a store of logs.
+
+    make_deployments("faulty.zarr", vehicle="slocum-200", hours=2000.0, seed=3)
+
+The store is of the form that `factory import` writes, so that whatever reads logs reads it; on its
+dimension `deployment` it says what was wrong, from which dive on, and how much.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import functools
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from factory.generation import local_pool
+from factory.importing import (
+    EMPTY,
+    Channel,
+    DeploymentLog,
+    DiveRules,
+    LoggedFixes,
+    Tally,
+    dives_dataset,
+)
+from factory.sampling import Distribution, Table, declared, override, parameter_table, propelled
+from glider_twin_ops.presets.deployment import (
+    DeploymentDraw,
+    draw_deployment,
+    fault_kinds,
+    faulty_of,
+    fly_deployments,
+)
+from twin import Vehicle, load_vehicle
+from twin.errors import InputError, MissionError, TwinError
+from twin.geodesy import position, wrap_longitude
+from twin.numbers import Array, processors
+from twin.records import check_target, is_store, read_zarr, write_zarr
+from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
+from twin.records.schema import MISSION, TIME, VARIABLES
+from twin.records.storage import whole_folder
+from twin.sensors import SensorSuite
+from twin.vehicle.parts import Fin
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
+"""[s] between samples of the presets: of files that are read after recovery, and of what is sent"""
+SATELLITE_SIGNALS = (
+    "measured_depth", "measured_pressure", "measured_pitch", "measured_roll", "measured_heading",
+    "measured_pump", "measured_shift", "measured_rotation", "measured_fin", "measured_vacuum",
+    "measured_voltage", "measured_charge", "commanded_heading", "commanded_pitch",
+)  # fmt: skip
+"""What a satellite carries"""
+CHUNK = 8
+"""Deployments that fly together, the width of a narrow block of lanes"""
+ATTEMPTS = 20
+"""Draws of a deployment until one can be flown"""
+FAULT_KIND, FAULT_ONSET, FAULT_SIZE = "fault_kind", "fault_onset_dive", "fault_size"
+LABELS, NAME = "fault_labels", "deployment_name"
+"""JSON of each deployment's fault with all of its settings"""
+HEALTHY = "none"
+"""The kind of fault of a deployment without one"""
+WORDS = (FAULT_KIND, LABELS, NAME)
+"""Labels that are texts"""
+KIND = "simulated"
+"""What such a store calls its kind of log"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentPlan:
+    """What deployments are made of; everything that their bytes depend on."""
+
+    vehicle: Vehicle
+    preset: str = "faulty"
+    seed: int = 0
+    kinds: tuple[str, ...] = ()
+    """Faults that are drawn; () is all that the vehicle can have"""
+    size: float | None = None
+    """of every fault; None draws it"""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PERIODS:
+            raise InputError(f"preset {self.preset!r} is none of {', '.join(PERIODS)}")
+        if propelled(self.vehicle):
+            raise InputError(
+                f"preset {self.preset!r} flies dives of a glider, and vehicle "
+                f"{self.vehicle.name!r} has a propeller; choose a glider, such as slocum-200, or "
+                "fly it with `twin simulate --fault`"
+            )
+        object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds))
+
+    @property
+    def period(self) -> float:
+        """[s] between samples."""
+        return PERIODS[self.preset]
+
+    @functools.cached_property
+    def tables(self) -> tuple[Table, dict[str, Distribution]]:
+        """Parameters and what they are drawn from."""
+        table = parameter_table(self.vehicle)
+        fixed: dict[str, str | float] = {"mission.kind": "saw-tooth"}
+        return table, override(declared("field", table), fixed)
+
+    def draw(self, index: int, attempt: int, faulty: bool) -> DeploymentDraw:
+        """One deployment; raises a TwinError where the vehicle cannot fly it."""
+        table, distributions = self.tables
+        return draw_deployment(
+            self.vehicle, table, distributions, seed=self.seed, index=index, attempt=attempt,
+            period=self.period, kinds=self.kinds, faulty=faulty, size=self.size,
+        )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MadeDeployments:
+    """What was made."""
+
+    store: Path
+    deployments: int
+    faulty: int
+    dives: int
+    days: float
+
+
+def make_deployments(
+    out: str | Path,
+    *,
+    vehicle: Vehicle | str = "slocum-200",
+    preset: str = "faulty",
+    hours: float | None = None,
+    count: int | None = None,
+    seed: int = 0,
+    kinds: Sequence[str] = (),
+    size: float | None = None,
+    workers: int | None = None,
+    overwrite: bool = False,
+    watch: Callable[[float], None] = lambda hours: None,
+) -> MadeDeployments:
+    """Make a store of deployments, whole or not at all; the same bytes whatever the workers.
+
+    Args:
+      hours: [h] of all deployments together, at least; or `count`, how many; an even number is
+        made, of which exactly half have a fault.
+      kinds: of faults that are drawn, by default all that the vehicle can have.
+      size: of the faults, by default drawn from their kind's range.
+      watch: called with hours as deployments are done, which add up to `hours` where it is given.
+
+    Raises:
+      InputError: nothing to make, a fault that the vehicle cannot have. WriteError: something is
+        in the way. TwinError: no draw of a deployment can be flown.
+    """
+    check_target(out, overwrite=overwrite)
+    plan = DeploymentPlan(
+        vehicle=load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle,
+        preset=preset, seed=seed, kinds=tuple(kinds), size=size,
+    )  # fmt: skip
+    asked = 240.0 if hours is None else hours
+    if count is None:
+        draws = _lasting(plan, asked)
+    elif count < 2:
+        raise InputError(f"{count} deployments: give at least 2, one of which has a fault")
+    else:
+        draws = [first_draw(plan, index) for index in range(count + count % 2)]
+    pieces = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
+    # whole deployments last longer than was asked for
+    share = asked / sum(draw.scenario.run_time() / 3600.0 for draw in draws) if not count else 1.0
+    with whole_folder(out, overwrite=overwrite, ours=is_store) as folder:
+        beside = folder.parent / "pieces"
+        beside.mkdir()
+        files = [beside / f"{k}.zarr" for k in range(len(pieces))]
+        for made in _done(
+            workers, _piece, [(plan, p, f) for p, f in zip(pieces, files, strict=True)]
+        ):
+            watch(share * made)
+        dives, days, faulty = _joined(files, folder)
+    return MadeDeployments(
+        store=Path(out), deployments=len(draws), faulty=faulty, dives=dives, days=days
+    )
+
+
+def _done(workers: int | None, function: Any, jobs: Sequence[Any]) -> Iterator[Any]:
+    """Jobs done in their order by so many processes; one does them here."""
+    count = min(workers or processors(), len(jobs))
+    if count <= 1:
+        yield from map(function, jobs)
+        return
+    with local_pool(count) as pool:
+        yield from pool.map(function, jobs)
+
+
+def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
+    """Deployments that last so many hours together; an even number of them."""
+    if not 0.0 < hours < 1e9:
+        raise InputError(f"--hours {hours:g} must be above 0 and below 1e9")
+    total, draws = 0.0, list[DeploymentDraw]()
+    while total < 3600.0 * hours or len(draws) % 2:
+        draws.append(first_draw(plan, len(draws)))
+        total += draws[-1].scenario.run_time()
+    return draws
+
+
+def first_draw(plan: DeploymentPlan, index: int, attempt: int = 0) -> DeploymentDraw:
+    """A deployment's first draw from an attempt on that the vehicle's guidance can fly."""
+    faulty, problem = faulty_of(plan.seed, index), ""
+    for again in range(attempt, ATTEMPTS):
+        try:
+            return plan.draw(index, again, faulty)
+        except TwinError as error:
+            if isinstance(error, InputError) and not isinstance(error, MissionError):
+                raise  # what was asked for is wrong, and not the draw
+            problem = str(error)
+    raise TwinError(f"deployment {index}: {ATTEMPTS} draws cannot be flown; the last: {problem}")
+
+
+def flown_logs(
+    plan: DeploymentPlan, draws: Sequence[DeploymentDraw]
+) -> list[tuple[DeploymentDraw, DeploymentLog]]:
+    """Deployments with what the vehicle logged of them, in order.
+
+    One that came to harm is drawn and flown again.
+    """
+    suite = SensorSuite.preset("field")
+    waiting = list(draws)
+    found: dict[int, tuple[DeploymentDraw, DeploymentLog]] = {}
+    while waiting:
+        again = []
+        for place, signals in fly_deployments(waiting, suite):
+            draw = waiting[place]
+            if isinstance(signals, TwinError):
+                again.append(first_draw(plan, draw.number, draw.attempt + 1))
+            else:
+                found[draw.number] = draw, log_of(draw, signals, plan)
+        waiting = again
+    return [found[draw.number] for draw in draws]
+
+
+def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan) -> DeploymentLog:
+    """The signals of a flight as a vehicle's log."""
+    place, vehicle = draw.scenario.place, draw.scenario.vehicle
+    moment = datetime.datetime.fromisoformat(str(place.time)).replace(tzinfo=datetime.UTC)
+    time = moment.timestamp() + signals["time"]
+    rudders = {f"measured_{part.name}" for part in vehicle.parts if isinstance(part, Fin)}
+    channels: dict[str, Channel] = {}
+    for name, values in signals.items():
+        known = "measured_fin" if name in rudders else name
+        if known not in VARIABLES or known.startswith(("measured_gps", "measured_dvl")):
+            continue
+        if known.startswith(("measured_specific", "measured_onboard")) or known.endswith("_rate"):
+            continue
+        if plan.preset != "faulty" and known not in SATELLITE_SIGNALS:
+            continue
+        finite = np.isfinite(values)
+        if finite.any():
+            channels[known] = Channel(time[finite], values[finite])
+    north, east = signals["measured_gps_north"], signals["measured_gps_east"]
+    fixed = np.flatnonzero(np.isfinite(north))
+    latitude, longitude = position(
+        north[fixed], east[fixed], place.latitude_deg, place.longitude_deg
+    )
+    return DeploymentLog(
+        deployment=draw.name,
+        platform=f"simulated {vehicle.name}",
+        channels=channels,
+        fixes=LoggedFixes(time[fixed], latitude, wrap_longitude(longitude)),
+        magnetic_variation=EMPTY,
+        simulated=True,
+        station=True,
+    )
+
+
+def _piece(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path]) -> float:
+    """Fly some deployments into a store of their own; their hours [h]."""
+    plan, draws, path = job
+    flown = flown_logs(plan, draws)
+    dataset = dataset_of_logs(flown, plan)
+    write_zarr(dataset, path)
+    return sum(draw.scenario.run_time() for draw, _ in flown) / 3600.0
+
+
+def dataset_of_logs(
+    flown: Sequence[tuple[DeploymentDraw, DeploymentLog]], plan: DeploymentPlan
+) -> xr.Dataset:
+    """Deployments as `factory import` would store their logs, with what was wrong."""
+    import xarray as xr
+
+    parts = []
+    for _, log in flown:  # one by one: a store is sorted by time, and these by their number
+        one, _ = dives_dataset(
+            [log], kind=KIND, period=plan.period, rules=DiveRules(), tally=Tally(),
+            files=[log.deployment],
+        )  # fmt: skip
+        parts.append(one)
+    dataset = xr.concat(
+        parts,
+        MISSION,
+        combine_attrs="override",
+        data_vars="minimal",
+        coords="minimal",
+        compat="override",
+        join="outer",
+    )
+    dataset = dataset.assign_coords({MISSION: np.arange(dataset.sizes[MISSION])})
+    labels: dict[str, tuple[list[Any], str]] = {
+        FAULT_KIND: ([draw.kind for draw, _ in flown], "fault; none: it is healthy"),
+        FAULT_ONSET: (
+            [_onset(draw, one) for (draw, _), one in zip(flown, parts, strict=True)],
+            "number of the first dive with the fault, as in `dive`; NaN where it is healthy",
+        ),
+        FAULT_SIZE: (
+            [float("nan") if d.fault is None else d.fault.size for d, _ in flown],
+            "size of the fault in its kind's unit; NaN where it is healthy",
+        ),
+        LABELS: (
+            [json.dumps({} if d.fault is None else d.fault.describe()) for d, _ in flown],
+            "JSON of the fault with all of its settings",
+        ),
+        NAME: ([draw.name for draw, _ in flown], "name, as in `deployment`"),
+    }
+    added = {
+        name: (
+            DEPLOYMENT,
+            np.array(values, object if name in WORDS else np.float64),
+            {"long_name": long_name},
+        )
+        for name, (values, long_name) in labels.items()
+    }
+    dataset = _with(dataset, added)
+    dataset.attrs[VEHICLE_MJCF] = plan.vehicle.xml
+    return dataset
+
+
+def _with(dataset: xr.Dataset, added: dict[str, Any]) -> xr.Dataset:
+    """A dataset with labels on the dimension that has the name of an array over missions."""
+    import xarray as xr
+
+    variables = {str(name): dataset[name].variable for name in dataset.variables}
+    coordinates = [str(name) for name in dataset.coords]
+    found = xr.Dataset({**variables, **added}, attrs=dataset.attrs)
+    return found.set_coords([name for name in coordinates if name in found.variables])
+
+
+def _onset(draw: DeploymentDraw, dives: xr.Dataset) -> float:
+    """Number of the first dive of the log that the fault is in."""
+    if draw.fault is None:
+        return float("nan")
+    moment = datetime.datetime.fromisoformat(str(draw.scenario.place.time))
+    begin = moment.replace(tzinfo=datetime.UTC).timestamp() + draw.fault.start
+    ends = np.asarray(dives[START_TIME], float) + np.asarray(dives[DIVE_DURATION], float)
+    later = np.flatnonzero(ends > begin)
+    return float(dives[DIVE][later[0]]) if later.size else float("nan")
+
+
+def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:
+    """Join stores of some deployments each into one; dives, days and faulty deployments.
+
+    One of them is in memory at a time.
+    """
+    import xarray as xr
+
+    parts = [read_zarr(path) for path in files]
+    longest = max(parts, key=lambda part: part.sizes[TIME])
+    known: dict[str, xr.Variable] = {}
+    for part in parts:
+        known |= {str(name): part[name].variable for name in part.variables}
+    labels = [name for name, one in known.items() if DEPLOYMENT in one.dims]
+    begun, days, faulty = 0, 0.0, 0
+    for part in parts:
+        count = part.sizes[MISSION]
+        whole = part.load().drop_vars([*labels, TIME])
+        whole = whole.pad({TIME: (0, longest.sizes[TIME] - part.sizes[TIME])})
+        for name in known.keys() - set(map(str, whole.variables)) - {*labels, TIME}:
+            one = known[name]
+            shape = [count if d == MISSION else longest.sizes[TIME] for d in one.dims]
+            whole[name] = (one.dims, np.full(shape, np.nan, one.dtype), one.attrs)
+        whole = whole.assign_coords({
+            MISSION: (MISSION, begun + np.arange(count), known[MISSION].attrs),
+            TIME: longest[TIME],
+        })  # fmt: skip
+        write_zarr(whole, folder, along=MISSION if begun else None)
+        begun += count
+        days += float(np.nansum(part[DIVE_DURATION])) / 86400.0
+        faulty += sum(str(kind) != HEALTHY for kind in part[FAULT_KIND].values)
+    told = xr.concat(
+        [part[labels].drop_vars(MISSION, errors="ignore") for part in parts], DEPLOYMENT
+    )
+    write_zarr(told.drop_vars(DEPLOYMENT, errors="ignore"), folder, beside=True)
+    return begun, days, faulty

@@ -1,0 +1,228 @@
+"""Energy outlook: days left for the plan and for changes of it, and the last day to turn home.
+
+The power of the plan is what the dives so far took. What a change adds to it is told by the twin:
+both are flown, in still water, by the vehicle with the deployment's own consumption.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from glider_twin_ops.forecast import Forecast, LoggedLeg, fly_nominal
+from twin.errors import MissionError, SimulationUnstable
+from twin.geodesy import to_tangent_plane
+from twin.logs import Endurance, EnergyUse
+from twin.mission import Mission
+
+DEEPER, STEEPER_DEG = 1.5, 6.0
+LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
+"""Consumer and part of its power that a change saves"""
+SAFE = 0.05
+"""Draws of hundred that may not get home from the last safe day"""
+OWN_DAYS = 2.0
+"""[d] after which a current is another one, as forecasts have it"""
+STEPS = 500
+DAY, KILO = 86400.0, 1e3
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WhatIf:
+    """The plan, or a change of it."""
+
+    what: str
+    power: float
+    """[W]"""
+    days: float
+    """[d] left"""
+    days_90: tuple[float, float]
+    between: str
+    """The same in words"""
+    km_a_day: float | None
+    """[km/d] through the water; None where it is that of the plan"""
+
+    def row(self) -> dict[str, object]:
+        """Of a table."""
+        speed = self.km_a_day
+        return {
+            "plan": self.what,
+            "power [W]": round(self.power, 2),
+            "days left": round(self.days, 1),
+            "90 %": self.between,
+            "km a day through the water": speed,
+            "km left": None if speed is None else round(speed * self.days),
+        }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TurnHome:
+    """Until when it can turn home, if it goes on as planned before."""
+
+    away_km: float
+    """Now"""
+    days: float
+    """[d] from the last fix, in the middle of the draws"""
+    safe_days: float
+    """[d] from which 95 of 100 draws still get home"""
+    reached: float
+    """Part of the draws that get home where it turns at the last fix"""
+
+    @property
+    def safe(self) -> bool:
+        """Whether 95 of 100 draws get home at all."""
+        return self.reached >= 1.0 - SAFE
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EnergyOutlook:
+    """What is told, and why the rest is not."""
+
+    rows: tuple[WhatIf, ...]
+    home: TurnHome | None
+    lacking: tuple[str, ...]
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able."""
+        return dataclasses.asdict(self)
+
+
+def energy_outlook(
+    found: Forecast,
+    used: EnergyUse,
+    lasts: Endurance,
+    legs: Sequence[LoggedLeg],
+    home: tuple[float, float] | None,
+    *,
+    guessed: bool = False,
+) -> EnergyOutlook:
+    """Days left for plans, and the last day to turn home.
+
+    Args:
+      found: the forecast of the plan. used: what the dives took. lasts: by them.
+      legs: of the deployment. home: latitude, longitude [degree], where it is known.
+      guessed: whether nobody said where it goes, so that it goes on without end.
+    """
+    names, missions, lacking = ["as it is"], [found.request.mission], []
+    for name, changed in _changes(found.request.mission).items():
+        try:
+            changed.check(found.request.vehicle)
+            names.append(name)
+            missions.append(changed)
+        except MissionError as error:
+            lacking.append(f"what if {name}: {error}")
+    flown = fly_nominal(found.request, missions)
+    plan = flown[0]
+    if isinstance(plan, SimulationUnstable):
+        return EnergyOutlook(rows=(), home=None, lacking=(f"what ifs: {plan}",))
+    own, speed = plan.rates()
+    rows = []
+    for name, flight in zip(names, flown, strict=True):
+        if isinstance(flight, SimulationUnstable):
+            lacking.append(f"what if {name}: {flight}")
+            continue
+        power, fast = flight.rates()
+        rows.append(_row(name, lasts, power - own, fast * DAY / KILO))
+    takes = {one.name: one.energy / (used.hours * 3600.0) for one in used.terms}
+    for name, (consumer, part) in LESS.items():
+        if takes.get(consumer, 0.0) > 0.0:
+            rows.append(_row(name, lasts, -part * takes[consumer], None))
+    if not takes.get("payload"):
+        lacking.append("what if half the samples: the log does not tell the payload's power")
+    stays = np.inf if guessed else _until_arrival(found)
+    turn = None if home is None else _turn_home(found, lasts, legs, home, speed, stays)
+    return EnergyOutlook(rows=tuple(rows), home=turn, lacking=tuple(lacking))
+
+
+def _changes(mission: Mission) -> dict[str, Mission]:
+    """Missions by what is changed."""
+
+    def changed(**factors: tuple[float, float]) -> Mission:
+        segments = []
+        for one in mission.segments:
+            new = {
+                name: getattr(one, name) * factor + added
+                for name, (factor, added) in factors.items()
+                if getattr(one, name, None) is not None
+            }
+            segments.append(dataclasses.replace(one, **new) if new else one)
+        return dataclasses.replace(mission, segments=tuple(segments))
+
+    more = (DEEPER, 0.0)
+    steep = (1.0, STEEPER_DEG)
+    return {
+        f"{DEEPER:g} times as deep": changed(max_depth_m=more, surface_after_s=more),
+        f"{STEEPER_DEG:.0f} degree steeper": changed(pitch_deg=steep, climb_pitch_deg=steep),
+    }
+
+
+def _row(what: str, lasts: Endurance, added: float, km_a_day: float | None) -> WhatIf:
+    power = max(lasts.power + added, lasts.power / 10.0)
+    return WhatIf(
+        what=what,
+        power=power,
+        days=lasts.days * lasts.power / power,
+        days_90=lasts.interval(added),
+        between=lasts.between(added),
+        km_a_day=km_a_day,
+    )
+
+
+def _turn_home(
+    found: Forecast,
+    lasts: Endurance,
+    legs: Sequence[LoggedLeg],
+    home: tuple[float, float],
+    speed: float,
+    stays: float,
+) -> TurnHome:
+    """The crossing, in every draw, of what is left and of what the way home takes.
+
+    The way home is a straight line against the mean current of the dives so far, which is known by
+    as many of them as lie two days apart.
+    """
+    place = found.request.place
+    start = place.latitude_deg, place.longitude_deg
+    there = np.array(to_tangent_plane(*home, *start))
+    times, way = found.ways[0]
+    goes = way[-1] / times[-1] * DAY  # m a day over ground
+    days = np.linspace(0.0, max(lasts.days, 1e-6), STEPS)
+    ahead = np.minimum(days, stays)
+    to_home = there - ahead[:, None] * goes  # (time, 2)
+    away = np.hypot(*to_home.T)
+    currents = np.array([one.leg.current for one in legs])
+    currents = currents[np.isfinite(currents).all(axis=1)]
+    span = (legs[-1].leg.end - legs[0].leg.start) / DAY
+    known = min(max(span / OWN_DAYS, 1.0), float(len(currents)))
+    rng = np.random.default_rng(0)
+    drawn = currents.mean(axis=0) + currents.std(axis=0) / np.sqrt(known) * rng.standard_normal(
+        (len(lasts.powers), 2)
+    )
+    towards = to_home / np.maximum(away, 1.0)[:, None]
+    along = drawn @ towards.T  # (draw, time)
+    across = drawn @ np.stack([-towards[:, 1], towards[:, 0]])
+    made = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
+    takes = np.where(made > 0.0, away / np.maximum(made, 1e-9), np.inf) / DAY
+    short = days + takes > lasts.days_drawn()[:, None]
+    short[:, -1] = True
+    last = days[np.maximum(np.argmax(short, axis=1) - 1, 0)]
+    return TurnHome(
+        away_km=float(away[0] / KILO),
+        days=float(np.median(last)),
+        safe_days=float(np.quantile(last, SAFE)),
+        reached=float(1.0 - short[:, 0].mean()),
+    )
+
+
+def _until_arrival(found: Forecast) -> float:
+    """[d] until the plan's last place is reached, at the way made good; infinite without one."""
+    targets = found.targets()
+    if not len(targets):
+        return np.inf
+    place = found.request.place
+    longitude, latitude = (float(value) for value in targets[-1])
+    there = to_tangent_plane(latitude, longitude, place.latitude_deg, place.longitude_deg)
+    times, way = found.ways[0]
+    return float(np.hypot(*there) / max(np.hypot(*way[-1]), 1.0) * times[-1] / DAY)

@@ -1,0 +1,295 @@
+"""Log of files: the dives of all files that arrived, as `log.zarr`, a function of the files alone.
+
+It is what `factory import` makes of the same files, whatever came first: which pressure sensor is
+taken, offsets of the surface and guessed units follow from all of them. The store knows by which
+files it was made; with the same ones it stays as it is.
+
+Log, beliefs and page have lists of checksums, by which a part is as a pass wrote it; the page's
+figures have the sums of what has none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import datetime
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, import_logs
+from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.sources.arrived_files import (
+    CACHE,
+    FILES,
+    MAPPING,
+    ArrivedFiles,
+    arrived,
+)
+from twin.errors import InputError, StoreError
+from twin.records import is_store, read_attributes, write_store
+from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
+from twin.records.schema import MISSION
+from twin.records.storage import clean, damaged_files, files_below, lock, remove, temporary_name
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LOG = "log.zarr"
+DIGEST = "files_digest"
+"""Attribute of the store: which files made it, and how they were read"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogOfFiles:
+    """What became of the files in a source."""
+
+    store: Path | None
+    """None: there are no dives yet"""
+    digest: str
+    """Of the files that are there now"""
+    changed: bool
+    """Whether the store was written"""
+    files: int
+    kind: str
+    """of the logs; empty: no file tells it"""
+    unreadable: tuple[str, ...]
+    """Why files were left out, in words"""
+    short: tuple[str, ...] = ()
+    """Files that were read and end too early, with how far they go"""
+    damage: str = ""
+    """What was wrong with the log that was there, in words; empty where nothing was"""
+    missing: str = ""
+    """Why no dives could be had of the files that are there now; empty where they could"""
+
+    @property
+    def cut_or_left_out(self) -> list[str]:
+        """A log that was damaged, files that end too early, and those that are left out."""
+        damaged = [self.damage] if self.damage else []
+        return [*damaged, *self.short, *(f"left out: {said}" for said in self.unreadable)]
+
+
+def log_of_files(
+    deployment: WatchedDeployment,
+    folder: Path,
+    *,
+    until: datetime.datetime | None = None,
+    again: bool = False,
+) -> LogOfFiles:
+    """Bring `folder/log.zarr` up to date.
+
+    A source whose files say nothing, such as half of the only one, leaves the store as it was. A
+    store that is damaged is made again, and is no log until it can be.
+
+    Args:
+      until: only dives that had ended by then, UTC.
+      again: read the files even where the store is of them already.
+
+    Raises:
+      InputError: a setting that cannot be used. WriteError: the disk refuses.
+    """
+    store = folder / LOG
+    found = arrived(deployment)
+    stamp = "" if until is None else f" until {until.isoformat()}"
+    damage = _damage(store)
+    if not (found.missing or again or damage) and _digest(store) == found.digest + stamp:
+        return _outcome(store, found, changed=False)
+    if found.missing:
+        return _without(store, found, found.missing, damage)
+    with _staging(store) as place:
+        copies = found.copied(place)
+        try:
+            dataset = _imported(deployment, copies, place)
+            if until is not None:
+                dataset = _until(dataset, until)
+        except InputError as error:
+            said = " ".join(_said_here(str(error), place).split())
+            return _without(store, copies, said, damage)
+    dataset.attrs[DIGEST] = copies.digest + stamp
+    if damage and is_zarr(store):
+        remove(store)
+    write_store(dataset, store, overwrite=True)
+    return dataclasses.replace(_outcome(store, copies, changed=True), damage=damage)
+
+
+def _damage(store: Path) -> str:
+    """What is wrong with the log that is there, in words; empty where nothing is."""
+    one = damage_of(store)
+    return f"{store.name} was damaged, and is made again: {one}" if one else ""
+
+
+@contextlib.contextmanager
+def _staging(store: Path) -> Iterator[Path]:
+    """A hidden folder beside the store; what a killed pass left goes away first."""
+    clean(store)
+    place = temporary_name(store)
+    place.mkdir()
+    descriptor = os.open(place, os.O_RDONLY)
+    try:
+        lock(descriptor)  # the next writer of the store removes it once this process is gone
+        yield place
+    finally:
+        remove(place)
+        os.close(descriptor)
+
+
+def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -> xr.Dataset:
+    """What an import makes of the copies in a folder, without a path and a time in it.
+
+    Raises:
+      InputError: as the import, or a setting that is for logs of other kinds.
+    """
+    importer = IMPORTERS[found.kind]
+    for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
+        if getattr(deployment, name) and not takes:
+            raise InputError(f"{found.kind} logs take no {name}: leave it empty in deployment.toml")
+    cache = place / CACHE
+    cache.mkdir(exist_ok=True)
+    dataset, _ = import_logs(
+        found.kind,
+        [place / FILES],
+        cache=cache if deployment.cache else None,
+        mapping=_mapping(deployment, place),
+        variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
+        recursive=deployment.recursive,
+        one_deployment=found.source.joins,
+    )
+    report = json.loads(dataset.attrs[IMPORT_REPORT])
+    for entry in report["entries"]:
+        entry["detail"] = _said_here(entry["detail"], place)
+    dataset.attrs[IMPORT_REPORT] = json.dumps(report)
+    dataset.attrs[HISTORY] = f"factory import {found.kind} of all files that arrived"
+    return dataset
+
+
+def _said_here(text: str, place: Path) -> str:
+    """An import's message without where the files were copied to, which is another place at every
+    pass, and with a deployment's settings for an import's options."""
+    folders = [(f"{place / name}/", "") for name in (FILES, CACHE, MAPPING)]
+    folders += [(str(place / FILES), "source"), (str(place / CACHE), "cache")]
+    for was, here in (*folders, *IN_SETTINGS):
+        text = text.replace(was, here)
+    return text
+
+
+IN_SETTINGS = (
+    ("--variation-deg", "variation_deg in deployment.toml"),
+    (
+        "give its folder with --cache",
+        "put it beside the files or into the folder that cache in deployment.toml names",
+    ),
+    ("give --cache ", "name it as cache in deployment.toml: "),
+    ("give --recursive", "set recursive = true in deployment.toml"),
+)
+"""What an import's message says of its options, and what it is here"""
+
+
+def _mapping(deployment: WatchedDeployment, place: Path) -> Path | str | None:
+    """The copy of a file, or the name of a shipped one."""
+    copy = place / MAPPING / Path(deployment.mapping).name
+    if not deployment.mapping:
+        return None
+    return copy if copy.is_file() else deployment.mapping
+
+
+def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
+    """The dives that had ended.
+
+    Raises:
+      InputError: none had.
+    """
+    lasted = np.nan_to_num(dataset[DIVE_DURATION].values) if DIVE_DURATION in dataset else 0.0
+    ended = dataset[START_TIME].values + lasted  # [s] unix
+    rows = np.flatnonzero(ended <= until.timestamp())
+    if not rows.size:
+        first = datetime.datetime.fromtimestamp(round(float(np.nanmin(ended))), datetime.UTC)
+        raise InputError(
+            f"no dive had ended by {until:%Y-%m-%d %H:%M} UTC; the first did {first:%Y-%m-%d %H:%M}"
+        )
+    return dataset.isel({MISSION: rows})
+
+
+def _digest(store: Path) -> str:
+    try:
+        return str(read_attributes(store).get(DIGEST, "")) if is_store(store) else ""
+    except StoreError:
+        return ""
+
+
+def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
+    attributes = read_attributes(store)
+    entries = json.loads(attributes[IMPORT_REPORT])["entries"]
+    said = [f"{name}: {why}" for name, why in found.refused.items()]
+    said += [entry["detail"] for entry in entries if entry["subject"] == UNREADABLE]
+    return LogOfFiles(
+        store=store,
+        digest=found.digest,
+        changed=changed,
+        kind=found.kind,
+        files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
+        unreadable=tuple(map(_as_text, said)),
+        short=tuple(
+            _as_text(f"{entry['subject']} is {entry['detail']}")
+            for entry in entries
+            if entry["detail"].startswith(TRUNCATED)
+        ),
+    )
+
+
+def _without(store: Path, found: ArrivedFiles, missing: str, damage: str) -> LogOfFiles:
+    return LogOfFiles(
+        store=store if is_store(store) and not damage else None,
+        digest=found.digest,
+        changed=False,
+        kind=found.kind,
+        files=0,
+        unreadable=tuple(_as_text(f"{name}: {why}") for name, why in found.refused.items()),
+        missing=_as_text(missing),
+        damage=damage,
+    )
+
+
+def _as_text(said: str) -> str:
+    """What is said, without bytes of a file's name that are no UTF-8 and that no page can hold."""
+    return said.encode(errors="backslashreplace").decode()
+
+
+ZARR = re.compile(r"(.+/)?(zarr\.json|c(/\d+)*)")
+"""Names of the files in a zarr store, version 3"""
+
+
+def damage_of(folder: Path) -> str:
+    """The first file that is not as it was written, in words; empty where all are, and where there
+    is no such folder. Files that somebody added are no damage.
+    """
+    if not folder.is_dir():
+        return ""
+    try:
+        found = (str(one) for one in damaged_files(folder) if one.what != "unknown")
+        return next(found, "")
+    except StoreError as error:
+        return str(error)
+
+
+def is_zarr(folder: Path) -> bool:
+    """Whether all files in a folder have the names of a zarr store's: none is a person's own."""
+    return folder.is_dir() and all(
+        ZARR.fullmatch(path.relative_to(folder).as_posix()) for path in files_below(folder)
+    )
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a file, or of all names and bytes in a folder; empty where there is neither."""
+    if not path.exists():
+        return ""
+    found = hashlib.sha256()
+    for file in [path] if path.is_file() else files_below(path):
+        found.update(f"{file.relative_to(path)}\n".encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()

@@ -1,0 +1,368 @@
+"""Morning: what a deployment's log tells at a moment: health, energy, currents, next surfacings.
+
+What cannot be told is left out, with the reason: a log without fixes has a health, one without
+attitude has currents that the vehicle itself reported, an empty folder has nothing yet.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from glider_twin_ops.forecast import (
+    Forecast,
+    Known,
+    LoggedLeg,
+    Request,
+    RoutePlan,
+    forecast,
+    known_from_logs,
+    legs_of,
+    plan_routes,
+)
+from glider_twin_ops.forecast.logged_leg import dive_times
+from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
+from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.energy_outlook import EnergyOutlook, energy_outlook
+from glider_twin_ops.watching.expected_plan import ExpectedPlan, LastFix, expected_plan, newest_fix
+from glider_twin_ops.watching.log_of_files import LogOfFiles
+from glider_twin_ops.watching.proposed_files import ProposedFiles, flown_files, proposed_files
+from glider_twin_ops.watching.sources.arrived_files import folder_of
+from glider_twin_ops.watching.sources.base import SurfaceDialogue
+from twin import Vehicle
+from twin.cli import counted
+from twin.errors import TwinError
+from twin.identify import (
+    identified,
+    load_calibration,
+    load_logs,
+    other_kind,
+    start_vehicle,
+    with_consumption,
+)
+from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
+from twin.mission import Waypoint
+from twin.physics import utc_text
+from twin.records import LogStore
+from twin.records.attributes import DIVE
+from twin.records.coordinates import utc_minute
+from twin.show.dates import moment_of
+from twin.water.current import Origin, parse_field
+
+Told = TypeVar("Told")
+KILO, HOUR = 1e3, 3600.0
+NEWER = 60.0
+"""[s] by which a fix is newer than another one"""
+FORECAST = "forecast"
+"""What a page is for: why there is none is the first of what is missing"""
+MOST_FOLLOWED = 30
+"""Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Morning:
+    """What is told; None and empty where it cannot be, and `lacking` says why."""
+
+    title: str
+    """Name of the folder"""
+    log: LogOfFiles
+    dialogue: SurfaceDialogue | None = None
+    """What it said at its last surfacing"""
+    deployment: str = ""
+    """Name of it in the log: of several the one that began last"""
+    dives: tuple[int, ...] = ()
+    """Numbers of its dives, as the log counts, in order of time"""
+    vehicle: Vehicle | None = None
+    health: DeploymentHealth | None = None
+    followed: Beliefs | None = None
+    """Parameters of the vehicle over its last dives"""
+    followed_dives: tuple[int, ...] = ()
+    """Numbers of these"""
+    legs: tuple[LoggedLeg, ...] = ()
+    """From fix to fix, in order of time"""
+    came_up: LastFix | None = None
+    """The newest fix after a dive of the log, whether or not the dive's way is known"""
+    used: EnergyUse | None = None
+    energy_left_kwh: float | None = None
+    lasts: Endurance | None = None
+    """By the dives so far, where the energy left is known"""
+    outlook: EnergyOutlook | None = None
+    """For changes of the plan"""
+    surfacings: Forecast | None = None
+    plan: str = ""
+    """What the forecast takes it to do, in words"""
+    changes: tuple[Mapping[str, str], ...] = ()
+    """What it does now beside what the plan has, rows of a table"""
+    routes: RoutePlan | None = None
+    """Ways to the next place, where a pilot gave it"""
+    proposed: ProposedFiles | None = None
+    """Files with that plan, where a pilot gave its places"""
+    lacking: tuple[str, ...] = ()
+    """Why something is not told, and what to do about it"""
+
+    @property
+    def verdict(self) -> str:
+        """One line."""
+        if self.health is None:
+            return f"{self.title}: nothing can be judged yet"
+        said = self.health.verdict()
+        if not self.health.alarm or self.vehicle is None or identified(self.vehicle):
+            return said
+        return f"{said}; judged by {self.vehicle.name}, not by a vehicle identified from its logs"
+
+    @property
+    def last_fix(self) -> LastFix | None:
+        """The dialogue's, where it is newer than the last one of the log."""
+        before = -np.inf if self.came_up is None else self.came_up.time
+        said = self.dialogue
+        if said is not None and said.fix and said.fix_time and said.fix_time > before:
+            return LastFix(latitude=said.fix[0], longitude=said.fix[1], time=said.fix_time)
+        return self.came_up
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """All that is missing: why there is no forecast, short files and those that are left out,
+        and what else is not told."""
+        first = self.lacking[:1] if self.surfacings is None else ()
+        return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
+
+    def parameters(self) -> list[dict[str, Any]]:
+        """Rows of a table: each parameter by the vehicle's file, and after the last dive."""
+        if self.followed is None:
+            return []
+        return [
+            {
+                "parameter": one.name,
+                "what it is": one.meaning,
+                "file": start,
+                "after the last dive": float(self.followed.value(one.name)[-1]),
+                "deviation": float(self.followed.deviation(one.name)[-1]),
+                "unit": one.unit,
+            }
+            for one, start in zip(self.followed.parameters, self.followed.nominal, strict=True)
+        ]
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able, as `latest.json` has it."""
+        levels: dict[str, Any] = {}
+        if self.health is not None and self.dives:
+            last = self.health.levels.level[-1], self.health.levels.deviation[-1]
+            levels = {
+                one.name: {"level": float(level), "deviation": float(deviation), "unit": one.unit}
+                for one, level, deviation in zip(CHANNELS, *last, strict=True)
+                if one.name not in self.health.lacking
+            }
+        return {
+            "title": self.title,
+            "deployment": self.deployment,
+            "vehicle": None if self.vehicle is None else self.vehicle.name,
+            "verdict": self.verdict,
+            "dives": list(self.dives),
+            "last_fix": None if self.last_fix is None else self.last_fix.describe(),
+            "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
+            "current": self.legs[-1].leg.current.tolist() if self.legs else None,
+            "health": None if self.health is None else self.health.describe(),
+            "levels": levels,
+            "parameters": self.parameters(),
+            "energy": None if self.used is None else self.used.describe(),
+            "energy_left_kwh": self.energy_left_kwh,
+            "days_left": None if self.lasts is None else self.lasts.days,
+            "days_left_90": None if self.lasts is None else self.lasts.interval(),
+            "outlook": None if self.outlook is None else self.outlook.describe(),
+            "plan": self.plan,
+            "changes": list(self.changes),
+            "routes": None if self.routes is None else self.routes.describe(),
+            "proposed": {} if self.proposed is None else dict(self.proposed.changes),
+            "forecast": None if self.surfacings is None else self.surfacings.describe(),
+            "lacking": list(self.lacking),
+            "unreadable": list(self.log.unreadable),
+            "short": list(self.log.short),
+        }
+
+
+def morning(
+    deployment: WatchedDeployment,
+    log: LogOfFiles,
+    dialogue: SurfaceDialogue | None = None,
+    *,
+    say: Callable[[str], object] = lambda _: None,
+) -> Morning:
+    """What the log tells.
+
+    Args:
+      say: called with a word on what is being done.
+    """
+    title = deployment.folder.resolve().name
+    if log.store is None:
+        return Morning(title=title, log=log, dialogue=dialogue, lacking=(log.missing,))
+    store = log.store
+    lacking = [log.missing] if log.missing else []
+
+    def told(what: str, ask: Callable[[], Told]) -> Told | None:
+        try:
+            return ask()
+        except TwinError as error:
+            first = 0 if what == FORECAST else len(lacking)
+            lacking.insert(first, f"{what}: {error}".replace(str(store), store.name))
+            return None
+
+    with LogStore(store) as logs:
+        name = logs.deployments[int(np.argmax(np.nan_to_num(logs.starts, nan=-np.inf)))]
+        rows = logs.missions_of(name)
+        numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
+        dives = tuple(int(numbers[row]) for row in rows)
+        others = len(set(logs.deployments)) - 1
+        legs = tuple(legs_of(logs, name))
+        silent = dive_times(logs, name).silent
+        came_up = newest_fix(logs, rows)
+        source = logs.source
+    if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
+        lacking.append(
+            f"the newest dialogue in the source is of {dialogue.vehicle}, the log of {name}: it is "
+            "left out"
+        )
+        dialogue = None
+    if others:
+        lacking.append(f"{others} more deployments in the log than {name}, which began last")
+    if silent:
+        lacking.append(silent)
+    if legs and came_up is not None and came_up.time - legs[-1].leg.end > NEWER:
+        late = dives[rows.index(legs[-1].mission) + 1 :]
+        span = f"{late[0]} to {late[-1]}" if len(late) > 1 else f"{late[0]}"
+        lacking.append(
+            f"current: of {counted(len(late), 'dive')} since {utc_minute(legs[-1].leg.end)} UTC "
+            f"({span}) the way through the water is not known, such as of one "
+            f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
+            "h older than the last fix"
+        )
+    vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
+    tells: dict[str, Any] = {
+        "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
+        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle,
+    }  # fmt: skip
+    if vehicle is None:
+        return Morning(**tells, lacking=tuple(lacking))
+    if odd := other_kind(store, vehicle):
+        lacking.append(odd.replace(str(store), store.name))
+    if not identified(vehicle):
+        lacking.append(
+            f"vehicle: {vehicle.name} was not identified from logs of this vehicle, so that what "
+            "differs between the two may look like a fault: `twin identify` with logs that have "
+            "attitude and pump, then vehicle in deployment.toml"
+        )
+    say("health")
+    found = told(
+        "health",
+        lambda: assess(
+            store, vehicle, false_alarm_days=deployment.false_alarm_days, deployments=[name]
+        ),
+    )
+    say("parameters")
+    followed = told("parameters", lambda: _followed(store, rows[-MOST_FOLLOWED:], vehicle))
+    by_row = dict(zip(rows, dives, strict=True))
+    used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
+    left = None
+    if used is None:
+        lacking.append("energy: the log has no counter of charge with a voltage")
+    elif not deployment.energy_kwh:
+        lacking.append("days left: energy_kwh in deployment.toml is 0, not known")
+    else:
+        left = deployment.energy_kwh - used.charge * used.voltage / KILO
+    lasts = None if used is None or left is None else endurance_of(used, left)
+    tells |= {
+        "health": found[0] if found else None, "followed": followed,
+        "followed_dives": tuple(by_row[row] for row in followed.rows) if followed else (),
+        "used": used, "energy_left_kwh": left, "lasts": lasts,
+    }  # fmt: skip
+    if not legs:
+        lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
+    else:
+        say("forecast")
+        takes = vehicle if used is None else with_consumption(vehicle, used.consumption)
+        expected = told(FORECAST, lambda: expected_plan(deployment, store, takes, legs))
+        if expected is not None and deployment.goto:
+            plan_of, now = expected.mission, flown_files(folder_of(deployment))
+            files = tells["proposed"] = told(
+                "proposal",
+                lambda: proposed_files(source, plan_of, takes, now, deployment.samples),
+            )
+            if files is not None:
+                expected = dataclasses.replace(expected, mission=files.mission)
+        fix = Morning(**tells).last_fix
+        answer = None if expected is None or fix is None else told(
+            FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
+        )  # fmt: skip
+        if expected is not None and answer is not None:
+            tells["surfacings"], tells["plan"], known = answer
+            tells["changes"] = expected.changes
+            if deployment.goto:
+                say("routes")
+                tells["routes"] = told("routes", lambda: _routes(answer[0].request, known, say))
+            if expected.guessed:
+                lacking.append(
+                    "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
+                    "its last dive; give goto in deployment.toml"
+                )
+            if used is not None and lasts is not None:
+                say("endurance")
+                outlook = tells["outlook"] = told(
+                    "endurance",
+                    lambda: energy_outlook(
+                        answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
+                    ),
+                )
+                lacking += () if outlook is None else outlook.lacking
+    return Morning(**tells, lacking=tuple(lacking))
+
+
+def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
+    """Parameters over these rows of the store."""
+    return follow_parameters(load_logs(store, rows), load_calibration(vehicle))
+
+
+def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
+    """The vehicle of a deployment: its settings', or that of the kind of its log."""
+    return deployment.own_vehicle() or start_vehicle(store)
+
+
+def _forecast(
+    deployment: WatchedDeployment,
+    store: Path,
+    vehicle: Vehicle,
+    left: float | None,
+    fix: LastFix,
+    plan: ExpectedPlan,
+) -> tuple[Forecast, str, Known]:
+    """The next surfacings from the last fix on, what it is taken to do in words, and the water."""
+    known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
+    start = float(round(fix.time))
+    stale = known.check_begin(fix.latitude, fix.longitude, start)
+    begin = utc_text(moment_of(start))
+    request = Request(
+        vehicle=vehicle,
+        mission=plan.mission,
+        place=Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
+        hours=deployment.hours,
+        members=deployment.members,
+        energy_left_kwh=left if left and left > 0.0 else None,
+        field=parse_field(deployment.field) if deployment.current else None,
+    )
+    said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
+    water = known.at(start)
+    return forecast(request, water), said, water
+
+
+def _routes(
+    request: Request, water: Known, say: Callable[[str], object] = lambda _: None
+) -> RoutePlan:
+    """Ways to the next place, by the polar that the twin flew; `twin route` flies the ways, too."""
+    (first, *_) = request.mission.segments
+    assert isinstance(first, Waypoint)
+    next_one = dataclasses.replace(first, targets=first.targets[:1])
+    mission = dataclasses.replace(request.mission, segments=(next_one,))
+    asked = dataclasses.replace(request, mission=mission)
+    return plan_routes(asked, water, fly_them=False, say=say)

@@ -1,0 +1,659 @@
+"""Forecasts: surfacings of members, their ellipses, what is written of them, and the command."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import re
+import threading
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
+
+import twin
+from factory.importing import import_logs
+from glider_twin_ops.commands.forecast import ForecastSurfacings
+from glider_twin_ops.forecast import (
+    Request,
+    forecast,
+    known_from_logs,
+    known_without_logs,
+    mission_to,
+)
+from glider_twin_ops.forecast.draws import draw_models, draw_water
+from glider_twin_ops.forecast.known import begun
+from glider_twin_ops.forecast.members import fly, members_of, surfacings
+from glider_twin_ops.forecast.surfacing import (
+    HALF,
+    NINETY,
+    left_out,
+    prediction_quantile,
+    surfacings_of,
+)
+from glider_twin_ops.pages.forecast_page import forecast_row, page, write_forecast
+from twin.__main__ import PROGRAM
+from twin.checks.agreement import EndsApart
+from twin.cli.console import Console
+from twin.errors import (
+    CurrentError,
+    InaccurateStep,
+    InputError,
+    MissionError,
+    SimulationUnstable,
+    StoreError,
+    VehicleError,
+    WriteError,
+)
+from twin.geodesy import offset
+from twin.identify.start_values import other_kind
+from twin.navigation.current import Leg
+from twin.physics.lanes import fly_in_lanes
+from twin.physics.scenario import Scenario
+from twin.physics.start import utc_text
+from twin.records.coordinates import unix_seconds
+from twin.records.logged import LogStore
+from twin.records.store import write_store
+from twin.show.dates import moment_of
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.water.current import Uniform
+from twin.water.current.axes import Origin
+from twin.water.current.current_text import parse_current
+
+PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
+UNIX = 1.795e9
+CHI_HALF, CHI_NINETY = 2.0 * np.log(2.0), 2.0 * np.log(10.0)
+"""Quantiles of chi-squared with two degrees of freedom"""
+
+
+def to_north(**settings):
+    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 100.0}
+    return mission_to("37,-122.4", **{**usual, **settings})
+
+
+def asked(**changes):
+    usual = {"vehicle": load_vehicle("glider"), "mission": to_north(), "place": PLACE,
+             "hours": 1.0, "members": 24}  # fmt: skip
+    return Request(**{**usual, **changes})
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """Every stage of one forecast."""
+    found = []
+    forecast(asked(energy_left_kwh=1.5), known_without_logs(36.8, UNIX), refined=found.append)
+    return found
+
+
+def test_the_mean_comes_first_and_all_members_last(steps) -> None:
+    assert steps[0].flown == 1
+    assert not steps[0].complete
+    assert steps[-1].flown == 24
+    assert steps[-1].complete
+    assert [one.number for one in steps[-1].surfacings] == [1, 2]
+
+
+def test_the_first_member_is_the_nominal_flight(steps) -> None:
+    run = twin.simulate(
+        Scenario(
+            mission=dataclasses.replace(to_north(), duration_s=3600.0),
+            start={"latitude": 36.8, "longitude": -122.4, "time": PLACE.time},
+            sample_period=10.0,
+        )
+    )
+    found = surfacings(run["true_depth"], 1.5)
+    for one, index in zip(steps[0].surfacings, found, strict=True):
+        # a longer physics step and a cut heading are all that differs
+        assert (one.north, one.east) == pytest.approx(run.position[index, :2], abs=8.0)
+        assert one.time_s == pytest.approx(run.time[index], abs=20.0)
+
+
+def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
+    first, second = steps[-1].surfacings
+    assert second.ellipse(NINETY).semi_major_m > first.ellipse(NINETY).semi_major_m
+    assert first.ellipse(HALF).semi_major_m < first.ellipse(NINETY).semi_major_m
+    known = known_without_logs(36.8, UNIX)
+    drawn = draw_water(known.filter_, 3600.0, 24, np.random.default_rng(0), 7200.0)
+    _, deviation = draw_models(drawn, known.pool, np.random.default_rng(0))
+    ellipse = first.ellipse(NINETY)
+    expected = np.sqrt(prediction_quantile(0.9, 24)) * deviation * first.time_s
+    radius = np.sqrt(ellipse.semi_major_m * ellipse.semi_minor_m)
+    assert radius == pytest.approx(expected, rel=0.35)
+
+
+def test_an_ellipse_holds_its_part_of_normal_members() -> None:
+    rng = np.random.default_rng(0)
+    covariance = np.array([[300.0**2, 2e4], [2e4, 120.0**2]])
+    places = rng.multivariate_normal([1e3, 500.0], covariance, 5000)
+    flights = [_flight(place) for place in places]
+    (one,) = surfacings_of(flights, PLACE)
+    off = places - [one.north, one.east]
+    distance = np.einsum("mi,ij,mj->m", off, np.linalg.inv(one.covariance), off)
+    assert np.mean(distance < CHI_NINETY) == pytest.approx(0.90, abs=0.02)
+    assert np.mean(distance < CHI_HALF) == pytest.approx(0.50, abs=0.02)
+    ellipse = one.ellipse(NINETY)
+    values, vectors = np.linalg.eigh(CHI_NINETY * covariance)
+    assert ellipse.semi_major_m == pytest.approx(np.sqrt(values[1]), rel=0.05)
+    bearing = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0
+    assert ellipse.bearing_deg == pytest.approx(bearing, abs=2.0)
+
+
+def _flight(place, time=60.0):
+    from glider_twin_ops.forecast.members import MemberFlight as Flown
+
+    return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
+                 track=np.zeros((2, 2)), times=np.zeros(2), duration=100.0, taken=20.0,
+                 end=np.zeros(6))  # fmt: skip
+
+
+def test_bounds_of_times_say_how_far_another_draw_moves_them() -> None:
+    rng = np.random.default_rng(3)
+    told = []
+    for _ in range(300):
+        times = rng.normal(7200.0, 900.0, 100)
+        (one,) = surfacings_of([_flight((0.0, 0.0), time) for time in times], PLACE)
+        told.append((one.early_s, one.late_s, one.bound_s))
+    early, late, said = np.array(told).T
+    assert np.mean(said) == pytest.approx(0.5 * (early.std() + late.std()), rel=0.1)
+
+
+def test_two_members_spread_as_far_as_they_are_apart() -> None:
+    (one,) = surfacings_of([_flight((0.0, 0.0)), _flight((400.0, 0.0))], PLACE)
+    (alone,) = surfacings_of([_flight((200.0, 0.0))], PLACE)
+    spread = one.covariance - alone.covariance  # beyond that of the fix
+    np.testing.assert_allclose(spread, [[2.0 * 200.0**2, 0.0], [0.0, 0.0]], atol=1e-6)
+
+
+def test_an_ellipse_of_few_members_holds_its_part_of_further_ones() -> None:
+    rng = np.random.default_rng(1)
+    held, count, trials = 0, 10, 4000
+    for _ in range(trials):
+        draws = rng.standard_normal((count + 1, 2))
+        off = draws[-1] - draws[:-1].mean(axis=0)
+        squared = off @ np.linalg.inv(np.cov(draws[:-1], rowvar=False)) @ off
+        held += squared < prediction_quantile(0.9, count)
+    assert held / trials == pytest.approx(0.9, abs=0.015)
+    assert prediction_quantile(0.9, 10**6) == pytest.approx(CHI_NINETY, rel=1e-4)
+
+
+def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all() -> None:
+    horizon = 100.0
+    early, late = _flight((0.0, 0.0), 90.0), _flight((50.0, 0.0), 120.0)
+    none = dataclasses.replace(late, time=np.array([]), place=np.zeros((0, 2)))
+    (one,) = surfacings_of([early] * 60 + [late] * 40, PLACE, horizon)
+    assert (one.part, one.time_s, one.north) == (1.0, pytest.approx(102.0), pytest.approx(20.0))
+    # most come up after the horizon: not asked for
+    assert surfacings_of([early] * 40 + [late] * 60, PLACE, horizon) == ()
+    assert left_out([early] * 40 + [late] * 60, 0, horizon) == ""
+    # some are not up when their flights end: the mean of the others would be too early
+    cut = [early] * 60 + [none] * 40
+    assert surfacings_of(cut, PLACE, horizon) == ()
+    assert "surfacing 1 is left out: only 60 %" in left_out(cut, 0, horizon)
+
+
+def test_members_fly_on_until_the_late_ones_are_up() -> None:
+    drawn = members_of(asked(hours=0.5, members=12), known_without_logs(36.8, UNIX))
+    climb = 50.0 / 0.2
+    assert {one.duration > 1800.0 + climb for one in drawn.scenarios} == {True}
+    last = drawn.scenarios[-1]
+    assert len(last.current.north) * last.current.interval > last.duration  # drawn to the end, too
+
+
+def test_energy_and_days_follow_from_the_power(steps) -> None:
+    found = steps[-1]
+    assert found.days_left == pytest.approx(1.5 * 3.6e6 / found.power_w / 86400.0)
+    assert found.surfacings[1].energy_kj > found.surfacings[0].energy_kj > 0.5
+    without = dataclasses.replace(found.request, energy_left_kwh=None)
+    assert dataclasses.replace(found, request=without).days_left is None
+
+
+def test_results_do_not_depend_on_the_threads() -> None:
+    found = [
+        forecast(asked(members=10, hours=0.5), known_without_logs(36.8, UNIX), threads=threads)
+        for threads in (1, 3)
+    ]
+    assert found[0].describe() == found[1].describe()
+
+
+def test_lanes_and_mujoco_fly_the_same_draws_to_the_same_places() -> None:
+    request = asked(members=10, hours=0.5)
+    known = known_without_logs(36.8, UNIX)
+    lanes = forecast(request, known)
+    mujoco = forecast(dataclasses.replace(request, engine="mujoco"), known)
+    ours, theirs = lanes.surfacings[0], mujoco.surfacings[0]
+    # a sample of 10 s may be one sooner or later: 4 m at 0.4 m/s, and the depth's rate the same
+    apart = np.linalg.norm(ours.members - theirs.members, axis=1)
+    assert 0.0 < apart.max() < 8.0
+    assert ours.time_s == pytest.approx(theirs.time_s, abs=10.0)
+    assert ours.energy_kj == pytest.approx(theirs.energy_kj, rel=0.01)
+    assert (lanes.describe()["engine"], mujoco.describe()["engine"]) == ("lanes", "mujoco")
+    assert mujoco.describe()["beside_mujoco"] is None
+
+
+def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
+    request, known = asked(members=10, hours=0.5), known_without_logs(36.8, UNIX)
+    said = forecast(request, known).describe()["beside_mujoco"]
+    one = members_of(request, known).scenarios[0]
+    ours = twin.simulate(one)
+    theirs = twin.simulate(dataclasses.replace(one, engine="mujoco", timestep=None))
+    off = np.linalg.norm(ours.position[-1] - theirs.position[-1])
+    assert said["position_m"] == pytest.approx(off, rel=1e-9)
+    assert 0.0 < said["position_m"] < 2.0
+    names = [f"true_velocity_{axis}" for axis in ("north", "east", "down")]
+    velocities = [np.array([run[name][-1] for name in names]) for run in (ours, theirs)]
+    off = np.linalg.norm(velocities[0] - velocities[1])
+    assert said["speed_m_s"] == pytest.approx(off, rel=1e-9)
+    assert said["time_s"] == one.duration // 10.0 * 10.0
+    assert said["unstable"] == ""
+
+
+def test_whether_two_engines_differ_as_usual_is_said() -> None:
+    def text(position: float, speed: float, hours: float = 6.0) -> str:
+        return EndsApart(
+            time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable=""
+        ).text
+
+    assert text(2.0, 1e-5).endswith("after 6.00 h: usual")
+    assert text(2.0, 0.041).endswith("2 m and 41 mm/s from it after 6.00 h: usual, its speed "
+                                     "differs most while it turns")  # fmt: skip
+    assert "more than the 10 m that are usual; --engine mujoco" in text(11.0, 0.0)
+    assert "usual" in text(19.0, 0.0, hours=12.0)
+    assert "more than" not in text(19.0, 0.0, hours=12.0)
+
+
+def test_a_bound_on_another_day_has_its_day(steps) -> None:
+    found = dataclasses.replace(steps[-1], request=asked(
+        place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00")
+    ))  # fmt: skip
+    one = dataclasses.replace(found.surfacings[0], time_s=600.0, early_s=0.0, late_s=1800.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "23:40 to 11-23 00:10"
+    one = dataclasses.replace(one, time_s=1800.0, late_s=2400.0)
+    assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
+
+
+def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch) -> None:
+    """Its filters of warnings are put back while the lanes fly: these still may step coarsely."""
+    began, flying, over = (threading.Event() for _ in range(3))
+
+    def beside(scenario):
+        with warnings.catch_warnings():
+            began.set()
+            assert flying.wait(60.0)
+        over.set()
+        return SimulationUnstable("of the test", mission=0, time_s=1.0)
+
+    def all_members(scenarios, **settings):
+        assert began.wait(60.0)
+        return fly(scenarios, **settings)
+
+    def in_lanes(scenarios, **settings):
+        flying.set()
+        assert over.wait(60.0)
+        warnings.warn("too long", InaccurateStep, stacklevel=2)
+        return fly_in_lanes(scenarios, **settings)
+
+    monkeypatch.setattr("glider_twin_ops.forecast.surfacing_forecast.flown_in_mujoco", beside)
+    monkeypatch.setattr("glider_twin_ops.forecast.surfacing_forecast.fly", all_members)
+    monkeypatch.setattr("glider_twin_ops.forecast.members.fly_in_lanes", in_lanes)
+    assert forecast(asked(members=10), known_without_logs(36.8, UNIX)).flown == 10
+
+
+def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
+    failure = SimulationUnstable("too stiff", mission=0, time_s=1.0)
+    monkeypatch.setattr(
+        "glider_twin_ops.forecast.surfacing_forecast.flown_in_mujoco", lambda _: failure
+    )
+    said = forecast(asked(members=10, hours=0.3), known_without_logs(36.8, UNIX)).beside_mujoco
+    assert said.position_m is None
+    assert said.text == "MuJoCo could not fly it: too stiff"
+
+
+def test_members_fly_twice_the_vehicle_file_s_step() -> None:
+    known = known_without_logs(36.8, UNIX)
+    steps = [
+        members_of(asked(members=10, engine=engine), known).scenarios[3].timestep
+        for engine in ("lanes", "mujoco")
+    ]
+    assert steps == [0.2, 0.2]
+
+
+def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
+    request = asked(field=Uniform(north=0.0, east=0.3), field_error=0.05, hours=0.5)
+    drawn = members_of(request, known_without_logs(36.8, UNIX))
+    currents = np.array([s.current.velocity(900.0, 0.0, 0.0, 10.0)[:2] for s in drawn.scenarios])
+    assert currents[0] == pytest.approx([0.0, 0.3], abs=1e-9)
+    assert currents[1:, 1].std() == pytest.approx(0.05, rel=0.4)
+    assert "field" in drawn.spread["current"]
+
+
+def test_what_is_said_to_be_drawn_is_what_is_drawn() -> None:
+    known = known_without_logs(36.8, UNIX)
+    rng = np.random.default_rng(2)
+    drawn = draw_water(known.filter_, 3600.0, 4000, rng, 7200.0)
+    drawn, _ = draw_models(drawn, known.pool, rng)
+    said = members_of(asked(members=10), known).spread
+    deviation = float(re.search(r"known to ([0-9.]+) m/s", said["current"])[1])
+    assert drawn.current[1:, 0].std() == pytest.approx(deviation, rel=0.03)
+    compass = float(re.search(r"\+-([0-9.]+) degree", said["compass"])[1])
+    assert np.degrees(drawn.compass[1:]).std() == pytest.approx(compass, rel=0.05)
+    assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
+
+
+def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path) -> None:
+    import xarray as xr
+
+    values = np.zeros((1, 2, 2))
+    axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
+            "longitude": [-124.0, -121.0]}  # fmt: skip
+    data = xr.Dataset({name: (tuple(axes), values) for name in ("uo", "vo")}, axes)
+    for name in ("uo", "vo"):
+        data[name].attrs["units"] = "m/s"
+    data.to_netcdf(tmp_path / "now.nc")
+    known = known_without_logs(36.8, UNIX)
+    with pytest.raises(CurrentError, match=r"begins at 2026-11-22T12.*grid:FILE,hold=216000"):
+        members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), known)
+    field = parse_current(f"grid:{tmp_path}/now.nc,hold=216000")
+    assert len(members_of(asked(field=field), known).scenarios) == 24
+
+
+def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
+    document = steps[-1].geojson()
+    kinds = [f["geometry"]["type"] for f in document["features"]]
+    assert kinds.count("Polygon") == 4
+    assert kinds.count("LineString") == 1
+    ring = next(f for f in document["features"] if f["properties"].get("holds") == 0.9)
+    points = np.array(ring["geometry"]["coordinates"][0])
+    assert points[0] == pytest.approx(points[-1])
+    surfacing = steps[-1].surfacings[0]
+    assert points.mean(axis=0) == pytest.approx([surfacing.longitude, surfacing.latitude], abs=2e-3)
+    x, y = points.T
+    assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0.0  # counterclockwise, as RFC 7946 has it
+    json.dumps(document, allow_nan=False)
+
+
+def test_the_date_line_tears_nothing() -> None:
+    place = Origin(latitude_deg=-45.0, longitude_deg=179.99, time=PLACE.time)
+    flights = [_flight((0.0, east)) for east in (500.0, 1500.0, 2500.0)]
+    (one,) = surfacings_of(flights, place)
+    assert one.longitude == pytest.approx(-179.991, abs=0.002)
+    ring = one.ring(NINETY, place)
+    assert np.abs(np.diff(ring[:, 0])).max() < 0.1
+
+
+def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path) -> None:
+    text = page(steps[-1])
+    assert not re.findall(r'(?:src|href)="', text)
+    assert set(re.findall(r"https?://[^\"' ]+", text)) == {"http://www.w3.org/2000/svg"}
+    assert text.count('class="ninety"') == text.count('class="half"') == 2
+    assert 'http-equiv="refresh"' not in text
+    assert 'http-equiv="refresh"' in page(steps[0], reload_s=5.0)
+    write_forecast(steps[0], tmp_path / "next")
+    path = write_forecast(steps[-1], tmp_path / "next")
+    document = json.loads((path.parent / "forecast.json").read_text())
+    assert document["flown"] == 24
+    assert json.loads((path.parent / "forecast.geojson").read_text())["features"]
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("x")
+    with pytest.raises(WriteError, match="did not write it"):
+        write_forecast(steps[-1], tmp_path / "mine")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    flight = Flight(dives=8, depth=200.0, north=0.12, east=-0.05, step=10.0)
+    dataset, _ = import_logs("slocum", write_slocum(folder, flight), period=10.0)
+    return write_store(dataset, folder / "real.zarr")
+
+
+def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
+    known = known_from_logs(store)
+    current, covariance = known.filter_.current
+    # logs without a vehicle take 3 degree for the angle of attack; this glider has none
+    assert current == pytest.approx([0.12, -0.05], abs=0.06)
+    assert current == pytest.approx(known.last_current, abs=0.03)
+    assert np.sqrt(covariance[0, 0]) < 0.06
+    flight = Flight(dives=8, depth=200.0, north=0.12, east=-0.05)
+    end = START + 8 * flight.cycle
+    assert known.time == pytest.approx(end, abs=60.0)
+    before = covariance[0, 0]
+    assert known.at(known.time + 86400.0).filter_.current[1][0, 0] > before
+    with pytest.raises(InputError, match="before the last fix"):
+        known.at(end - 3600.0)
+
+
+def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path) -> None:
+    """A dive that goes on for two hours, seen near 40 m: what usual dives of 11 min would have said
+    is past already."""
+    flight = Flight(dives=4, depth=50.0, north=0.05, east=0.0, step=10.0)
+    columns, gps = slocum_columns(flight), gps_columns(flight)
+    begin = START + 3 * flight.cycle + flight.surface
+    flown = columns["time"] < begin + 0.8 * flight.leg
+    seen = begin + 7200.0
+    longer = np.arange(columns["time"][flown][-1] + 10.0, seen + 5.0, 10.0)
+    whole = {
+        name: np.append(values[flown], np.full(len(longer), values[flown][-1]))
+        for name, values in columns.items()
+    }
+    whole["time"][flown.sum() :] = longer
+    write_csv(tmp_path / "unit1_flight.csv", whole)
+    before = gps["time"] < begin
+    write_csv(tmp_path / "unit1_gps.csv", {name: one[before] for name, one in gps.items()})
+    dataset, _ = import_logs("slocum", [tmp_path], period=10.0)
+    known = known_from_logs(write_store(dataset, tmp_path / "cut.zarr"))
+    assert known.last_seen is not None
+    assert known.last_seen.time == pytest.approx(seen, abs=20.0)
+    depth = columns["m_depth"][flown][-1]
+    assert known.last_seen.depth == pytest.approx(depth, abs=0.5)
+    assert known.last_seen.rise == pytest.approx(depth / flight.depth * flight.leg, rel=0.1)
+    place, known, _ = begun(None, known)
+    mission = mission_to(
+        "49.9,-58", depth=50.0, pitch_deg=26.0, surface_after_s=600.0, radius=100.0
+    )
+    found = forecast(asked(place=place, mission=mission, hours=2.5), known)
+    first = found.surfacings[0]
+    start = unix_seconds(str(place.time))
+    rises = known.last_seen.time + known.last_seen.rise
+    assert start + first.early_s >= rises - 1.0
+    assert found.spread["under water"].startswith(f"the log has it at {depth:.0f} m at ")
+    # a later start is not bound by it
+    later = dataclasses.replace(place, time=utc_text(moment_of(rises + 600.0)))
+    assert members_of(asked(place=later, mission=mission), known).earliest == 0.0
+
+
+def test_members_take_the_model_that_the_dives_speak_for() -> None:
+    """Of a current that jumps and then stays: the last dive's, and not the filter's mean."""
+    known = known_without_logs(36.8, UNIX)
+    rng = np.random.default_rng(3)
+    for k in range(40):
+        side = 0.3 if (k // 4) % 2 else -0.3  # four dives each way
+        current = np.array([side, 0.1]) + 0.005 * rng.standard_normal(2)
+        leg = Leg(
+            start=UNIX + 9e3 * k,
+            duration=7.2e3,
+            over_ground=tuple(7.2e3 * current),
+            through_water=(0.0, 0.0),
+        )
+        known.pool.learn(leg)
+    weights = known.pool.pool.weights
+    assert weights["persistence"] > 0.5
+    drawn = draw_water(known.filter_, 3600.0, 400, np.random.default_rng(4), 7200.0)
+    mixed, deviation = draw_models(drawn, known.pool, np.random.default_rng(5))
+    changed = (mixed.current != drawn.current).any(axis=(1, 2))
+    assert changed[1:].mean() == pytest.approx(1.0 - weights["filter"], abs=0.08)
+    near = np.abs(mixed.current[changed][1:, 0] - [0.3, 0.1]).max(axis=1) < 0.1
+    assert near.mean() > 0.4
+    assert mixed.current[1:, 0].std(axis=0).mean() == pytest.approx(deviation, rel=0.25)
+
+
+def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> None:
+    warning = other_kind(store, load_vehicle("glider"))
+    assert warning.startswith("vehicle glider (glider) is of another kind than that of the log")
+    assert f"{store} (slocum)" in warning
+    assert other_kind(store, load_vehicle("slocum-1000")) == ""
+    mine = tmp_path / "mine.xml"
+    mine.write_text(load_vehicle("seaglider").xml)
+    assert "vehicle mine (seaglider) is of another" in other_kind(store, load_vehicle(str(mine)))
+    mine.write_text(load_vehicle("slocum-200").xml)
+    assert other_kind(store, load_vehicle(str(mine))) == ""
+
+
+def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store) -> None:
+    console = Console("twin", json=True)
+    named = {"slocum-200": {"logs": store}, "spray": {"vehicle": "spray"}, "glider": {}}
+    for name, words in named.items():
+        command = ForecastSurfacings(goto="36.9,-122.5", **words)
+        assert command._vehicle(console, words.get("logs")).name == name
+
+
+def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
+    known = known_from_logs(store)
+    latitude, longitude = known.place
+    assert known.check_begin(latitude, longitude, known.time + 3600.0) == ""
+    assert "3.0 days before" in known.check_begin(latitude, longitude, known.time + 3 * 86400.0)
+    assert "45 km from" in known.check_begin(latitude + 0.4, longitude, known.time + 3600.0)
+    with pytest.raises(InputError, match="do not describe this water"):
+        known.check_begin(latitude, longitude, known.time + 3650 * 86400.0)
+    with pytest.raises(InputError, match="do not describe this water"):
+        known.check_begin(36.8, -122.4, known.time + 3600.0)
+
+
+def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
+    here = mission_to("36.801,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    assert "already within 500 m of target 1" in asked(mission=here).notes()[0]
+    assert asked().notes() == ()  # 22 km in an hour: the way to it is flown
+    far = mission_to("36.8,-119.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    assert "268 km away, farther than anything goes in a day:" in asked(mission=far).notes()[0]
+    slip = mission_to("37,122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    with pytest.raises(MissionError, match=r"did you mean 37, -122\.4 \(the sign of the long"):
+        asked(mission=slip)
+
+
+def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
+    near = mission_to("36.803,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=100)
+    found = forecast(asked(mission=near, hours=2.0), known_without_logs(36.8, UNIX))
+    (one,) = found.surfacings
+    assert found.over_s == pytest.approx(one.time_s, abs=120.0)
+    (said,) = found.remarks
+    assert f"the plan is over about {found.moment(found.over_s)[:10]}" in said
+    assert f"{2.0 - found.over_s / 3600.0:.1f} h before the forecast ends" in said
+    assert said in html.unescape(write_forecast(found, tmp_path / "next").read_text())
+    assert (steps[-1].over_s, steps[-1].remarks) == (None, [])
+    assert steps[0].bounds_known == ""  # of the mean alone
+    off = [f"{round(one.bound_s / 60.0)}" for one in steps[-1].surfacings]
+    assert f"24 members tell the bounds of the times to +-{', '.join(off)} min" in (page(steps[-1]))
+
+
+def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> None:
+    deep = to_north(depth=300.0)
+    (said,) = asked(vehicle=load_vehicle("slocum-200"), mission=deep).notes()
+    assert "dives to 300 m, and slocum-200 is built for 200 m" in said
+    for name, depth, warned in (
+        ("slocum-1000", 300.0, False), ("glider", 1500.0, False), ("glider", 5000.0, True),
+    ):  # fmt: skip
+        notes = asked(vehicle=load_vehicle(name), mission=to_north(depth=depth)).notes()
+        assert len(notes) == warned, (name, depth)
+    assert 'name="rated_depth"' in notes[0]
+    xml = load_vehicle("glider").xml.replace(
+        "</custom>", '<numeric name="rated_depth" data="6000"/></custom>'
+    )
+    own = parse_vehicle(xml, Path("mine.xml"))
+    assert asked(vehicle=own, mission=to_north(depth=5000.0)).notes() == ()
+    with pytest.raises(VehicleError, match="rated_depth"):
+        load_vehicle("spray").replace(rated_depth=0.0)
+
+
+def test_logs_without_fixes_are_refused(store) -> None:
+    with xr.open_zarr(store) as dataset:
+        lost = dataset.load().copy()
+    lost["displacement_north"] = lost["displacement_north"] * np.nan
+    path = store.parent / "lost.zarr"
+    write_store(lost, path, overwrite=True)
+    with pytest.raises(StoreError, match="GPS fixes at both ends"):
+        known_from_logs(path)
+
+
+def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys) -> None:
+    out = tmp_path / "next"
+    assert PROGRAM.main([
+        "forecast", "--logs", str(store), "--goto", "49.7,-58", "--depth", "50", "--hours", "1",
+        "--surface-every", "0.4", "--members", "10", "--out", str(out), "--json",
+    ]) == 0  # fmt: skip
+    said = capsys.readouterr()
+    answer = json.loads(said.out)
+    assert answer["flown"] == 10
+    assert answer["engine"] == "lanes"
+    assert 0.0 < answer["beside_mujoco"]["position_m"] < 5.0
+    assert "8 dives" in answer["spread"]["current"]
+    assert answer["surfacings"][0]["ellipse_90"]["semi_major_m"] > 20.0
+    # it drifts with what the fixes have told
+    assert "surfacing 1: about" in said.err
+    assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
+
+
+def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys) -> None:
+    assert PROGRAM.main(["forecast", "--logs", str(store)]) == 2
+    said = capsys.readouterr().err
+    assert "give --goto" in said
+    assert "the log has none; `twin watch --new" in said
+    with xr.open_zarr(store) as dataset:
+        sent = dataset.load().copy()
+    for axis, metres in (("north", 3000.0), ("east", -500.0)):
+        depth = sent["measured_depth"]
+        sent[f"commanded_waypoint_{axis}"] = depth.copy(data=np.full(depth.shape, metres, "f4"))
+    write_store(sent, tmp_path / "sent.zarr")
+    with LogStore(store) as logs:
+        latitude, longitude = logs.fixes(7)[0]
+    assert PROGRAM.main(["forecast", "--logs", str(tmp_path / "sent.zarr")]) == 2
+    there = re.search(r'sent to --goto "(.*),(.*)"; `twin watch', capsys.readouterr().err)
+    moved = offset(*(np.float64(word) for word in there.groups()), latitude, longitude)
+    assert [float(one) for one in moved] == pytest.approx([3000.0, -500.0], abs=20.0)
+
+
+def test_an_interruption_says_how_many_members_the_folder_holds(
+    tmp_path, capsys, monkeypatch, steps
+) -> None:
+    def interrupted(request, known, *, threads, refined):
+        refined(steps[0])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("glider_twin_ops.forecast.forecast", interrupted)
+    out = tmp_path / "next"
+    words = ["forecast", "--from", "36.8,-122.4,2026-11-22T12:00", "--goto", "37,-122.4"]
+    assert PROGRAM.main([*words, "--members", "24", "--out", str(out)]) == 130
+    assert f"interrupted: {out} holds the forecast of 1 of 24 members" in capsys.readouterr().err
+    written = json.loads((out / "forecast.json").read_text())
+    assert (written["flown"], written["members"]) == (1, 24)
+    text = (out / "index.html").read_text()
+    assert "1 of 24 members" in text
+    assert "http-equiv" not in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--from", "36.8,-122.4,2026-11-22"], "give --goto"),
+        (["--goto", "37,-122"], "give --from"),
+        (["--from", "36.8,-122.4", "--goto", "37,-122"], "the time is missing"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "9"], "from 10"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
+        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
+        (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
+        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--engine", "lane"], "lanes"),
+    ],
+)
+def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
+    assert PROGRAM.main(["forecast", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_mission_by_the_sea_floor_is_refused() -> None:
+    segment = dataclasses.replace(to_north().segments[0], min_altitude_m=10.0)
+    with pytest.raises(MissionError, match="no sea floor"):
+        asked(mission=dataclasses.replace(to_north(), segments=(segment,)))

@@ -1,0 +1,52 @@
+"""Simulated missions that were exported as OG1.0 and imported as logs: what a forecast knows."""
+
+from __future__ import annotations
+
+import pytest
+import simulated_logs
+
+import twin
+from factory.exporting import EXPORTERS
+from factory.generation.generated_store import open_exportable
+from factory.importing.import_run import import_logs
+from glider_twin_ops.forecast.known import known_from_logs
+from glider_twin_ops.forecast.logged_leg import PITCH
+from twin.errors import StoreError
+from twin.records.store import write_store
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """OG1.0 files of one flight that surfaces, and of a later one that ends under water."""
+    folder = tmp_path_factory.mktemp("og1")
+    surfaced = simulated_logs.simulated_flight(folder, "slocum-200")
+    submerged = twin.simulate(
+        mission="default",
+        duration=1200.0,
+        start={"latitude": 49.0, "longitude": -16.0, "time": "2003-08-05T00:00"},
+        sensors="field",
+    ).save(folder / "later.zarr")
+    return [
+        EXPORTERS["og1"].export(open_exportable(one), [0], folder / one.stem, lambda: None)[0]
+        for one in (surfaced, submerged)
+    ]
+
+
+def store(files, folder):
+    dataset, _ = import_logs("og1", files, period=2.0)
+    return write_store(dataset, folder / "log.zarr")
+
+
+def test_the_last_deployment_that_came_up_is_taken_and_a_later_one_named(files, tmp_path):
+    known = known_from_logs(store(files, tmp_path))
+    assert known.legs >= 1
+    assert known.place == pytest.approx((49.0, -16.0), abs=0.05)
+    assert known.source.endswith(
+        f"of sim000000_20030801T000000 (way through the water: {PITCH}); no dive of "
+        "sim000000_20030805T000000 ends with a fix"
+    )
+
+
+def test_a_mission_that_ends_under_water_says_which_fix_is_missing(files, tmp_path):
+    with pytest.raises(StoreError, match=r"of 1 dive of .* 1 begins with one and 0 end;"):
+        known_from_logs(store(files[1:], tmp_path))

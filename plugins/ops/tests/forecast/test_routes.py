@@ -1,0 +1,282 @@
+"""Routes: ways through drawn eddies, around polygons and through places in the best order."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glider_twin_ops.forecast import Known, Request, known_without_logs, mission_to, plan_routes
+from glider_twin_ops.forecast.route_search import (
+    BARRED,
+    CORNERS,
+    SLOWEST,
+    crosses,
+    fastest,
+    made_good,
+    open_edges,
+    polished,
+    thinned,
+    way_times,
+)
+from glider_twin_ops.forecast.route_water import STEP, RouteWater, eddies, erring, route_water
+from glider_twin_ops.forecast.routes import best_ways
+from twin.__main__ import PROGRAM
+from twin.errors import InputError
+from twin.records import unix_seconds
+from twin.vehicle.vehicle import load_vehicle
+from twin.water.current import parse_field
+from twin.water.current.axes import Origin
+
+SPEED = 0.25
+TIME = "2026-03-01T00:00:00"
+STOPS = np.array([[0.0, 0.0], [40e3, 0.0]])
+
+
+def water(current: np.ndarray | None = None, members: int = 1) -> RouteWater:
+    """A region of 60 by 60 km; still, or with a current (time, north, east, 2)."""
+    north = np.arange(-10e3, 50.1e3, 3e3)
+    east = np.arange(-30e3, 30.1e3, 3e3)
+    if current is None:
+        current = np.zeros((60, len(north), len(east), 2))
+    return RouteWater(north=north, east=east, current=np.stack(members * [current]))
+
+
+def jet(strength: float) -> RouteWater:
+    """Against the way on it and with it on its eastern side."""
+    still = water()
+    north, east = np.meshgrid(still.north, still.east, indexing="ij")
+    along = np.where(east > 6e3, strength, -0.5 * strength)
+    current = np.stack([along, np.zeros_like(north)], axis=-1)
+    return water(np.stack(60 * [current]))
+
+
+def test_a_vehicle_makes_good_what_is_left_when_it_holds_its_bow_against_the_current() -> None:
+    for (north, east), made in (
+        ((0.1, 0.0), 0.35), ((-0.1, 0.0), 0.15), ((0.0, 0.15), 0.2), ((0.05, -0.15), 0.25),
+        ((-0.5, 0.0), SLOWEST), ((0.5, 0.3), SLOWEST),
+    ):  # fmt: skip
+        found = made_good(north, east, 1.0, 0.0, SPEED)
+        assert found == pytest.approx(made), (north, east)
+
+
+def test_in_still_water_nothing_is_faster_than_the_straight_way() -> None:
+    still = water()
+    straight = way_times(still, STOPS, SPEED)[0]
+    assert straight == pytest.approx(40e3 / SPEED)
+    way = fastest(still, 0, STOPS[0], STOPS[1], SPEED)
+    assert way is not None
+    assert way_times(still, way, SPEED)[0] == pytest.approx(straight, rel=0.03)
+    assert way_times(still, polished(still, way, SPEED, ()), SPEED)[0] < 1.003 * straight
+
+
+def test_a_way_goes_where_the_current_helps() -> None:
+    sea = jet(0.15)
+    (way,) = best_ways(sea, STOPS, SPEED, (), np.random.default_rng(0))
+    straight, taken = (way_times(sea, one, SPEED)[0] for one in (STOPS, way))
+    assert taken < 0.75 * straight
+    assert way[:, 1].max() > 6e3
+    np.testing.assert_allclose(way[[0, -1]], STOPS)
+
+
+def test_a_way_through_eddies_is_as_good_as_many_that_are_tried() -> None:
+    rng = np.random.default_rng(4)
+    still = water()
+    times = STEP * np.arange(60.0)
+    current = 0.18 * eddies(rng, times, still.north, still.east)
+    sea = water(current)
+    taken = min(
+        float(way_times(sea, way, SPEED)[0])
+        for way in best_ways(sea, STOPS, SPEED, (), np.random.default_rng(0))
+    )
+    tried = [
+        float(way_times(sea, np.array([STOPS[0], (n, e), (m, f), STOPS[1]]), SPEED)[0])
+        for n, m, e, f in zip(
+            rng.uniform(0.0, 20e3, 500), rng.uniform(20e3, 40e3, 500),
+            *rng.uniform(-25e3, 25e3, (2, 500)), strict=True,
+        )
+    ]  # fmt: skip
+    straight = float(way_times(sea, STOPS, SPEED)[0])
+    assert straight - taken > 0.9 * (straight - min(tried))
+    assert taken < 0.95 * straight
+
+
+def test_draws_of_the_error_have_the_size_that_is_asked_and_no_divergence() -> None:
+    rng = np.random.default_rng(0)
+    axis = np.arange(0.0, 400e3, 2e3)
+    found = np.stack([eddies(rng, np.array([0.0]), axis, axis)[0] for _ in range(12)])
+    assert found.std(axis=(0, 1, 2)) == pytest.approx([1.0, 1.0], abs=0.15)
+    north = np.diff(found[..., 0], axis=1)[:, :, :-1]
+    east = np.diff(found[..., 1], axis=2)[:, :-1]
+    assert (north + east).std() < 0.2 * north.std()
+
+
+def test_a_way_keeps_clear_of_polygons() -> None:
+    still = water()
+    wall = np.array([[18e3, -20e3], [22e3, -20e3], [22e3, 8e3], [18e3, 8e3]])
+    assert crosses(STOPS, [wall])
+    assert crosses(np.array([[20e3, 0.0], [20e3, 1e3]]), [wall])  # within it
+    assert not crosses(np.array([[0.0, 0.0], [20e3, 9e3], [40e3, 0.0]]), [wall])
+    assert way_times(still, STOPS, SPEED, [wall])[0] == BARRED
+    (way,) = best_ways(still, STOPS, SPEED, [wall], np.random.default_rng(0))
+    assert not crosses(way, [wall])
+    around = np.hypot(20e3, 8e3) * 2.0
+    assert way_times(still, way, SPEED)[0] < 1.05 * around / SPEED
+    ring = np.array([[30e3, -5e3], [45e3, -5e3], [45e3, 5e3], [30e3, 5e3]])  # around the goal
+    assert fastest(still, 0, STOPS[0], STOPS[1], SPEED, open_edges(still, [ring])) is None
+
+
+def test_a_way_keeps_the_corners_that_save_time() -> None:
+    north = np.linspace(0.0, 40e3, 21)
+    east = np.interp(north, [0.0, 4e3, 36e3, 40e3], [0.0, 9e3, 9e3, 0.0])
+    way = np.stack([north, east], axis=1)
+    few = thinned(jet(0.15), way, SPEED, ())
+    assert 4 <= len(few) <= CORNERS + 2
+    np.testing.assert_allclose(few[[0, -1]], way[[0, -1]])
+    assert way_times(jet(0.15), few, SPEED)[0] < 1.01 * way_times(jet(0.15), way, SPEED)[0]
+    assert len(thinned(water(), way, SPEED, ())) == 2
+
+
+# --- what is asked for ----------------------------------------------------------------------------
+
+
+def asked(current: str | None, *, to: str = "40.2,-50") -> Request:
+    mission = mission_to(to, depth=150.0, pitch_deg=26.0, surface_after_s=7200.0, radius=1000.0)
+    return Request(
+        vehicle=load_vehicle("slocum-200"), mission=mission, members=10, hours=100.0,
+        place=Origin(latitude_deg=40.0, longitude_deg=-50.0, time=TIME),
+        field=None if current is None else parse_field(current),
+    )  # fmt: skip
+
+
+def known() -> Known:
+    return known_without_logs(40.0, unix_seconds(TIME))
+
+
+def test_nothing_is_promised_where_the_current_is_not_known() -> None:
+    with pytest.raises(InputError, match="the current is not known"):
+        plan_routes(asked(None), known())
+
+
+def test_the_water_outside_of_a_file_is_refused(tmp_path: Path) -> None:
+    import xarray as xr
+
+    axes = {
+        "time": np.array(["2026-03-01", "2026-03-30"], "datetime64[ns]"),
+        "depth": np.array([0.0, 300.0]),
+        "latitude": np.linspace(39.9, 40.3, 5),
+        "longitude": np.linspace(-50.2, -49.8, 5),
+    }
+    path = tmp_path / "forecast.nc"
+    still = np.zeros([len(axis) for axis in axes.values()])
+    names = {"uo": "eastward", "vo": "northward"}
+    xr.Dataset(
+        {
+            name: (tuple(axes), still + 0.05, {"standard_name": f"{way}_sea_water_velocity",
+                                              "units": "m s-1"})
+            for name, way in names.items()
+        },
+        axes,
+    ).to_netcdf(path)  # fmt: skip
+    rng = np.random.default_rng(0)
+    request = dataclasses.replace(asked(str(path)), members=12)
+    inside = np.array([[0.0, 0.0], [20e3, 0.0]])
+    found = route_water(request, known(), inside, 30.0, rng)
+    assert found.lasts >= 30.0 * 3600.0
+    assert found.north[-1] < 34e3  # the file ends there
+    np.testing.assert_allclose(found.current[0], 0.05, atol=1e-3)
+    assert found.current[1:].std() == pytest.approx(0.1, rel=0.35)
+    np.testing.assert_allclose(found.current[1:11].mean(axis=0), found.current[0], atol=1e-9)
+    with pytest.raises(InputError, match="not known at place 1"):
+        route_water(request, known(), np.array([[0.0, 0.0], [60e3, 0.0]]), 30.0, rng)
+
+
+def test_vias_are_put_in_order_and_the_ways_flown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "ways.geojson"
+    words = [
+        "route", "--vehicle", "slocum-200", "--from", f"40,-50,{TIME}", "--to", "40.09,-50",
+        "--via", "40.06,-50;40.03,-50.01", "--current", "uniform:0.05,0", "--pitch", "26",
+        "--current-error", "0.02", "--members", "10", "--surface-every", "2", "--depth", "150",
+        "--out", str(out), "--json",
+    ]  # fmt: skip
+    assert PROGRAM.main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["order"] == [1, 0]
+    straight = told["routes"][0]
+    assert (straight["name"], straight["gain"]) == ("straight", 0.0)
+    assert straight["goto"].startswith("40.0300,-50.0100;40.0600,")
+    assert straight["arrived"] == straight["flown"] == 10
+    assert straight["hours_flown"] == pytest.approx(straight["hours"], rel=0.25)
+    assert 0.2 < told["speed"] < 0.5
+    shapes = json.loads(out.read_text())["features"]
+    assert [one["properties"]["best"] for one in shapes].count(True) == 1
+    assert PROGRAM.main(words) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_place_up_current_that_is_not_reached_is_not_recommended() -> None:
+    plan = plan_routes(asked("uniform:-0.6,0"), known(), fly_them=False)
+    assert plan.best.arrives < 0.5
+    assert plan.verdict().startswith("take none: by the best way 0 of 100 draws are there within")
+    down = plan_routes(asked("uniform:0.3,0"), known(), fly_them=False)
+    assert down.best.arrives == 1.0
+    assert "take none" not in down.verdict()
+    # flights that were too short for the way say nothing of it
+    none, slow = np.full(16, np.nan), float(np.quantile(down.best.hours, 0.95))
+    short, whole = (
+        dataclasses.replace(
+            down, best=dataclasses.replace(down.best, flown=none, flown_hours=hours)
+        )
+        for hours in (0.9 * slow, 1.1 * slow)
+    )
+    assert short.best.missed == 0.0
+    assert "take none" not in short.verdict()
+    assert whole.verdict().startswith("take none: 0 of 16 flights by the best way are there")
+
+
+def test_a_forecast_that_misplaces_eddies_is_believed_by_its_error() -> None:
+    rng = np.random.default_rng(5)
+    north, east = np.arange(0.0, 200e3, 5e3), np.arange(0.0, 150e3, 5e3)
+    times = STEP * np.arange(20.0)
+    forecast = np.array([0.1, 0.0]) + 0.1 * eddies(rng, times, north, east)
+    mean = forecast.mean(axis=(0, 1, 2))
+    live = float(((forecast - mean) ** 2).mean())
+    for part in (0.0, 0.5, 2.0, 3.0):  # variance of the error over that of the forecast
+        error = float(np.sqrt(part * live))
+        drawn = erring(forecast, error, 41, rng, times, north, east)
+        there = max(1.0 - part / 2.0, 0.0)
+        np.testing.assert_allclose(drawn[0] - mean, there * (forecast - mean), atol=1e-12)
+        np.testing.assert_allclose(drawn.mean(axis=0), drawn[0], atol=1e-12)
+        off = float(((drawn[1:] - forecast) ** 2).mean())
+        assert off == pytest.approx(error**2, rel=0.25, abs=1e-12)  # the error that was asked for
+        spread = float(((drawn[1:] - mean) ** 2).mean())
+        if part <= 2.0:
+            assert spread == pytest.approx(live, rel=0.25)  # as lively as the forecast
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--to", "40"], "write LAT,LON in degrees"),
+        (["--to", "40.1,-50", "--via", "x,y"], "--via x,y"),
+        (["--to", "40.1,-50"], "the current is not known"),
+        (["--to", "40.1,-50", "--current-error", "0.1"], "--current-error is for --current"),
+        (["--to", "40.1,-50", "--avoid", "POINTS"], "no GeoJSON of polygons"),
+        (["--to", "40.1,-50", "--avoid", "nowhere"], "nowhere"),
+    ],
+)
+def test_what_cannot_be_planned_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    points = tmp_path / "points.geojson"
+    points.write_text('{"type": "Feature", "geometry": {"type": "Point", "coordinates": [0, 0]}}')
+    words = [str(points) if word == "POINTS" else word for word in words]
+    assert PROGRAM.main(["route", "--from", f"40,-50,{TIME}", *words]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert "Traceback" not in said

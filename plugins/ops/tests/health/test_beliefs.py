@@ -1,0 +1,158 @@
+"""Beliefs end at the fit to all dives, are as far off as they say, and look back."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from examples import ROOT
+from logs import SHARED
+
+from factory.importing import import_logs
+from glider_twin_ops.health import beliefs
+from glider_twin_ops.health.beliefs import follow_parameters
+from twin.errors import InputError
+from twin.identify import identify, load_calibration, load_logs
+from twin.identify.start_values import start_vehicle
+from twin.records.logged import LogStore
+from twin.records.store import write_store
+from twin.vehicle.vehicle import load_vehicle
+
+_SPEC = importlib.util.spec_from_file_location(
+    "identify_logs", ROOT / "tests" / "twin" / "identify" / "identify_logs.py"
+)
+simulated = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(simulated)
+
+NAMES = ("neutral_density", "drag")
+DIVES = 10
+REAL = {
+    "unit334": ("slocum", "slocum_unit334_2023"),
+    "barnacle": ("slocum", "slocum_barnacle_2022/raw"),
+    "SG171": ("seaglider", "seaglider_apl_ad2cp"),
+    "SEA035_M12": ("seaexplorer", "seaexplorer_pyglider"),
+}
+FIRST = 6
+"""Dives of a real log that are looked at"""
+
+
+@pytest.fixture(scope="module")
+def sea(tmp_path_factory):
+    """Logs of a vehicle that is 20 % dirtier than its file, and the truth."""
+    vehicle = load_vehicle("glider")
+    truth = {"neutral_density": 1025.4, "drag": 1.2 * vehicle.flow_frame.drag[0]}
+    dirty = simulated.changed(vehicle, drag=1.2, neutral_density=1025.4)
+    runs = [simulated.flown(dirty, 40 + k, yos=1, max_depth=100.0) for k in range(DIVES)]
+    store = simulated.stored(tmp_path_factory.mktemp("logs") / "sea.zarr", runs)
+    return load_logs(store), truth
+
+
+@pytest.fixture(scope="module")
+def still(sea):
+    return follow_parameters(sea[0], load_calibration("glider"), NAMES, walks=0.0, fixes=False)
+
+
+def assert_ends_at_the_fit(found, fit):
+    for name in NAMES:
+        one = fit[name]
+        assert abs(found.value(name)[-1] - one.value) < 0.5 * one.deviation
+        assert found.deviation(name)[-1] == pytest.approx(one.deviation, rel=0.2)
+
+
+def test_without_walks_the_last_belief_is_the_fit_to_all_dives(sea, still):
+    fit = identify(sea[0], load_calibration("glider"), parameters=NAMES, fixes=False)
+    assert_ends_at_the_fit(still, fit)
+    for name, truth in sea[1].items():
+        assert abs(still.value(name)[-1] - truth) < 3.5 * still.deviation(name)[-1]
+
+
+def test_innovations_are_as_large_as_they_say_and_white(sea, still):
+    free = follow_parameters(sea[0], load_calibration("glider"), NAMES, fixes=False)
+    for found in (still, free):
+        seen = found.innovation[1:]
+        assert 0.5 < np.sqrt(np.mean(seen**2)) < 1.5
+        assert abs(np.mean(seen[1:] * seen[:-1])) < 2.0 / np.sqrt(seen[1:].size)
+
+
+def test_beliefs_narrow_and_looking_back_is_narrower(still):
+    for name in NAMES:
+        deviation = still.deviation(name)
+        assert (np.diff(deviation) < 0.05 * deviation[1:]).all()
+        assert deviation[-1] < 0.6 * deviation[0]
+        assert still.value(name, smoothed=True)[0] == pytest.approx(still.value(name)[-1])
+    with pytest.raises(InputError, match="is not followed"):
+        still.value("mass")
+
+
+def walked(seed, count=400, noise=1.0):
+    """What dives say of a parameter that walks, and what it was."""
+    rng = np.random.default_rng(seed)
+    steps, matrix = np.array([0.02, 0.05]), np.array([[900.0, 200.0], [200.0, 300.0]])
+    truth = rng.standard_normal(2) + np.cumsum(steps * rng.standard_normal((count, 2)), axis=0)
+    root = np.linalg.cholesky(np.linalg.inv(matrix))
+    seen = truth + noise * rng.standard_normal((count, 2)) @ root.T
+    return [(matrix, matrix @ one) for one in seen], steps, truth
+
+
+def test_a_parameter_that_walks_is_followed_and_smoothed_as_well_as_they_say():
+    said, steps, truth = walked(1)
+    offset, covariance, innovation, _ = beliefs._filtered(said, steps)
+    smoothed, after = beliefs._smoothed(offset, covariance, steps)
+    assert np.sqrt(np.mean(innovation**2, axis=0)) == pytest.approx(1.0, abs=0.1)
+    assert np.abs(np.mean(innovation[1:] * innovation[:-1], axis=0)).max() < 0.12
+    for mean, spread in ((offset, covariance), (smoothed, after)):
+        errors = mean - truth
+        square = np.einsum("di,dij,dj->d", errors, np.linalg.inv(spread), errors)
+        assert np.mean(square) == pytest.approx(2.0, abs=0.35)
+    middle = slice(50, -50)
+    assert np.std((smoothed - truth)[middle]) < 0.9 * np.std((offset - truth)[middle])
+
+
+def test_looking_back_is_least_squares_over_all_dives():
+    said, steps, _ = walked(2, count=6)
+    offset, covariance, _, _ = beliefs._filtered(said, steps)
+    smoothed, _ = beliefs._smoothed(offset, covariance, steps)
+    size = 2 * len(said)
+    whole, right = np.zeros((size, size)), np.zeros(size)
+    for k, (matrix, pulled) in enumerate(said):
+        here = slice(2 * k, 2 * k + 2)
+        whole[here, here] += matrix
+        right[here] += pulled
+        known = np.eye(2) + np.diag(steps**2) if k == 0 else np.diag(steps**2)
+        rows = np.zeros((2, size))
+        rows[:, here] = np.eye(2)
+        if k:
+            rows[:, 2 * k - 2 : 2 * k] = -np.eye(2)
+        whole += rows.T @ np.linalg.inv(known) @ rows
+    assert smoothed.ravel() == pytest.approx(np.linalg.solve(whole, right), abs=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.4, 3.0])
+def test_dives_say_how_far_they_are_off(noise):
+    said, steps, _ = walked(3, count=60, noise=noise)
+    before = beliefs._filtered(said, steps)[2][8:]
+    scaled, walks = beliefs._scaled(said, steps)
+    after = beliefs._filtered(scaled, walks)[2][8:]
+    assert abs(np.log(np.sqrt(np.mean(after**2)))) < 0.5 * abs(np.log(np.sqrt(np.mean(before**2))))
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_beliefs_end_at_the_fit_to_all_dives(name, tmp_path):
+    kind, folder = REAL[name]
+    if not (SHARED / folder).is_dir():
+        pytest.skip(f"the logs of {folder} are not beside the project")
+    store = write_store(import_logs(kind, [SHARED / folder])[0], tmp_path / "real.zarr")
+    with LogStore(store) as found:
+        rows = found.missions_of(name)[:FIRST]
+    logs, nominal = load_logs(store, rows), load_calibration(start_vehicle(store))
+    fit = identify(logs, nominal, parameters=NAMES, fixes=False)
+    assert_ends_at_the_fit(follow_parameters(logs, nominal, NAMES, walks=0.0, fixes=False), fit)
+
+
+def test_a_sea_of_another_density_is_found_from_a_file_of_the_ocean(sea, still):
+    ocean = load_calibration("glider")
+    brackish = ocean.replace(vehicle=ocean.vehicle.replace(reference_density=1008.0))
+    found = follow_parameters(sea[0], brackish, NAMES, walks=0.0, fixes=False)
+    for name in NAMES:
+        assert found.value(name)[-1] == pytest.approx(
+            still.value(name)[-1], abs=0.1 * still.deviation(name)[-1]
+        )

@@ -1,0 +1,168 @@
+"""A sheared sea, a tide and a wrong speed are no faults."""
+
+import numpy as np
+import pytest
+
+import twin
+from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
+from glider_twin_ops.health.disturbances import DIFFERENCE, TIDES, standing, steps_in_shear
+from glider_twin_ops.health.dive_channels import channels_of
+from glider_twin_ops.health.dive_signals import DiveSignals, strokes_of
+from glider_twin_ops.health.judgement import follow, judge
+from glider_twin_ops.health.signatures import signatures_of, usual_dive
+from twin.identify import load_calibration
+
+DIVES = 24
+NOISE = np.array([channel.noise for channel in CHANNELS])
+TURNS = [PLACE["turn_dive"], PLACE["turn_climb"]]
+DAYS = np.arange(DIVES) / 8.0
+
+
+def ways_on(headings):
+    """0.3 m/s through the water on each heading [degree]."""
+    angle = np.deg2rad(headings)
+    return 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+@pytest.fixture(scope="module")
+def glider():
+    vehicle = twin.load_vehicle("glider")
+    return signatures_of(vehicle, usual_dive(vehicle, depth=100.0))
+
+
+def test_a_rolled_battery_leans_against_shear_and_a_rudder_hardly(glider):
+    # 0.9 degree and more for 3e-4 1/s: what the usual current of a draw has over 100 m
+    assert (np.abs(glider.sheared[TURNS]) > 3000.0).all()
+    slocum = twin.load_vehicle("slocum-200")
+    rudder = signatures_of(slocum, usual_dive(slocum, depth=100.0)).sheared[TURNS]
+    assert (np.abs(rudder) < 1500.0).all()
+
+
+def test_levels_may_step_where_a_vehicle_turns_in_shear():
+    response = np.zeros(len(NAMES))
+    response[TURNS] = 1e4
+    legs = np.where(np.arange(DIVES) < 12, 20.0, 140.0)
+    steps = steps_in_shear(response, ways_on(legs), DAYS, 100.0)[:, TURNS[0]]
+    assert steps[0] == 0.0
+    assert steps[12] > 1.5 * steps[11]
+    assert steps[12] < 1e4 * 2.0 * DIFFERENCE / 100.0
+    # unknown headings may be any
+    unknown = steps_in_shear(response, np.full((DIVES, 2), np.nan), DAYS, 100.0)[5, TURNS[0]]
+    assert steps[5] < unknown < steps[12] + 1e-9
+
+
+def test_what_turns_it_rests_elsewhere_on_another_leg_and_is_not_stuck(glider):
+    """Where the heading stands in its dead band a drive may hardly move for a leg."""
+    ways = ways_on(np.where(np.arange(DIVES) < 12, 20.0, 140.0))
+    moves = [PLACE["turn_moves"], PLACE["heading_error"]]
+    steps = steps_in_shear(np.zeros(len(NAMES)), ways, DAYS, 100.0)[:, moves]
+    assert (steps[12] > 1.0).all()
+    assert not np.delete(steps, 12, axis=0).any()
+    sound = NOISE * np.random.default_rng(11).standard_normal((DIVES, len(NAMES)))
+    sound[12:, moves] += [-1.8, 0.6]
+    assert odds(glider, sound, ways)[0].evidence.max() < -2.0
+    stuck = next(h for h in glider.in_dives(ways) if h.kind == "turn_stuck").signature
+    sound[16:] += stuck[16:]
+    found, probability = odds(glider, sound, ways)
+    assert found.evidence[18] > 3.0
+    assert probability["turn_stuck"] > 0.9
+
+
+def test_the_turn_onto_a_new_leg_is_no_error_of_the_heading():
+    calibration = load_calibration("slocum-200")
+    depth = np.concatenate([np.linspace(0.0, 100.0, 200), np.linspace(100.0, 0.0, 200)])
+    errors = []
+    for turned in (0.0, 120.0):
+        heading = 40.0 + 2.0 * np.sin(np.arange(400) / 9.0) + turned * np.exp(-np.arange(400) / 15)
+        signals = {
+            "measured_depth": depth, "measured_heading": heading,
+            "commanded_heading": np.full(400, 40.0),
+        }  # fmt: skip
+        found = channels_of(DiveSignals(period=4.0, signals=signals), calibration)
+        errors.append(found[PLACE["heading_error"]])
+    assert errors[1] == pytest.approx(errors[0], abs=0.3)  # its noise
+
+
+def odds(glider, values, ways):
+    changes = steps_in_shear(glider.sheared, ways, DAYS, 100.0)
+    levels = follow(values, None, changes)
+    found = judge(levels, DAYS, glider.in_dives(ways), standing(ways, DAYS))
+    return found, dict(zip(found.kinds, found.probability, strict=True))
+
+
+def test_a_turn_into_shear_is_no_slipped_drive_and_a_slip_is_one(glider):
+    legs = np.where(np.arange(DIVES) < 12, 20.0, 140.0)
+    ways = ways_on(legs)
+    sound = NOISE * np.random.default_rng(3).standard_normal((DIVES, len(NAMES)))
+    sound[12:] += np.nan_to_num(glider.sheared) * 2.0 * DIFFERENCE / 100.0
+    stepped = sound[12:, TURNS].mean(axis=0) - sound[:12, TURNS].mean(axis=0)
+    assert (np.abs(stepped) > 3.0 * NOISE[TURNS]).all()
+    assert odds(glider, sound, ways)[0].evidence.max() < -2.0
+    slip = next(h for h in glider.hypotheses if h.kind == "turn_slips")
+    faulty = sound.copy()
+    faulty[16:] += 6.0 * np.nan_to_num(slip.signature)
+    found, probability = odds(glider, faulty, ways)
+    assert found.evidence[18] > 3.0
+    assert probability["turn_slips"] > 0.9
+
+
+@pytest.mark.parametrize("cause", ["speed", "tide", "iron"])
+def test_a_wrong_speed_and_a_tide_are_no_iron(glider, cause):
+    headings = 70.0 * (np.arange(DIVES) // 4)
+    ways = ways_on(headings)
+    north, east = ways.T
+    sound = NOISE * np.random.default_rng(5).standard_normal((DIVES, len(NAMES)))
+    current = sound[:, [PLACE["current_north"], PLACE["current_east"]]]
+    if cause == "speed":
+        current += 0.15 * ways
+    elif cause == "tide":
+        phase = TIDES[0] * 86400.0 * DAYS
+        current += 0.08 * np.column_stack([np.cos(phase), np.sin(phase)])
+    else:
+        off = np.deg2rad(15.0) * np.sin(np.deg2rad(headings)) * (np.arange(DIVES) >= 10)
+        current += np.column_stack([off * east, -off * north])
+    sound[:, [PLACE["current_north"], PLACE["current_east"]]] = current
+    found, probability = odds(glider, sound, ways)
+    if cause == "iron":
+        assert probability["compass_iron"] > 0.8
+    else:
+        assert found.evidence.max() < -1.5
+
+
+def test_what_the_first_dives_show_is_the_noise_of_a_vehicle():
+    rng = np.random.default_rng(7)
+    loud = 5.0 * NOISE * rng.standard_normal((DIVES, len(NAMES)))
+    late = np.abs(follow(loud).innovation[10:])
+    assert np.nanmean(late) < 1.3
+
+
+def test_strokes_are_told_with_their_inner_samples():
+    volume = np.array([0.0, 0.0, 4.0, 12.0, np.nan, 28.0, 30.0, 30.0, 10.0])
+    found = strokes_of(volume, 4.0)
+    assert found.out.tolist() == [False, False, True, True, True, True, True, False, False]
+    assert found.inner.tolist() == [False, False, False, True, True, True, False, False, False]
+    np.testing.assert_allclose(found.rate[found.inner], 2.0)
+
+
+def pumped(stroke):
+    """The pump's rate that a dive with one stroke [cm3/s at each sample] tells."""
+    depth = np.concatenate([np.linspace(0.0, 100.0, 60), np.linspace(100.0, 0.0, 60)])
+    rate = np.zeros(120)
+    rate[60 : 60 + len(stroke)] = stroke
+    signals = {"measured_depth": depth, "measured_pump": 4.0 * np.cumsum(rate) - 200.0}
+    return channels_of(DiveSignals(period=4.0, signals=signals), None)[PLACE["pump_rate"]]
+
+
+def test_a_pump_that_is_done_between_two_samples_tells_no_rate():
+    even = [3.0, 12.0, 12.0, 11.9, 4.0, 0.5]
+    assert np.exp(pumped(even)) == pytest.approx(12.0, rel=0.01)
+    # the Sea-Wing's, sampled at two places: the highest would differ by 30 %
+    for first in (25.0, 80.0):
+        assert np.isnan(pumped(first * np.exp(-np.arange(8.0))))
+
+
+def test_a_signature_is_of_the_dive_and_not_of_hours_at_the_surface(glider):
+    (drift,) = (h for h in glider.hypotheses if h.kind == "pressure_drift")
+    shown = drift.signature[PLACE["surface_depth"]]
+    # a day after its begin it shows what it has drifted by, in metres of sea water
+    assert shown == pytest.approx(0.99, abs=0.05)

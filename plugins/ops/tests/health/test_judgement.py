@@ -1,0 +1,258 @@
+"""A fault is called since its first dive by its own signature, and drift is not."""
+
+import dataclasses
+import math
+
+import gsw
+import numpy as np
+import pytest
+
+import twin
+from glider_twin_ops.health.assessment import _loud, rings
+from glider_twin_ops.health.channels import CHANNELS, NAMES
+from glider_twin_ops.health.deployment_dives import values_of
+from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdict
+from glider_twin_ops.health.dive_channels import channels_of
+from glider_twin_ops.health.dive_signals import DiveSignals
+from glider_twin_ops.health.judgement import follow, judge, threshold_of
+from glider_twin_ops.health.signatures import confusable, signatures_of, usual_dive
+from twin.errors import InputError
+from twin.faults import FAULTS
+
+DIVES, BEGUN = 40, 20
+NOISE = np.array([channel.noise for channel in CHANNELS])
+WALK = np.array([channel.walk for channel in CHANNELS])
+
+
+@pytest.fixture(scope="module")
+def hypotheses():
+    vehicle = twin.load_vehicle("slocum-200")
+    return signatures_of(vehicle, usual_dive(vehicle)).in_dives(np.full((DIVES, 2), 0.2))
+
+
+def sound(seed):
+    """Channels of a sound vehicle: levels that walk, and noise."""
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(WALK * rng.standard_normal((DIVES, len(NAMES))), axis=0)
+    return walk + NOISE * rng.standard_normal((DIVES, len(NAMES)))
+
+
+def days():
+    return np.arange(DIVES) / 8.0
+
+
+def test_a_sound_vehicle_rings_seldom(hypotheses):
+    highest = [judge(follow(sound(seed)), days(), hypotheses).evidence.max() for seed in range(12)]
+    assert np.mean(np.array(highest) > threshold_of(30.0)) < 0.25
+
+
+@pytest.mark.parametrize(
+    "kind", ["wing_lost", "attached", "pump_weak", "pitch_slips", "hotel_raised", "turn_slips"]
+)
+def test_a_fault_is_called_by_its_name_since_its_first_dive(hypotheses, kind):
+    one = next(h for h in hypotheses if h.kind == kind)
+    values = sound(3)
+    values[BEGUN:] += np.nan_to_num(one.signature) * one.scale
+    verdict = judge(follow(values), days(), hypotheses)
+    place = verdict.kinds.index(kind)
+    assert verdict.probability[place] > 0.9
+    assert abs(verdict.since[place] - BEGUN) <= 1
+    assert verdict.size[place] == pytest.approx(one.scale, rel=0.35)
+    over = np.flatnonzero(verdict.evidence > threshold_of(30.0))
+    assert BEGUN <= over[0] <= BEGUN + 3
+
+
+@pytest.mark.parametrize(("kind", "after"), [("wing_lost", 1), ("hotel_raised", 2)])
+def test_two_dives_make_an_alarm(hypotheses, kind, after):
+    one = next(h for h in hypotheses if h.kind == kind)
+    values = sound(3)
+    values[BEGUN:] += np.nan_to_num(one.signature) * one.scale
+    level, evidence = threshold_of(30.0), judge(follow(values), days(), hypotheses).evidence
+    assert evidence[BEGUN - 1] < level
+    assert rings(evidence, level) == [(BEGUN + after, DIVES - 1)]
+    if kind == "wing_lost":
+        assert evidence[BEGUN] > level
+
+
+def test_a_channel_that_the_log_lacks_is_left_out(hypotheses):
+    values = sound(4)
+    values[:, NAMES.index("roll_climb")] = math.nan
+    levels = follow(values)
+    assert np.isnan(levels.innovation[:, NAMES.index("roll_climb")]).all()
+    assert not np.isnan(judge(levels, days(), hypotheses).evidence).any()
+
+
+def test_a_long_deployment_whose_log_says_little_does_not_ring(hypotheses):
+    """Of satellite logs whose depth at the surface alone is told, those of 160 dives rang."""
+    count, rng = 250, np.random.default_rng(5)
+    hypotheses = [one for one in hypotheses if one.signature.ndim == 1]
+    values = np.full((count, len(NAMES)), math.nan)
+    k = NAMES.index("surface_depth")
+    values[:, k] = NOISE[k] * rng.standard_normal(count)
+    found = judge(follow(values), np.arange(count) / 8.0, hypotheses)
+    assert found.evidence.max() < threshold_of(30.0)
+    # once it drifts it rings all the same
+    values[150:, k] += 0.04 * np.arange(100)
+    found = judge(follow(values), np.arange(count) / 8.0, hypotheses)
+    assert found.evidence.max() > 5.0
+    assert found.running[-1] == "pressure_drift"
+
+
+def test_every_kind_of_the_vehicle_is_weighed(hypotheses):
+    vehicle = twin.load_vehicle("slocum-200")
+    assert {h.kind for h in hypotheses} == {
+        name for name, kind in FAULTS.items() if not kind.unfit(vehicle)
+    }
+    assert confusable(hypotheses, NOISE)["wing_lost"] == {"wing_lost"}
+
+
+def test_a_port_wing_and_a_starboard_one_are_mirrors(hypotheses):
+    port, starboard = (
+        next(h for h in hypotheses if getattr(h.fault, "side", "") == side).signature
+        for side in ("port", "starboard")
+    )
+    for name in ("roll_dive", "roll_climb", "turn_climb"):
+        k = NAMES.index(name)
+        assert port[k] == pytest.approx(-starboard[k], rel=0.05, abs=0.05)
+    assert abs(port[NAMES.index("roll_climb")]) > 2.0
+
+
+def test_rates_that_were_not_measured_are_refused():
+    assert threshold_of(300.0) > threshold_of(30.0) > threshold_of(3.0)
+    with pytest.raises(InputError, match="must be within"):
+        threshold_of(1e4)
+
+
+def dive(zero=0.0, waves=0.0, conductivity_lag=0.0, temperature_lag=0.0):
+    """A dive and its climb in a thermocline, from the surface to the surface."""
+    period, rng = 4.0, np.random.default_rng(0)
+    fall = np.concatenate([[0.0, 0.1, 0.3, 0.7], np.arange(1.0, 120.0, 0.6)])
+    depth = np.concatenate([fall, fall[::-1], 0.15 * np.cos(np.arange(12)) * 0.7 ** np.arange(12)])
+    rate = np.gradient(depth, period)
+    moved = depth + waves * np.sin(np.arange(len(depth)) / 70.0)
+    signals = {"measured_depth": depth + zero + 0.01 * rng.standard_normal(len(depth))}
+    for name, lag in (("temperature", temperature_lag), ("conductivity", conductivity_lag)):
+        signals[f"measured_{name}"] = 10.0 - 5.0 * np.tanh((moved - lag * rate - 60.0) / 25.0)
+    return DiveSignals(period=period, signals=signals)
+
+
+def channel(name, **settings):
+    return channels_of(dive(**settings), None)[NAMES.index(name)]
+
+
+@pytest.mark.parametrize("zero", [-1.2, 0.0, 0.3, 2.5])
+def test_the_depth_at_the_surface_is_told_to_centimetres(zero):
+    assert channel("surface_depth", zero=zero) == pytest.approx(zero, abs=0.08)
+
+
+def test_a_log_that_ends_below_tells_no_depth_at_the_surface():
+    """What begins to sink is as slow as what floats, and lies deeper."""
+    whole = dive(zero=0.3)
+    begin = np.linspace(0.5, 0.9, 12)
+    sinking = {"measured_depth": np.concatenate([begin, whole.signals["measured_depth"][4:150]])}
+    risen = {"measured_depth": np.concatenate([begin, whole.signals["measured_depth"][4:]])}
+    below, up = (
+        channels_of(DiveSignals(period=whole.period, signals=one), None)[
+            NAMES.index("surface_depth")
+        ]
+        for one in (sinking, risen)
+    )
+    assert math.isnan(below)
+    assert up == pytest.approx(0.3, abs=0.2)
+    # nor does one moment in which what turns below the surface is slow
+    moment = {"measured_depth": risen["measured_depth"][12:-10]}
+    found = channels_of(DiveSignals(period=whole.period, signals=moment), None)
+    assert math.isnan(found[NAMES.index("surface_depth")])
+
+
+def test_a_late_cell_is_told_though_waves_move_the_water():
+    calm, rough = (channel("cell_lag", conductivity_lag=20.0, waves=waves) for waves in (0.0, 3.0))
+    assert calm == pytest.approx(20.0, rel=0.1)
+    assert rough == pytest.approx(calm, abs=1.0)
+    assert abs(channel("temperature_lag", waves=3.0)) > 3.0
+    assert abs(channel("cell_lag", waves=3.0)) < 0.1
+    # a slow thermistor too, where a log has conductivity or the salinity that was made of it
+    slow = dive(temperature_lag=15.0, waves=3.0)
+    lag = channels_of(slow, None)[NAMES.index("cell_lag")]
+    assert lag == pytest.approx(-15.0, abs=1.0)
+    signals = dict(slow.signals)
+    signals["measured_salinity"] = gsw.SP_from_C(
+        10.0 * signals.pop("measured_conductivity"), signals["measured_temperature"],
+        signals["measured_depth"],
+    )  # fmt: skip
+    salty = DiveSignals(period=slow.period, signals=dict(signals))
+    del signals["measured_salinity"]
+    warm = DiveSignals(period=slow.period, signals=signals)
+    table = values_of([slow, salty, warm], None)
+    both = table[:, [NAMES.index("cell_lag"), NAMES.index("temperature_lag")]]
+    assert both[:2, 0] == pytest.approx(lag, abs=1e-3)
+    # and the thermistor by itself only where nothing is beside it
+    assert np.isfinite(both).tolist() == [[True, False], [True, False], [False, True]]
+
+
+def test_iron_that_was_there_before_the_log_is_no_fault(hypotheses):
+    """Headings that change show old iron as a fault that begins with them would."""
+    vehicle = twin.load_vehicle("slocum-200")
+    heading = np.repeat([0.3, 2.0, 4.0, 5.5], DIVES // 4)
+    way = 0.25 * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    mine = signatures_of(vehicle, usual_dive(vehicle)).in_dives(way)
+    iron = next(h for h in mine if h.kind == "compass_iron")
+    odds = {}
+    for begun in (0, BEGUN + 4):
+        values = sound(5)
+        values[begun:] += 25.0 * iron.signature[begun:]
+        verdict = judge(follow(values), days(), mine)
+        odds[begun] = verdict.probability[verdict.kinds.index("compass_iron")]
+    assert odds[0] < 0.2
+    assert odds[BEGUN + 4] > 0.9
+
+
+def test_a_verdict_says_by_how_few_channels_it_is() -> None:
+    levels = follow(sound(0), None)
+    shared = {
+        "name": "unit1", "days": 4.0, "dives": tuple(range(len(sound(0)))), "alarm": False,
+        "kind": "none", "since_dive": None, "noticed_dive": None, "rang": (), "probability": 0.0,
+        "kinds": (object(),), "evidence": np.zeros(1), "threshold": 5.0, "levels": levels,
+        "values": sound(0), "time": np.zeros(1), "remarks": (),
+    }  # fmt: skip
+    names = tuple(channel.name for channel in CHANNELS)
+    whole = DeploymentHealth(**shared, lacking=())  # type: ignore[arg-type]
+    assert whole.verdict().endswith("dives, 4.0 d")
+    few = DeploymentHealth(**shared, lacking=names[2:])  # type: ignore[arg-type]
+    assert few.verdict().endswith(f"4.0 d, judged by 2 of {len(names)} channels only")
+    values = sound(0)
+    values[-1, 3] += 40.0 * CHANNELS[3].noise
+    loud = DeploymentHealth(**{**shared, "levels": follow(values, None)}, lacking=())  # type: ignore[arg-type]
+    assert "unit1: no alarm in" in loud.verdict()
+    last = shared["dives"][-1]  # type: ignore[index]
+    assert f"; look at dive {last}: {CHANNELS[3].name} was " in loud.verdict()
+    odds = np.append(np.full(len(shared["dives"]) - 1, -9.0), shared["threshold"] + 1.0)  # type: ignore[arg-type,operator]
+    one = DeploymentHealth(**{**shared, "evidence": odds}, lacking=())  # type: ignore[arg-type]
+    assert one.verdict().startswith("unit1: no alarm in")
+    assert one.verdict().endswith(f"; dive {last} alone would be an alarm: the next one decides")
+
+
+def test_an_alarm_says_since_when_a_thruster_drove_it() -> None:
+    kind = KindVerdict(
+        kind="leak", says="water in the hull", probability=0.9, since_dive=2, size=0.1,
+        size_deviation=0.02, unit="kg", settings={}, dives=(2,), channels=(), also=(),
+        otherwise="", find_out="",
+    )  # fmt: skip
+    health = DeploymentHealth(
+        name="unit1", days=1.0, dives=(1, 2, 3, 4), alarm=True, kind="leak", since_dive=2,
+        noticed_dive=2, probability=0.9, kinds=(kind,), evidence=np.zeros(4), threshold=3.0,
+        levels=follow(sound(0)), values=sound(0), time=np.zeros(4), lacking=(), rang=(), remarks=(),
+    )  # fmt: skip
+    assert "thruster" not in health.verdict()
+    driven = dataclasses.replace(health, driven=(1, 3, 4))
+    assert driven.verdict().endswith("a thruster drove it after dive 2: hardly judged since")
+    assert "thruster" not in dataclasses.replace(health, driven=(1, 3)).verdict()
+
+
+def test_a_channel_far_off_its_level_in_the_last_dive_is_told() -> None:
+    values = sound(0)
+    values[-1, 3] += 40.0 * CHANNELS[3].noise
+    numbers = list(range(len(values)))
+    (said,) = _loud(numbers, follow(values, None))
+    assert said.startswith(f"In dive {numbers[-1]} {CHANNELS[3].name} was ")
+    assert _loud(numbers, follow(sound(0), None)) == []

@@ -1,0 +1,122 @@
+"""Deployments with and without a fault: exactly half, the same draw of the same seed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
+from factory.importing.dives.dive_store import build
+from factory.importing.plausibility import DiveRules
+from factory.importing.tally import Tally
+from glider_twin_ops.presets import deployments
+from glider_twin_ops.presets.deployment import check_steered, fault_kinds, faulty_of
+from glider_twin_ops.presets.deployments import DeploymentPlan, first_draw
+from twin.errors import InputError, MissionError, TwinError
+from twin.vehicle.vehicle import load_vehicle
+
+
+def test_one_of_each_pair_has_a_fault():
+    for seed in range(5):
+        faulty = [faulty_of(seed, index) for index in range(40)]
+        assert sum(faulty) == 20
+        assert all(a != b for a, b in zip(faulty[::2], faulty[1::2], strict=True))
+
+
+def test_a_draw_follows_from_seed_and_number():
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), seed=5, kinds=("attached",))
+    one, again = (plan.draw(3, 0, True) for _ in range(2))
+    assert one.fault == again.fault
+    assert one.scenario.mission == again.scenario.mission
+    assert one.kind == "attached"
+    assert 0.0 < one.fault.start < one.scenario.run_time()
+    low, high = type(one.fault).sizes
+    assert low <= one.fault.size <= high
+    healthy = plan.draw(3, 0, False)
+    assert healthy.kind == "none"
+    assert np.isnan(healthy.onset)
+
+
+def test_what_a_vehicle_cannot_have_is_refused():
+    with pytest.raises(InputError, match="cannot show fault 'blade_lost'"):
+        fault_kinds(load_vehicle("slocum-200"), ("blade_lost",))
+    with pytest.raises(InputError, match="preset 'field' is none of"):
+        DeploymentPlan(vehicle=load_vehicle("slocum-200"), preset="field")
+
+
+def test_hours_are_filled_by_draws_that_are_made_once(monkeypatch):
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), seed=5)
+    made, draw = [], DeploymentPlan.draw
+
+    def counted(self, index, attempt, faulty):
+        made.append((index, attempt))
+        return draw(self, index, attempt, faulty)
+
+    monkeypatch.setattr(DeploymentPlan, "draw", counted)
+    draws = deployments._lasting(plan, 200.0)
+    assert sum(one.scenario.run_time() for one in draws) >= 200.0 * 3600.0
+    assert len(draws) % 2 == 0
+    assert len(set(made)) == len(made)
+    assert [one.number for one in draws] == list(range(len(draws)))
+
+
+def test_a_draw_that_guidance_cannot_plan_is_drawn_again_and_a_wrong_wish_is_not(monkeypatch):
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), seed=5)
+
+    def refused(self, index, attempt, faulty):
+        if attempt < 2:
+            raise MissionError("too heavy")
+        return SimpleNamespace(attempt=attempt)
+
+    monkeypatch.setattr(DeploymentPlan, "draw", refused)
+    assert first_draw(plan, 0).attempt == 2
+    monkeypatch.setattr(deployments, "ATTEMPTS", 2)
+    with pytest.raises(TwinError, match="2 draws cannot be flown; the last: too heavy"):
+        first_draw(plan, 0)
+    monkeypatch.undo()
+    wrong = DeploymentPlan(vehicle=plan.vehicle, kinds=("attached",), size=-1.0)
+    with pytest.raises(InputError, match="drag"):
+        first_draw(wrong, 0 if faulty_of(0, 0) else 1)
+
+
+def test_a_sound_vehicle_that_circles_is_drawn_again():
+    time = np.arange(0.0, 8000.0, 4.0)
+    flown = {"true_depth": np.full(time.size, 50.0), "commanded_heading": np.full(time.size, 30.0)}
+    flown["true_heading"] = np.where(time < 4000.0, 30.0, 200.0)
+
+    class Flown(SimpleNamespace):
+        def __getitem__(self, name):
+            return self.signals[name]
+
+    track = Flown(time=time, signals=flown)
+    check_steered(SimpleNamespace(fault=SimpleNamespace(start=4000.0)), track)
+    with pytest.raises(TwinError, match="circled before"):
+        check_steered(SimpleNamespace(fault=None), track)
+
+
+def test_echoes_that_are_missing_stay_missing_in_the_log():
+    time = np.arange(0.0, 12_000.0, 4.0)
+    dived = 60.0 * np.abs(np.sin(np.pi * time / 3000.0))
+    heard = np.arange(time.size) % 20 == 0  # one of twenty
+    channels = {
+        "measured_depth": Channel(time, dived),
+        "measured_pitch": Channel(time, np.where(np.gradient(dived) > 0.0, -25.0, 25.0)),
+        "measured_heading": Channel(time, np.full(time.size, 30.0)),
+        "measured_altitude": Channel(time[heard], 80.0 - dived[heard]),
+    }
+    log = DeploymentLog(
+        deployment="one", platform="simulated", channels=channels, magnetic_variation=EMPTY,
+        fixes=LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0)), simulated=True,
+    )  # fmt: skip
+    dives, _ = build(
+        [log], kind="slocum", period=4.0, rules=DiveRules(), tally=Tally(), files=["one"]
+    )
+    under = np.isfinite(dives["measured_depth"].values)
+    told = np.isfinite(dives["measured_altitude"].values)[under].mean()
+    assert told == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_propelled_vehicle_has_no_deployments_of_a_glider(tmp_path):
+    with pytest.raises(InputError, match="'remus' has a propeller; choose a glider"):
+        deployments.make_deployments(tmp_path / "none.zarr", vehicle="remus", hours=2.0)
+    assert not list(tmp_path.iterdir())
