@@ -32,6 +32,7 @@ from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
 from twin.numbers import processors
 from twin.records.storage.object_storage import files_at
+from twin.records.storage.sharded import load_zarr
 from twin.records.storage.store_arrays import check_empty, copy_into
 from twin.records.storage.store_path import StorePath, store_path
 from twin.records.storage.stored_files import Files
@@ -192,8 +193,7 @@ def _flown(pool: Executor | None, job: Job, shards: list[int], waiting: int) -> 
             flying.add(pool.submit(fly_shard, job, shard))
             if len(flying) >= waiting:
                 break
-        import zarr  # noqa: F401 - takes a tenth of a second, while others fly
-
+        load_zarr()  # while others fly
         if not flying:
             return
         done, flying = concurrent.futures.wait(

@@ -84,7 +84,8 @@ def test_the_run_is_evaluated_with_the_same_figures(store: Path, figures: str) -
         if name.startswith("/baselines/ekf/"):
             continue  # it flies the hull law, which is another beyond the identified angles
         if isinstance(value, float) and math.isfinite(value):
-            # another processor may sum in another order
-            assert found[name] == pytest.approx(value, rel=1e-6, abs=1e-9), name
+            # Another processor sums in another order, and so does torch: these figures are of the
+            # kernels in float32 that the layer had before, 2.4e-6 apart where it is most.
+            assert found[name] == pytest.approx(value, rel=1e-5, abs=1e-9), name
         else:
             assert found[name] == value, name

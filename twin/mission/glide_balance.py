@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from twin.errors import MissionError, VehicleError
 from twin.frames import cross
@@ -50,6 +49,8 @@ class VehiclePolar:
             self.zero_lift = -law.zero_lift
             """[rad] angle of attack without lift"""
             return
+        from scipy.optimize import brentq  # a fifth of a second that most vehicles do not need
+
         low, high = -self.valid_angle, self.valid_angle
         if not self.at(low).lift < 0.0 < self.at(high).lift:
             raise MissionError(

@@ -225,7 +225,7 @@ def test_an_unreadable_chunk_is_named(imported: xr.Dataset, tmp_path: Path) -> N
 
 
 def test_a_log_is_not_replayed(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, err = call(capsys, "replay", store)
+    code, _, err = call(capsys, "verify", store, "--replay", "0")
     assert code == 2
     assert len(err.strip().splitlines()) == 1
     assert "logs of real vehicles, which cannot be flown again" in err

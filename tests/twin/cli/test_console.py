@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+import tyro
 
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -296,6 +297,7 @@ def test_every_number_is_asked_for_in_plain_words(
     asked = 0
     for command in program.commands:
         chosen = command.load()
+        whole = typing.get_type_hints(chosen, include_extras=True)
         hints, fields = typing.get_type_hints(chosen), dataclasses.fields(chosen)
         needed = [
             word
@@ -304,7 +306,8 @@ def test_every_number_is_asked_for_in_plain_words(
             for word in ([f"--{field.name}", "x"] if field.name in ("to", "out") else ["x"])
         ]
         for field in fields:
-            if number_kind(hints[field.name]) is not None:
+            no_option = tyro.conf.Suppress in getattr(whole[field.name], "__metadata__", ())
+            if not no_option and number_kind(hints[field.name]) is not None:
                 flag = f"--{field.name.replace('_', '-')}"
                 assert program.main([command.name, *needed, flag, "1x"]) == 2
                 error = capsys.readouterr().err

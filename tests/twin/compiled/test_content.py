@@ -38,7 +38,7 @@ pump = np.full(n, -200.0)
 names = ("roll", "heading", "roll_rate", "pitch_rate", "yaw_rate", "shift", "rotation")
 signals = {f"measured_{name}": level for name in names}
 signals |= {"measured_pitch": pitch, "measured_depth": depth, "measured_pump": pump}
-ekf = Ekf(vehicle=vehicle).estimate(signals, 0.5).surge[-1]
+ekf = Ekf(vehicle, 0.5).batch(signals).surge[-1]
 (motion,) = fly([AttitudeFlight(
     vehicle=vehicle, period=0.5, net_mass=np.full(n, 0.2), immersion=np.ones(n), roll=level,
     pitch=pitch, rates=np.zeros((3, n)))])

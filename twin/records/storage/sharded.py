@@ -49,6 +49,11 @@ _MEMBERS = (
 """Order of an array's metadata in its file: runs know their store by the bytes of its files."""
 
 
+def load_zarr() -> None:
+    """Import zarr, which takes a tenth of a second, before it is needed."""
+    import zarr  # noqa: F401
+
+
 @dataclass(frozen=True)
 class ArrayMeta:
     """An array that is not a signal: a coordinate, or one value or a few of each mission."""
