@@ -51,6 +51,8 @@ AREAS = {
     "twin.frames": "For plugins",
     "twin.geodesy": "For plugins",
     "twin.lazy": "For plugins",
+    "twin.numbers": "For plugins",
+    "twin.registry": "For plugins",
     "twin.seams": "Kinds of your own",
     "twin.control.registry": "Tasks",
     "twin.control": "Environments",
