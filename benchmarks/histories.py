@@ -102,7 +102,7 @@ def digest(folder: Path, pattern: str = "*") -> str:
 
 @dataclasses.dataclass
 class Ground:
-    """What all histories share."""
+    """Recipe, folder and expected hash that all histories share."""
 
     folder: Path
     draw: random.Random

@@ -79,7 +79,7 @@ class Job:
 
     @functools.cached_property
     def recipe(self) -> Recipe:
-        """What is to be made.
+        """Recipe of the store.
 
         Raises:
           StoreError: libraries have other versions here, so that it would make other bytes.
@@ -110,7 +110,7 @@ class Job:
 
     @functools.cached_property
     def tree(self) -> Files:
-        """What will be the store."""
+        """Files that become the store."""
         return self.files.below("tree") if self.local else files_at(self.store)
 
     def marker(self, shard: int) -> str:

@@ -83,7 +83,7 @@ class Marker:
 
     @classmethod
     def of_bytes(cls, data: bytes) -> Marker:
-        """Of a file; raises ValueError, KeyError or TypeError where it is damaged."""
+        """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
         if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
             raise ValueError("it does not have its own digest")
         place = data.index(b"\n", DIGEST) + 1

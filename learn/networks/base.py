@@ -81,7 +81,7 @@ class Network(nn.Module, abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind, tried on a few samples."""
+        """Name the fault of a kind, tried on a few samples; empty where it has none."""
         if unknown := [size for size in cls.sizes if size not in SIZES]:
             return f"it names size {unknown[0]!r}; there are {', '.join(SIZES)}"
         with torch.random.fork_rng(devices=[]):

@@ -56,7 +56,7 @@ class Elman(Network):
         return torch.cat([history, h[-delays:]])[-delays:].permute(2, 0, 1).flatten(1)
 
     def _histories(self, x: Tensor, state: Tensor | None) -> tuple[Tensor, ...]:
-        """Of each layer: (delays, hidden, batch)."""
+        """Past activations of each layer, shape (delays, hidden, batch)."""
         shape = (x.shape[1], self.config.layers, self.config.delays, self.config.hidden)
         parts = x.new_zeros(shape) if state is None else state.view(shape)
         return parts.permute(1, 2, 3, 0).unbind()

@@ -28,7 +28,7 @@ class Optimiser(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind, tried on a line through points."""
+        """Name the fault of a kind, tried on a line through points; empty where it has none."""
         if not issubclass(cls, MinibatchOptimiser | FullBatchOptimiser):
             return (
                 "it must derive from MinibatchOptimiser or FullBatchOptimiser, which define how "

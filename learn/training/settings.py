@@ -25,7 +25,7 @@ CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
 
 
 def _words(option: str) -> Any:
-    """How the help shows an option of `CHOICES`."""
+    """Form in which the help shows an option of `CHOICES`."""
     return tyro.conf.arg(metavar="{" + ",".join(CHOICES[option]) + "}")
 
 
@@ -34,7 +34,7 @@ NETWORK, INPUTS, OPTIMISER, DIVISION, DEVICE, LABELS, SMOOTHING = map(_words, CH
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """What decides a training; a setting that is None is the resumed run's own, or the default."""
+    """Settings of a training; one that is None is the resumed run's own, or the default."""
 
     network: Annotated[str | None, NETWORK] = None
     """kind of network [default: ema, the paper's is elman]"""
@@ -97,7 +97,7 @@ class FitSettings:
     """rows of the store that are not trained on, to be judged by"""
 
     def given(self, *names: str, **renamed: str) -> dict[str, Any]:
-        """Those of some settings that are not None, by name or by another one."""
+        """Select, of some settings, those that are not None, by name or by another one."""
         wanted = {**renamed, **{name: name for name in names}}
         values = {name: getattr(self, own) for name, own in wanted.items()}
         return {name: value for name, value in values.items() if value is not None}

@@ -245,7 +245,7 @@ def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
 def put_true_track(
     log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
 ) -> None:
-    """Where a simulated vehicle really was [m] from the row's start, which is a fix."""
+    """Add a simulated vehicle's true positions [m] from the row's start, which is a fix."""
     latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
     origin = segment.start_fix or segment.end_fix
     if origin is None or not len(latitude):

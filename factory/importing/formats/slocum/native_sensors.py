@@ -354,7 +354,7 @@ def on_board(
 
 
 def on_board_places(native: Native) -> LoggedFixes:
-    """Where the vehicle itself says that it is, in degrees."""
+    """Positions [degree] that the vehicle itself reckons."""
     time, latitude, longitude = at_common_times(native, PLACE)
     if not time.size:
         return LoggedFixes(time, latitude, longitude)
