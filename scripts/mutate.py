@@ -20,6 +20,7 @@ import copy
 import dataclasses
 import itertools
 import json
+import os
 import random
 import shutil
 import subprocess
@@ -33,6 +34,8 @@ GOAL = 0.80
 """Part of the changes that the tests must notice"""
 LONGEST_S = 600.0
 """[s] The tests of one change; what takes longer hangs, and is noticed"""
+FRESH = {"PYTHONDONTWRITEBYTECODE": "1"}
+"""Python takes kept bytecode for a source of the same size and second: a change would not run"""
 EQUIVALENT: dict[str, str] = {}
 """Names of changes that no test can notice, and why"""
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
@@ -152,7 +155,7 @@ def judge(mutant: Mutant, tree: Path) -> dict[str, object]:
     try:
         done = subprocess.run(
             [*command, *tests_of(mutant.file)], cwd=tree, capture_output=True, text=True,
-            timeout=LONGEST_S, check=False,
+            timeout=LONGEST_S, check=False, env=os.environ | FRESH,
         )  # fmt: skip
         last = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
         noticed, by = done.returncode != 0, (last or [done.stdout[-200:]])[0][:200]

@@ -41,7 +41,7 @@ ROOMS = {
     "learn/report": (1884, 11499),
     "learn/training": (2487, 15179),
     "plugins": (19562, 130862),
-    "scripts": (2217, 14176),
+    "scripts": (2220, 14194),
     "tests": (69546, 597458),
     "twin": (2440, 12342),
     "twin/checks": (1337, 8773),
