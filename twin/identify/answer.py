@@ -48,7 +48,7 @@ class IdentifiedParameter:
         value: float,
         deviation: float,
         determined: bool,
-        note: str,
+        note: str = "",
     ) -> IdentifiedParameter:
         """What a fit says about `parameter`, whose `deviation` is in its spreads."""
         return cls(

@@ -277,7 +277,7 @@ class Comparison(abc.ABC):
             offsets=x,
             covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
             deviation={
-                name: float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+                name: rms(np.concatenate(series))
                 for name, series in self.missed(x).items()
                 if series
             },
@@ -315,6 +315,11 @@ def noise_of(series: Sequence[Array], channel: ComparedQuantity) -> ResidualNois
         [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)], channel.longest
     )
     return ResidualNoise(deviation=max(deviation, channel.least), samples=samples)
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def robust_scale(values: Array) -> float:

@@ -148,14 +148,12 @@ def _with(
     if mass != calibration.vehicle.mass:
         calibration = of_mass.set(calibration, mass)
     calibration = of_drag.set(calibration, drag[0])
-    vehicle = calibration.vehicle
-    changed = vehicle.replace(
-        reference_density=vehicle.mass / volume,
+    return calibration.with_vehicle(
+        reference_density=calibration.vehicle.mass / volume,
         drag=drag,
-        lift=(vehicle.flow_frame.lift[0], lift),
+        lift=(calibration.vehicle.flow_frame.lift[0], lift),
         hull_compressibility=compressibility,
     )
-    return calibration.replace(vehicle=changed)
 
 
 KINDS: dict[

@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
 from twin.fossen.equations import part_after
-from twin.identify.logged_missions import filled, unwrapped
+from twin.identify.logged_missions import filled, layers, unwrapped
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.sensors.dvl import MODES
@@ -37,6 +37,8 @@ DEPTH_WINDOW = 3.0
 """[s] of the depth rate's filter: shorter than such a vehicle takes to pitch"""
 LEAST_WINDOW = 5
 """samples of that filter"""
+LAYER = 2.0
+"""[m] of the density profile that is taken from a run"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,6 +177,8 @@ def _run(
     mode = signals.get("measured_dvl_mode")
     ground = np.ones(len(depth), bool) if mode is None else mode != MODES["water"]
     truth = [signals[name] for name in TRUTH if name in signals]
+    density = signals.get("measured_density", nowhere)
+    known = np.isfinite(density)
     return DrivenRun(
         index=row,
         period=period,
@@ -190,7 +194,7 @@ def _run(
         positions=positions,
         commanded=tuple(commanded),
         silent=tuple(silent),
-        density=_density(depth, signals.get("measured_density")),
+        density=layers(depth[known], density[known], LAYER) if known.any() else None,
         use=use,
         true_velocity=np.stack(truth) if len(truth) == len(TRUTH) else None,
     )
@@ -224,17 +228,3 @@ def _followed(part: Part, commands: Array, period: float) -> Array:
             period,
         )
     return positions
-
-
-LAYER = 2.0
-"""[m] of the density profile that is taken from a run"""
-
-
-def _density(depth: Array, density: Array | None) -> tuple[Array, Array] | None:
-    """The water of a run by its depth, in layers."""
-    if density is None or not np.isfinite(density).any():
-        return None
-    known = np.isfinite(density)
-    layers = np.maximum(np.round(depth[known] / LAYER), 0).astype(int)
-    used = np.unique(layers)
-    return LAYER * used, np.array([np.median(density[known][layers == k]) for k in used])

@@ -1,4 +1,4 @@
-"""Figures: how a vehicle dives or climbs, from its samples; the same for a log and for the twin.
+"""Figures of dives and climbs, from samples of a log or of the twin's flight of it.
 
 Among them a swing that does not die out, as a badly tuned control loop makes it.
 """
@@ -7,14 +7,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend, lfilter, savgol_filter
 
+from twin.identify.comparison import rms
+from twin.identify.replayed_dive import PUMP_REST, Phase, ReplayedDive, Target, Turning
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+UNDER_WATER = 3.0
+"""[m] above this a hull is in the waves or partly out of the water"""
 SETTLING = 60.0
 """[s] that a vehicle needs besides the turn itself after a change of the heading target"""
 SLOWEST_TURN = 0.1
@@ -66,8 +74,6 @@ class FigureSamples:
     """[deg] from the target, wrapped to +-180"""
     heading_target: Array | None
     """[deg]"""
-    first_error: float
-    """[deg] of the heading when the leg began"""
     speed: Array | None
     """[m/s] through the water, NaN where unknown"""
     turning: Array | None
@@ -76,6 +82,123 @@ class FigureSamples:
     """of the parts, in the units of stores"""
     steady: Mask
     """away from inflections and the surface, with the pump at rest and all measured"""
+
+
+def logged_samples(dive: ReplayedDive, phase: Phase, pump: str) -> list[FigureSamples]:
+    """The compared legs of a dive as logged; `pump` is the name of the vehicle's."""
+    rate = np.gradient(dive.depth, dive.period)
+    every = (dive.heading, dive.heading_target, dive.roll, dive.speed, dive.turning)
+    found = []
+    for _, target in _compared(dive, phase):
+        part = target.leg.samples
+        heading, wanted, roll, speed, turning = (None if v is None else v[part] for v in every)
+        found.append(
+            _samples(
+                *(target, pump, dive.depth[part], heading, wanted),
+                measured=dive.measured[part],
+                period=dive.period,
+                depth_rate=rate[part],
+                pitch=dive.pitch[part],
+                roll=roll,
+                speed=speed,
+                turning=turning,
+                positions={name: values[part] for name, values in dive.positions.items()},
+            )
+        )
+    return found
+
+
+def flown_samples(
+    dive: ReplayedDive,
+    trajectory: Trajectory,
+    number: Array,
+    phase: Phase,
+    vehicle: Vehicle,
+    turning: Turning | None,
+) -> list[FigureSamples]:
+    """The same legs as the twin flew them; without those that it did not come to.
+
+    `number` is the leg that it flew at each sample, (time,).
+    """
+    period = float(np.median(np.diff(trajectory.time)))
+    found = []
+    for k, target in _compared(dive, phase):
+        flown = np.flatnonzero(number == k)
+        if len(flown) < 2:
+            continue
+        part = slice(flown[0], flown[-1] + 1)
+        depth = trajectory["true_depth"][part]
+        heading = np.rad2deg(np.unwrap(np.deg2rad(trajectory["true_heading"][part])))
+        wanted = None if dive.heading_target is None else trajectory["commanded_heading"][part]
+        positions = {name: trajectory[f"true_{name}"][part] for name in vehicle.part_names}
+        found.append(
+            _samples(
+                *(target, vehicle.steering["buoyancy"], depth, heading, wanted),
+                measured=np.ones(len(depth), bool),
+                period=period,
+                depth_rate=np.gradient(depth, period),
+                pitch=trajectory["true_pitch"][part],
+                roll=trajectory["true_roll"][part],
+                speed=np.linalg.norm(trajectory.v_rel[part], axis=1),
+                turning=None if turning is None else turning.sense * positions[turning.part],
+                positions=positions,
+            )
+        )
+    return found
+
+
+def _compared(dive: ReplayedDive, phase: Phase) -> list[tuple[int, Target]]:
+    """The legs of a phase that are long enough, and their numbers."""
+    every = enumerate(dive.targets)
+    return [(k, one) for k, one in every if one.leg.phase == phase and one.leg.compared]
+
+
+def _samples(
+    target: Target,
+    pump: str,
+    depth: Array,
+    heading: Array | None,
+    wanted: Array | None,
+    *,
+    measured: Mask,
+    positions: Mapping[str, Array],
+    **others: Any,
+) -> FigureSamples:
+    """Samples of a leg: steady in its band, with the pump near its target."""
+    error = None
+    if heading is not None and wanted is not None:
+        error = np.asarray((heading - wanted + 180.0) % 360.0 - 180.0)
+    shallow, deep = target.leg.band
+    steady = measured & (depth > UNDER_WATER) & (depth >= shallow) & (depth <= deep)
+    if pump in positions:
+        steady &= np.abs(positions[pump] - target.pump) <= PUMP_REST
+    return FigureSamples(
+        heading=heading,
+        heading_error=error,
+        heading_target=wanted,
+        positions=positions,
+        steady=steady,
+        **others,
+    )
+
+
+def angle_of_attack(
+    dive: ReplayedDive, trajectory: Trajectory, number: Array, phase: Phase
+) -> float | None:
+    """Mean angle of attack [deg] of the twin in the bands of a phase's legs; None off them.
+
+    Args:
+      number: of the leg that it flew at each sample, (time,).
+    """
+    depth = trajectory["true_depth"]
+    found = [np.zeros(0)]
+    for k, target in _compared(dive, phase):
+        shallow, deep = target.leg.band
+        use = (number == k) & (depth >= shallow) & (depth <= deep)
+        v_rel = trajectory.v_rel[use]
+        found.append(np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0])))
+    angles = np.concatenate(found)
+    return float(angles.mean()) if angles.size else None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,31 +257,31 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
     if sum(int(leg.steady.sum()) for leg in legs) < LEAST_SAMPLES:
         return None
 
-    def mean(values: Sequence[Array]) -> float:
-        return float(np.mean(np.concatenate(values)))
+    def steady(name: str) -> Array:
+        """The steady samples of a series that are known."""
+        found = [values[leg.steady] for leg in legs if (values := getattr(leg, name)) is not None]
+        values = np.concatenate([*found, np.zeros(0)])
+        return np.asarray(values[np.isfinite(values)])
 
-    speeds = [leg.speed[leg.steady] for leg in legs if leg.speed is not None]
-    known = np.concatenate([*speeds, np.zeros(0)])
-    known = known[np.isfinite(known)]
-    held = [leg.turning[leg.steady] for leg in legs if leg.turning is not None]
-    turned = np.concatenate([*held, np.zeros(0)])
-    turned = turned[np.isfinite(turned)]
-    errors = [e for leg in legs if (e := settled_error(leg)) is not None]
+    def usual(values: Array) -> float | None:
+        return float(values.mean()) if values.size >= LEAST_SAMPLES else None
+
+    errors = [e[settled(leg)] for leg in legs if (e := leg.heading_error) is not None]
     error = np.concatenate([*errors, np.zeros(0)])
-    names = dict.fromkeys(name for leg in legs for name in leg.positions)
+    parts = {
+        name: [one.positions[name][one.steady] for one in legs if name in one.positions]
+        for name in dict.fromkeys(name for leg in legs for name in leg.positions)
+    }
     swings = [{name: _swing(name, leg) for name in ("heading", "pitch", "roll")} for leg in legs]
     return PhaseFigures(
-        depth_rate=mean([leg.depth_rate[leg.steady] for leg in legs]),
-        speed=float(known.mean()) if known.size >= LEAST_SAMPLES else None,
-        pitch=mean([leg.pitch[leg.steady] for leg in legs]),
+        depth_rate=float(steady("depth_rate").mean()),
+        speed=usual(steady("speed")),
+        pitch=float(steady("pitch").mean()),
         turn_per_actuator=turn_per_actuator(legs),
-        turning=float(turned.mean()) if turned.size >= LEAST_SAMPLES else None,
-        heading_sd=float(np.sqrt(np.mean(error**2))) if error.size >= LEAST_SAMPLES else None,
-        heading_bias=float(np.mean(error)) if error.size >= LEAST_SAMPLES else None,
-        parts={
-            name: mean([leg.positions[name][leg.steady] for leg in legs if name in leg.positions])
-            for name in names
-        },
+        turning=usual(steady("turning")),
+        heading_sd=rms(error) if error.size >= LEAST_SAMPLES else None,
+        heading_bias=usual(error),
+        parts={name: float(np.mean(np.concatenate(held))) for name, held in parts.items()},
         oscillation=limit_cycle(swings, OFTEN),
     )
 
@@ -179,11 +302,6 @@ def settled(leg: FigureSamples) -> Mask:
         there = np.flatnonzero(error < NEW_TARGET)
         out[k : (k + int(there[0]) if there.size else latest) + settling] = False
     return out
-
-
-def settled_error(leg: FigureSamples) -> Array | None:
-    """Heading errors [deg] at settled samples; None without a heading or its target."""
-    return None if leg.heading_error is None else leg.heading_error[settled(leg)]
 
 
 def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:

@@ -258,6 +258,13 @@ def log_of(
     )
 
 
+def layers(depth: Array, values: Array, thickness: float) -> tuple[Array, Array]:
+    """Depths [m] of the layers that a record passes, and the medians of its values in each."""
+    numbers = np.maximum(np.round(depth / thickness), 0).astype(int)
+    used = np.unique(numbers)
+    return used * thickness, np.array([np.median(values[numbers == k]) for k in used])
+
+
 def unwrapped(degrees: Array) -> Array:
     """Heading [rad] without jumps at north; NaN stays NaN."""
     out = np.full(len(degrees), np.nan)

@@ -25,15 +25,9 @@ from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.lateral import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
-from twin.identify.pitch import righting_arm, with_righting_arm
-from twin.identify.turning_windows import (
-    Group,
-    TurningWindow,
-    averaged,
-    groups_of,
-    windows_of,
-)
-from twin.identify.unknowns import UnknownParameter
+from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
+from twin.identify.turning_windows import Group, TurningWindow, averaged, groups_of, windows_of
+from twin.identify.unknowns import UnknownParameter, of_law
 from twin.vehicle.parts import BatteryHinge, Fin
 
 Array = NDArray[np.float64]
@@ -64,10 +58,6 @@ LONGEST_CORRELATION = 300.0
 """[s]"""
 
 
-def _with_law(calibration: Calibration, **changes: object) -> Calibration:
-    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
-
-
 def munk_moment(calibration: Calibration) -> float:
     """[kg] that the hull's own yaw moment of sideslip has, over u v: Y_A - X_A."""
     added = calibration.vehicle.added_mass
@@ -85,75 +75,70 @@ def _side_scale(calibration: Calibration) -> float:
     return abs(vehicle.flow_frame.side_force[0]) * 0.5 * vehicle.hull_diameter
 
 
-def _set_part(calibration: Calibration, **changes: float) -> Calibration:
-    part = turning_part(calibration.vehicle)
-    assert part is not None
-    return _with_law(calibration, **{part.name: changes})
-
-
 def _with_authority(calibration: Calibration, value: float) -> Calibration:
     """The battery hung lower or higher, the righting arm of the whole kept."""
-    arm = righting_arm(calibration)
-    vehicle = calibration.vehicle
+    arm, vehicle = righting_arm(calibration), calibration.vehicle
     eccentricity = value * vehicle.mass * arm / vehicle.battery.mass
-    moved = calibration.replace(vehicle=vehicle.replace(battery={"eccentricity": eccentricity}))
-    return with_righting_arm(moved, arm)
+    return with_righting_arm(calibration.with_vehicle(battery={"eccentricity": eccentricity}), arm)
+
+
+def _with_lift_slope(calibration: Calibration, value: float) -> Calibration:
+    part = turning_part(calibration.vehicle)
+    assert part is not None
+    return calibration.with_vehicle(**{part.name: {"lift_slope": value}})
 
 
 TURNING = (
-    UnknownParameter(
+    of_law(
+        field="side_force",
+        scale=lambda c: -1.0,
         name="side_force",
         unit="kg m-1 rad-1",
         meaning="side force of sideslip, -K_beta",
         spread=0.4,  # hulls with and without a large fin
         logarithmic=True,
-        get=lambda c: -c.vehicle.flow_frame.side_force[0],
-        set=lambda c, x: _with_law(c, side_force=(-x,)),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment",
+        scale=munk_moment,
         name="yaw_moment",
         unit="1",
         meaning="yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
         spread=0.5,
-        get=lambda c: c.vehicle.flow_frame.yaw_moment[0] / munk_moment(c),
-        set=lambda c, x: _with_law(
-            c, yaw_moment=(x * munk_moment(c), c.vehicle.flow_frame.yaw_moment[1])
-        ),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment_lift",
+        scale=munk_moment,
         name="yaw_moment_lift",
         unit="rad-1",
         meaning="part of the yaw moment of sideslip that is odd in lift, over the Munk moment",
         spread=4.0,  # 0.2 of the Munk moment at 3 deg
-        get=lambda c: c.vehicle.flow_frame.yaw_moment_lift[0] / munk_moment(c),
-        set=lambda c, x: _with_law(c, yaw_moment_lift=(x * munk_moment(c),)),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment",
+        place=1,
+        scale=lambda c: -1.0,
         name="yaw_damping",
         unit="kg s rad-1",
         meaning="yaw moment of yaw rate, -K_r",
         spread=0.6,
         logarithmic=True,
-        get=lambda c: -c.vehicle.flow_frame.yaw_moment[1],
-        set=lambda c, x: _with_law(c, yaw_moment=(c.vehicle.flow_frame.yaw_moment[0], -x)),
     ),
-    UnknownParameter(
+    of_law(
+        field="roll_moment",
+        scale=_side_scale,
         name="roll_moment",
         unit="1",
         meaning="roll moment of sideslip, K_MR, over that of its side force half a diameter up",
         spread=3.0,
-        get=lambda c: c.vehicle.flow_frame.roll_moment[0] / _side_scale(c),
-        set=lambda c, x: _with_law(
-            c, roll_moment=(x * _side_scale(c), c.vehicle.flow_frame.roll_moment[1])
-        ),
     ),
-    UnknownParameter(
+    of_law(
+        field="roll_moment_lift",
+        scale=_side_scale,
         name="roll_moment_lift",
         unit="rad-1",
         meaning="part of the roll moment of sideslip that is odd in lift, over the same",
         spread=10.0,
-        get=lambda c: c.vehicle.flow_frame.roll_moment_lift[0] / _side_scale(c),
-        set=lambda c, x: _with_law(c, roll_moment_lift=(x * _side_scale(c),)),
     ),
     UnknownParameter(
         name="yaw_moment_offset",
@@ -162,7 +147,7 @@ TURNING = (
         spread=3.0,
         channel="rotation",  # a rudder's neutral position says the same
         get=lambda c: math.degrees(own_sideslip(c)),
-        set=lambda c, x: _with_law(c, yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
+        set=lambda c, x: c.with_vehicle(yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
     ),
     UnknownParameter(
         name="roll_authority",
@@ -171,11 +156,7 @@ TURNING = (
         spread=0.7,
         logarithmic=True,
         channel="rotation",
-        get=lambda c: (
-            c.vehicle.battery.mass
-            * c.vehicle.battery.eccentricity
-            / (c.vehicle.mass * righting_arm(c))
-        ),
+        get=lambda c: battery_moment(c) / (c.vehicle.mass * righting_arm(c)),
         set=_with_authority,
     ),
     UnknownParameter(
@@ -186,7 +167,7 @@ TURNING = (
         logarithmic=True,
         channel="fin",
         get=lambda c: getattr(turning_part(c.vehicle), "lift_slope", math.nan),
-        set=lambda c, x: _set_part(c, lift_slope=x),
+        set=_with_lift_slope,
     ),
 )
 """What a twin needs to turn as the log does."""
@@ -268,9 +249,9 @@ def felt(calibration: Calibration, position: Array) -> Array:
     if channel_of(calibration) != "rotation":
         return position
     vehicle = calibration.vehicle
-    battery = vehicle.battery.mass * vehicle.battery.eccentricity
     whole = vehicle.mass * righting_arm(calibration)
-    return whole * np.sin(position) / (whole - battery * (1.0 - np.cos(position)))
+    raised = battery_moment(calibration) * (1.0 - np.cos(position))
+    return whole * np.sin(position) / (whole - raised)
 
 
 class Turns(Comparison):
@@ -289,18 +270,18 @@ class Turns(Comparison):
         own, free = {p.name for p in TURNING}, {p.name for p in parameters}
         self.flies = bool(free - own)
         self.biases = biases_beside(free)
-        first = groups[0]
-        longest = round(LONGEST_CORRELATION / (first.period * first.count))
+        longest = round(LONGEST_CORRELATION / (groups[0].period * groups[0].count))
         channels = {
             "yaw_rate": ComparedQuantity(unit="rad/s", least=LEAST_TURN, longest=longest),
             "roll": ComparedQuantity(unit="rad", least=LEAST_ROLL, longest=longest),
         }
-        rolled = [g for g in groups if g.position is not None and self.channel == "rotation"]
-        dives = {
-            "yaw_rate": [w.block for g in groups for w in g.windows],
-            "roll": [w.block for g in rolled for w in g.windows],
-        }
+        blocks = {"yaw_rate": groups, "roll": [g for g in groups if self._rolls(g)]}
+        dives = {n: [w.block for g in some for w in g.windows] for n, some in blocks.items()}
         super().__init__(nominal, parameters, channels, dives)
+
+    def _rolls(self, group: Group) -> bool:
+        """Whether a battery rolls the group's windows at known positions."""
+        return group.position is not None and self.channel == "rotation"
 
     def asymmetry(self, x: Array) -> tuple[float, float]:
         """Yaw moment as a sideslip, the hull's own and what it lacks, and roll offset [rad]."""
@@ -328,9 +309,7 @@ class Turns(Comparison):
         for group in self.groups:
             if group.position is None or not group.used.any():
                 continue
-            lateral = linearised(calibration.vehicle, group.glide)
-            square = group.glide.surge**2 + group.glide.heave**2
-            yaw = munk_moment(calibration) * bias * square
+            lateral, yaw = _linear(calibration, group, bias)
             step, response = lateral.turned_by_roll(group.period)
             by_roll, _, by_part, by_yaw = np.linalg.solve(np.eye(2) - step, response)[1]
             compared = np.repeat(group.used, group.count, axis=0)
@@ -373,15 +352,13 @@ class Turns(Comparison):
         found: dict[str, list[Array]] = {"yaw_rate": [], "roll": []}
         for kept in self.groups:
             group = kept.reglided(calibration) if self.flies else kept
-            lateral = linearised(calibration.vehicle, group.glide)
+            lateral, yaw = _linear(calibration, group, bias)
             position = np.zeros_like(group.roll)
             if group.position is not None:
                 position = felt(calibration, group.position)
-            square = group.glide.surge**2 + group.glide.heave**2
-            yaw = munk_moment(calibration) * bias * square
             rate = yaw_rates(group, lateral, position, yaw, offset) - group.rate
             found["yaw_rate"] += _windows(group, averaged(rate, group.count))
-            if group.position is not None and self.channel == "rotation":
+            if self._rolls(group):
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
                 # its roll with the battery at rest is an offset of the trim, not dynamics
                 found["roll"] += _windows(group, roll - np.median(roll[group.used]))
@@ -410,6 +387,13 @@ class Turns(Comparison):
         return best
 
 
+def _linear(calibration: Calibration, group: Group, bias: float) -> tuple[Lateral, float]:
+    """Motion about the group's glide, and the yaw moment [N m] there of a sideslip `bias` [rad]."""
+    square = group.glide.surge**2 + group.glide.heave**2
+    moment = munk_moment(calibration) * bias * square
+    return linearised(calibration.vehicle, group.glide), moment
+
+
 def _windows(group: Group, values: Array) -> list[Array]:
     """What is compared of each window."""
     return [values[group.used[:, k], k] for k in range(len(group.windows))]
@@ -422,7 +406,7 @@ class TurningFit:
     fitted: Fitted
     """Its channels are those of `Turns`"""
     asymmetry: tuple[float, float]
-    """Yaw moment without sideslip as one, roll offset [rad]"""
+    """Yaw moment as the sideslip of its Munk moment, roll offset [rad]"""
     groups: tuple[Group, ...]
     neutral: float | None
     """[rad] position of the turning part that flies the asymmetry; None: not known"""
@@ -512,5 +496,4 @@ def _turned(
 
 def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
     """With the neutral position [rad] of its turning part."""
-    vehicle = calibration.vehicle.replace(**{part: {"neutral": neutral}})
-    return calibration.replace(vehicle=vehicle)
+    return calibration.with_vehicle(**{part: {"neutral": neutral}})

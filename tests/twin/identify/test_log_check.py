@@ -16,13 +16,13 @@ from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import check_logs
-from twin.identify.heading_leg import legs_of, turning_of
 from twin.identify.log_figures import (
     FigureSamples,
     limit_cycle,
     oscillation_of,
     turn_per_actuator,
 )
+from twin.identify.replayed_dive import legs_of, turning_of
 from twin.records.store import write_store
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -265,7 +265,7 @@ def leg(heading: np.ndarray, turning: np.ndarray, period: float = 2.0) -> Figure
     quiet = np.zeros(len(heading))
     return FigureSamples(
         period=period, depth_rate=quiet, pitch=quiet, roll=None, heading=heading,
-        heading_error=None, heading_target=None, first_error=0.0, speed=None, turning=turning,
+        heading_error=None, heading_target=None, speed=None, turning=turning,
         positions={}, steady=np.ones(len(heading), bool),
     )  # fmt: skip
 
