@@ -13,12 +13,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.real_logs.equal import Method, common, rmse_rows
 from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
-from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.ridge import ridge
-from benchmarks.real_logs.row import Row, rmse
-from benchmarks.real_logs.samples import LEAST_DEPTH, Samples, level_speed, sample
+from benchmarks.real_logs.row import Method, Row, common, published_rows, rmse, rmse_rows
+from benchmarks.real_logs.samples import LEAST_DEPTH, Samples, level_speed, ridge, sample
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
 from twin.identify import load_logs, motion_of

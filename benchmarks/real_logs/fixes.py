@@ -15,12 +15,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.real_logs.equal import Method, median_rows, rmse_rows
 from benchmarks.real_logs.factory_model import factory_sink
 from benchmarks.real_logs.folds import Fitted, FoldJob, fold_of, jobs, later_job, own_trim
 from benchmarks.real_logs.public import kinematic
-from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.row import Kind, Row
+from benchmarks.real_logs.row import Kind, Method, Row, median_rows, published_rows, rmse_rows
 from benchmarks.real_logs.source import Deployment
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from twin.identify import Log, density_of, estimate

@@ -119,27 +119,21 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
         heavy = heavy if rng.random() < 0.5 else -heavy
     depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
     profile = rng.normal(0.0, SHEAR, (2, depths.size))
-    current: Current = Uniform(
-        north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))
-    ) + Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
-    current += Tide(
-        ellipses=(
-            TidalEllipse(
-                constituent="M2",
-                semi_major=TIDE,
-                direction_deg=float(rng.uniform(0.0, 360.0)),
-                phase_deg=float(rng.uniform(0.0, 360.0)),
-            ),
-        )
+    steady = Uniform(north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1)))
+    sheared = Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
+    direction, phase, wandering = (float(rng.uniform(0.0, 360.0)) for _ in range(3))
+    ellipse = TidalEllipse(
+        constituent="M2", semi_major=TIDE, direction_deg=direction, phase_deg=phase
     )
-    current += GaussMarkov(
+    wander = GaussMarkov(
         speed=0.0,
         speed_std=WANDER,
-        direction_deg=float(rng.uniform(0.0, 360.0)),
+        direction_deg=wandering,
         direction_std_deg=60.0,
         correlation_time=600.0,
         seed=seed,
     )
+    current = steady + sheared + Tide(ellipses=(ellipse,)) + wander
     start = Start(
         depth=START_DEPTH,
         heading=rng.uniform(0, 2 * math.pi),

@@ -162,11 +162,8 @@ class Comparison(abc.ABC):
         ]
         return np.array([*bounds, *(-np.inf for _ in self.biases)])
 
-    def weighted(self, x: Array) -> Array:
-        """Residuals in independent deviations, channel by channel."""
-        return self._weighted(self.missed(x))
-
     def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
+        """Residuals in independent deviations, channel by channel."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 series * weight
@@ -180,7 +177,7 @@ class Comparison(abc.ABC):
         """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
         from which a search steps back."""
         try:
-            return np.concatenate([self.weighted(x), x])
+            return np.concatenate([self._weighted(self.missed(x)), x])
         except InputError:
             return np.full(len(self.blocks), np.inf)
 
@@ -256,14 +253,8 @@ class Comparison(abc.ABC):
         low, high = bounds or (self.lowest, np.full(self.size, np.inf))
         noise = self.reweight(x, first)
         for k in range(passes):
-            x = least_squares(
-                self.residual,
-                np.clip(x, low, high),
-                jac=self.jacobian,
-                bounds=(low, high),
-                x_scale="jac",
-                **ends,
-            ).x
+            begin, search = np.clip(x, low, high), {"bounds": (low, high), "x_scale": "jac"}
+            x = least_squares(self.residual, begin, jac=self.jacobian, **search, **ends).x
             noise = self.reweight(x)
             progress((k + 1) / passes)
         return x, noise

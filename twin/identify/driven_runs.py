@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
 from twin.fossen.equations import part_after
-from twin.identify.logged_missions import filled, layers, unwrapped
+from twin.identify.logged_missions import body_rates, filled, layers, read_signals, unwrapped
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.sensors.dvl import MODES
@@ -118,21 +118,12 @@ def load_runs(
                 "topics or columns in the import's mapping, or --vehicle with the parts that the "
                 "log has"
             )
-        chosen = list(range(len(found))) if rows is None else list(rows)
-        for row in chosen:
-            if not 0 <= row < len(found):
-                raise StoreError(f"store {store} has no run {row}; it holds 0 to {len(found) - 1}")
-        found.check_samples(chosen)
         names = (*NEEDED, *DOPPLER, *TRUTH, "measured_dvl_mode", "measured_density",
                  "measured_gap", *(f"{kind}_{part}" for part in vehicle.part_names
                                    for kind in ("measured", "commanded")))  # fmt: skip
-        arrays = {name: found.rows(name, chosen) for name in names if name in found}
-        runs = []
-        for k, row in enumerate(chosen):
-            signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
-            run = _run(row, signals, found.period, vehicle)
-            if run is not None:
-                runs.append(run)
+        every = read_signals(found, names, rows, "run")
+        read = [_run(row, signals, found.period, vehicle) for row, signals in every]
+    runs = [run for run in read if run is not None]
     if not runs:
         raise StoreError(f"store {store} has no run with depth, attitude and {steering[0]}")
     return runs
@@ -207,15 +198,8 @@ def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: flo
     switching on to switching off is several times that, and a rudder's neutral position would take
     it up. The mean would see the roll's error in every turn.
     """
-    rolling, pitching, turning = (np.gradient(a, period) for a in (roll, pitch, heading))
-    turned = np.stack(
-        [
-            rolling - turning * np.sin(pitch),
-            pitching * np.cos(roll) + turning * np.cos(pitch) * np.sin(roll),
-            turning * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll),
-        ]
-    )
-    return np.asarray(np.median(rates - turned, axis=1))
+    slopes = [np.gradient(a, period) for a in (roll, pitch, heading)]
+    return np.asarray(np.median(rates - body_rates(roll, pitch, *slopes), axis=1))
 
 
 def _followed(part: Part, commands: Array, period: float) -> Array:

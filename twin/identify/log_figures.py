@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,22 +61,11 @@ class FigureSamples:
 
     period: float
     """[s]"""
-    depth_rate: Array
-    """[m/s], positive down"""
-    pitch: Array
-    """[deg]"""
-    roll: Array | None
-    """[deg]"""
-    heading: Array | None
-    """[deg], unwrapped"""
-    heading_error: Array | None
-    """[deg] from the target, wrapped to +-180"""
-    heading_target: Array | None
-    """[deg]"""
-    speed: Array | None
-    """[m/s] through the water, NaN where unknown"""
-    turning: Array | None
-    """[deg] of the turning part, in the log's sign"""
+    series: Mapping[str, Array]
+    """What is known of `depth_rate` [m/s], positive down, `speed` [m/s] through the water, NaN
+    where unknown, `pitch`, `roll` [deg], `heading` [deg], unwrapped, `heading_target` [deg],
+    `heading_error` [deg] from it, within +-180, and `turning` [deg], the position of the turning
+    part in the log's sign"""
     positions: Mapping[str, Array]
     """of the parts, in the units of stores"""
     steady: Mask
@@ -86,25 +74,16 @@ class FigureSamples:
 
 def logged_samples(dive: ReplayedDive, phase: Phase, pump: str) -> list[FigureSamples]:
     """The compared legs of a dive as logged; `pump` is the name of the vehicle's."""
-    rate = np.gradient(dive.depth, dive.period)
-    every = (dive.heading, dive.heading_target, dive.roll, dive.speed, dive.turning)
+    names = ("pitch", "roll", "heading", "heading_target", "speed", "turning")
+    every = {"depth_rate": np.gradient(dive.depth, dive.period)}
+    every |= {n: values for n in names if (values := getattr(dive, n)) is not None}
+    depth = np.where(dive.measured, dive.depth, np.nan)
     found = []
     for _, target in _compared(dive, phase):
         part = target.leg.samples
-        heading, wanted, roll, speed, turning = (None if v is None else v[part] for v in every)
-        found.append(
-            _samples(
-                *(target, pump, dive.depth[part], heading, wanted),
-                measured=dive.measured[part],
-                period=dive.period,
-                depth_rate=rate[part],
-                pitch=dive.pitch[part],
-                roll=roll,
-                speed=speed,
-                turning=turning,
-                positions={name: values[part] for name, values in dive.positions.items()},
-            )
-        )
+        series = {name: values[part] for name, values in every.items()}
+        positions = {name: values[part] for name, values in dive.positions.items()}
+        found.append(_samples(target, pump, dive.period, depth[part], series, positions))
     return found
 
 
@@ -128,22 +107,20 @@ def flown_samples(
             continue
         part = slice(flown[0], flown[-1] + 1)
         depth = trajectory["true_depth"][part]
-        heading = np.rad2deg(np.unwrap(np.deg2rad(trajectory["true_heading"][part])))
-        wanted = None if dive.heading_target is None else trajectory["commanded_heading"][part]
         positions = {name: trajectory[f"true_{name}"][part] for name in vehicle.part_names}
-        found.append(
-            _samples(
-                *(target, vehicle.steering["buoyancy"], depth, heading, wanted),
-                measured=np.ones(len(depth), bool),
-                period=period,
-                depth_rate=np.gradient(depth, period),
-                pitch=trajectory["true_pitch"][part],
-                roll=trajectory["true_roll"][part],
-                speed=np.linalg.norm(trajectory.v_rel[part], axis=1),
-                turning=None if turning is None else turning.sense * positions[turning.part],
-                positions=positions,
-            )
-        )
+        series = {
+            "depth_rate": np.gradient(depth, period),
+            "speed": np.linalg.norm(trajectory.v_rel[part], axis=1),
+            "pitch": trajectory["true_pitch"][part],
+            "roll": trajectory["true_roll"][part],
+            "heading": np.rad2deg(np.unwrap(np.deg2rad(trajectory["true_heading"][part]))),
+        }
+        if dive.heading_target is not None:
+            series["heading_target"] = trajectory["commanded_heading"][part]
+        if turning is not None:
+            series["turning"] = turning.sense * positions[turning.part]
+        pump = vehicle.steering["buoyancy"]
+        found.append(_samples(target, pump, period, depth, series, positions))
     return found
 
 
@@ -156,30 +133,20 @@ def _compared(dive: ReplayedDive, phase: Phase) -> list[tuple[int, Target]]:
 def _samples(
     target: Target,
     pump: str,
+    period: float,
     depth: Array,
-    heading: Array | None,
-    wanted: Array | None,
-    *,
-    measured: Mask,
+    series: dict[str, Array],
     positions: Mapping[str, Array],
-    **others: Any,
 ) -> FigureSamples:
-    """Samples of a leg: steady in its band, with the pump near its target."""
-    error = None
-    if heading is not None and wanted is not None:
-        error = np.asarray((heading - wanted + 180.0) % 360.0 - 180.0)
+    """Samples of a leg: steady in its band, with the pump near its target; depth NaN in gaps."""
+    if "heading" in series and "heading_target" in series:
+        error = series["heading"] - series["heading_target"]
+        series["heading_error"] = (error + 180.0) % 360.0 - 180.0
     shallow, deep = target.leg.band
-    steady = measured & (depth > UNDER_WATER) & (depth >= shallow) & (depth <= deep)
+    steady: Mask = (depth > UNDER_WATER) & (depth >= shallow) & (depth <= deep)
     if pump in positions:
         steady &= np.abs(positions[pump] - target.pump) <= PUMP_REST
-    return FigureSamples(
-        heading=heading,
-        heading_error=error,
-        heading_target=wanted,
-        positions=positions,
-        steady=steady,
-        **others,
-    )
+    return FigureSamples(period=period, series=series, positions=positions, steady=steady)
 
 
 def angle_of_attack(
@@ -259,14 +226,16 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
 
     def steady(name: str) -> Array:
         """The steady samples of a series that are known."""
-        found = [values[leg.steady] for leg in legs if (values := getattr(leg, name)) is not None]
+        found = [leg.series[name][leg.steady] for leg in legs if name in leg.series]
         values = np.concatenate([*found, np.zeros(0)])
         return np.asarray(values[np.isfinite(values)])
 
     def usual(values: Array) -> float | None:
         return float(values.mean()) if values.size >= LEAST_SAMPLES else None
 
-    errors = [e[settled(leg)] for leg in legs if (e := leg.heading_error) is not None]
+    errors = [
+        one.series["heading_error"][settled(one)] for one in legs if "heading_error" in one.series
+    ]
     error = np.concatenate([*errors, np.zeros(0)])
     parts = {
         name: [one.positions[name][one.steady] for one in legs if name in one.positions]
@@ -289,17 +258,17 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
 def settled(leg: FigureSamples) -> Mask:
     """Steady samples at which a change of the heading target has been flown out: the heading has
     been near it since, or the slowest turn would have come there."""
-    if leg.heading_target is None:
+    if "heading_error" not in leg.series:
         return leg.steady
-    step = np.abs(np.diff(leg.heading_target, prepend=leg.heading_target[0]))
+    target, error = leg.series["heading_target"], np.abs(leg.series["heading_error"])
+    step = np.abs(np.diff(target, prepend=target[0]))
     step = np.minimum(step, 360.0 - step)
-    step[0] = abs(leg.first_error)
+    step[0] = error[0]
     out = leg.steady.copy()
     settling = round(SETTLING / leg.period)
     for k in np.flatnonzero(step > NEW_TARGET):
         latest = k + round(step[k] / SLOWEST_TURN / leg.period)
-        error = np.zeros(0) if leg.heading_error is None else np.abs(leg.heading_error[k:latest])
-        there = np.flatnonzero(error < NEW_TARGET)
+        there = np.flatnonzero(error[k:latest] < NEW_TARGET)
         out[k : (k + int(there[0]) if there.size else latest) + settling] = False
     return out
 
@@ -313,13 +282,14 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     rates, positions = [], []
     for leg in legs:
         window = max(round(TURN_WINDOW / leg.period), 5) | 1
-        if leg.heading is None or leg.turning is None or len(leg.heading) <= window:
+        heading, turning = leg.series.get("heading"), leg.series.get("turning")
+        if heading is None or turning is None or len(heading) <= window:
             continue
         use = leg.steady
         if use.sum() < LEAST_SAMPLES:
             continue
-        rate = savgol_filter(leg.heading, window, 2, deriv=1, delta=leg.period)[use]
-        behind = np.array([_lagging(leg.turning, lag / leg.period) for lag in TURN_LAGS])
+        rate = savgol_filter(heading, window, 2, deriv=1, delta=leg.period)[use]
+        behind = np.array([_lagging(turning, lag / leg.period) for lag in TURN_LAGS])
         behind = savgol_filter(behind, window, 2)[:, use]
         rates.append(rate - rate.mean())
         positions.append(behind - behind.mean(axis=1, keepdims=True))
@@ -351,7 +321,7 @@ def _fit(rate: Array, position: Array) -> tuple[float, float]:
 
 def _swing(name: str, leg: FigureSamples) -> Oscillation | None:
     """Of the longest stretch of settled samples."""
-    values = {"heading": leg.heading_error, "pitch": leg.pitch, "roll": leg.roll}[name]
+    values = leg.series.get("heading_error" if name == "heading" else name)
     if values is None:
         return None
     use = settled(leg)

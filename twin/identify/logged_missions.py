@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,19 +143,15 @@ def load_logs(
     """
     found = MissionStore(store)
     check_channels(found, task)
-    chosen = list(range(len(found))) if rows is None else list(rows)
-    for row in chosen:
-        if not 0 <= row < len(found):
-            raise StoreError(f"store {store} has no mission {row}; it holds 0 to {len(found) - 1}")
-    arrays = {n: found.rows(n, chosen) for n in (*NEEDED, *OPTIONAL) if n in found}
-    if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
-        del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
-    found.check_samples(chosen)
+    every = read_signals(found, (*NEEDED, *OPTIONAL), rows, "mission")
+    density = [one["measured_density"] for _, one in every if "measured_density" in one]
+    blind = not any(np.isfinite(one).any() for one in density)
     period, dives = found.period, log_rows(found)
     logs: list[Log] = []
     before: int | None = None
-    for k, row in enumerate(chosen):
-        signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
+    for row, signals in every:
+        if blind:  # other vehicles of the store have a CTD, these have none
+            signals.pop("measured_density", None)
         follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
         log = log_of(row, signals, period, dives[row].displacement, follows)
         if log is not None:
@@ -167,6 +163,27 @@ def load_logs(
             "pumped volume"
         )
     return logs
+
+
+def read_signals(
+    store: MissionStore, names: Iterable[str], rows: Sequence[int] | None, word: str
+) -> list[tuple[int, dict[str, Array]]]:
+    """Rows of a store, all by default, and their signals of these names, as far as it has them.
+
+    Raises:
+      StoreError: an unknown row, which the error calls by `word`, or a damaged store.
+    """
+    chosen = list(range(len(store))) if rows is None else list(rows)
+    for row in chosen:
+        if not 0 <= row < len(store):
+            last = len(store) - 1
+            raise StoreError(f"store {store.path} has no {word} {row}; it holds 0 to {last}")
+    arrays = {name: store.rows(name, chosen) for name in names if name in store}
+    store.check_samples(chosen)
+    return [
+        (row, {n: a[k, : store.samples[row]].astype(float) for n, a in arrays.items()})
+        for k, row in enumerate(chosen)
+    ]
 
 
 def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
@@ -276,14 +293,20 @@ def unwrapped(degrees: Array) -> Array:
 def _rates(
     optional: dict[str, Array | None], roll: Array, pitch: Array, heading: Array, period: float
 ) -> Array:
-    """Body rates (3, time): the gyroscopes', or the slopes of the attitude (Fossen 2011, 2.26)."""
+    """Body rates (3, time): the gyroscopes', or the slopes of the attitude."""
     gyro = [optional.get(f"measured_{name}_rate") for name in ("roll", "pitch", "yaw")]
     if all(rate is not None for rate in gyro):
         return np.stack([np.asarray(rate) for rate in gyro])
     window = max(round(ATTITUDE_WINDOW / period), LEAST_WINDOW) | 1
-    d_roll, d_pitch, d_heading = (
+    slopes = [
         savgol_filter(angle, window, 2, deriv=1, delta=period) for angle in (roll, pitch, heading)
-    )
+    ]
+    return body_rates(roll, pitch, *slopes)
+
+
+def body_rates(roll: Array, pitch: Array, d_roll: Array, d_pitch: Array, d_heading: Array) -> Array:
+    """Roll, pitch and yaw rate [rad/s], body FRD, (3, time), of an attitude [rad] and its slopes
+    [rad/s] (Fossen 2011, 2.26)."""
     return np.stack(
         [
             d_roll - np.sin(pitch) * d_heading,

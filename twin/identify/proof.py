@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnstable
 from twin.fossen.model import FossenModel
 from twin.identify.calibration import Calibration
-from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, way_of
+from twin.identify.linear_motion import Phase, loop_modes, plane_of, trimmed, way_of
 from twin.identify.vehicle_file import driven_step, largest_step
 from twin.mission import Mission
 from twin.mission.segments import SawTooth, Transect
@@ -92,8 +92,8 @@ def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
             found += _spiral(vehicle, phase, positions, plane.gain)
         else:
             factor = part.sense("pitch")
-        kp, ki, kd = (factor * gain for gain in getattr(vehicle, f"{control}_pid"))
-        modes = loop_modes(plane, (kp, ki, kd), part.lag, vehicle.control_period)
+        pid = [factor * gain for gain in getattr(vehicle, f"{control}_pid")]
+        modes = loop_modes(plane, pid, part.lag, vehicle.control_period)
         if np.max(modes.real) >= 0.0:
             found.append(
                 f"its {control} loop does not settle in the {_called(phase)}: a mode grows by "

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, ResidualNoise, Residuals
-from twin.identify.lateral import turning_part
+from twin.identify.linear_motion import turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import Pitches
 from twin.identify.speed import FlightModel, horizontal, motions_of, steady_parts

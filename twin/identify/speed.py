@@ -71,9 +71,13 @@ class SpeedEstimate:
 
     def track(self) -> Array:
         """North, east [m] through the water since the first sample, (time, 2)."""
-        velocity = np.stack([self.velocity_north, self.velocity_east], axis=1)
-        steps = 0.5 * self.period * (velocity[1:] + velocity[:-1])
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        return way_of(np.stack([self.velocity_north, self.velocity_east], axis=1), self.period)
+
+
+def way_of(velocity: Array, period: float) -> Array:
+    """Displacement [m] since the first sample of velocities [m/s] every `period` [s], (time, 2)."""
+    steps = 0.5 * period * (velocity[1:] + velocity[:-1])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
 def density_of(log: Log, calibration: Calibration) -> Array:

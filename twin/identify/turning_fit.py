@@ -1,8 +1,8 @@
 """Turning: what turns and rolls a glider, fitted to the turns of a log.
 
 Every steady part of a log is flown again by the lateral motion about its own glide
-(`twin.identify.lateral`): the yaw rate that its roll and its rudder should have given beside the
-one it had, and the roll that the battery's rotation should have given beside the measured one.
+(`twin.identify.linear_motion`): the yaw rate that its roll and its rudder should have given beside
+the one it had, and the roll that the battery's rotation should have given beside the measured one.
 Dives and climbs each have their own glides, so that what changes sign with the lift parts from
 what does not. Which of the coefficients make up a turn is less known than the turn: they start at
 the vehicle file's, in proportion to its hull, and what the log does not tell stays there. The
@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from twin.compiled import jit
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
-from twin.identify.lateral import Lateral, linearised, turning_part
+from twin.identify.linear_motion import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
 from twin.identify.turning_windows import Group, TurningWindow, averaged, groups_of, windows_of
@@ -417,18 +417,6 @@ class TurningFit:
     straight in dives and in climbs"""
 
 
-def turning_parameters(
-    calibration: Calibration, groups: Sequence[Group]
-) -> tuple[UnknownParameter, ...]:
-    """Of TURNING those that the windows can tell something about."""
-    channel = channel_of(calibration)
-    there = all(g.position is not None for g in groups)
-    found = tuple(p for p in TURNING if p.channel is None or (p.channel == channel and there))
-    if channel != "rotation" or not there:
-        found = tuple(p for p in found if not p.name.startswith("roll_moment"))
-    return found
-
-
 def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
     """Fit what turns the vehicle; None where no phase has turns enough.
 
@@ -438,8 +426,12 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
         return None
-    parameters = turning_parameters(calibration, groups_of(windows, channel_of(calibration)))
-    found = _turned(windows, calibration, parameters)
+    channel = channel_of(calibration)
+    there = all(g.position is not None for g in groups_of(windows, channel))
+    parameters = [p for p in TURNING if p.channel is None or (p.channel == channel and there)]
+    if channel != "rotation" or not there:
+        parameters = [p for p in parameters if not p.name.startswith("roll_moment")]
+    found = _turned(windows, calibration, tuple(parameters))
     if not found.balanced:
         rest = tuple(p for p in parameters if p.name != "yaw_moment_offset")
         found = _turned(windows, calibration, rest)

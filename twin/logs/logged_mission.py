@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.geodesy import offset
-from twin.logs.depth_averaged_current import DiveCurrent
+from twin.logs.corrected_track import DiveCurrent
 from twin.logs.flight_estimate import MissionFlight, estimate_flight
 from twin.records.coordinates import METHOD, METHODS, START_LATITUDE, START_LONGITUDE
 from twin.records.logged import AVERAGED, MEASURED, LoggedTrajectory, LogStore
@@ -54,8 +55,7 @@ BREAK = 1.5
 """Periods between two missions from which lines break"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Part:
+class _Part(NamedTuple):
     """One mission: its signals, and what those of the truth are."""
 
     start: float

@@ -17,10 +17,9 @@ from examples import needs_docs, run
 from logs import SHARED, Flight, write_basestation, write_og1, write_pyglider
 
 import glider_twin_pipelines
-from glider_twin_pipelines import add_flight, add_flights, basestation3
+from glider_twin_pipelines import add_flight, add_flights, basestation3, times_of
 from glider_twin_pipelines.__main__ import main
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, modelled
-from glider_twin_pipelines.own_file import times_of
 from twin.errors import InputError, WriteError
 from twin.records.storage import whole
 from twin.vehicle.presets import assets_folder
