@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin.identify import Calibration, Log, density_of, estimate
+from twin.identify import Calibration, Log, Translation, density_of, estimate
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.features import feature_matrix, select_features
 
@@ -52,8 +52,7 @@ class Samples:
 
 def level_speed(surge: Array, sway: Array, heave: Array, roll: Array, pitch: Array) -> Array:
     """Horizontal velocity along the heading [m/s] of a velocity in body axes FRD; angles in rad."""
-    across = sway * np.sin(roll) + heave * np.cos(roll)
-    return surge * np.cos(pitch) + across * np.sin(pitch)
+    return Translation(surge=surge, sway=sway, heave=heave).level(roll, pitch)[0]
 
 
 def signals_of(log: Log) -> dict[str, Array]:
@@ -77,11 +76,10 @@ def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Sa
     features = feature_matrix(signals, GLIDER, log.period, log.index)
     raw = {name: features[:, k].astype(float) for k, name in enumerate(GLIDER)}
     found = estimate(log, calibration)
-    motion, pitch = found.motion, calibration.true_pitch(log.pitch)
     density = density_of(log, calibration)
     warming = log.hull_warming(calibration.thermal_lag)
     raw |= {
-        "twin_level": level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch),
+        "twin_level": found.motion.level(log.roll, calibration.true_pitch(log.pitch))[0],
         "twin_sink": found.sink_rate,
         "twin_rise": found.water_rise,
         "twin_net_mass": calibration.net_mass(density, log.depth, log.pump, warming),

@@ -33,10 +33,8 @@ TRUTH = ("true_surge", "true_sway", "true_heave")
 STEERED = ("speed", "heading", "pitch")
 """Controls whose parts must have positions: without one of them a run is flown by something that
 nobody knows"""
-DEPTH_WINDOW = 3.0
-"""[s] of the depth rate's filter: shorter than such a vehicle takes to pitch"""
-LEAST_WINDOW = 5
-"""samples of that filter"""
+DEPTH_WINDOW, LEAST_WINDOW = 3.0, 5
+"""[s], samples of the depth rate's filter: shorter than such a vehicle takes to pitch"""
 LAYER = 2.0
 """[m] of the density profile that is taken from a run"""
 

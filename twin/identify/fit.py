@@ -60,16 +60,12 @@ USUAL_RMSE = {"slocum": 0.8, "seaglider": 1.2}
 public logs, off inflections (docs/results/real_logs.md)"""
 OTHERS_RMSE = 1.0
 """[cm/s] likewise, of every other kind"""
-BAD = 5.0
-"""Times what is usual from which on a fit is refused"""
-WORST = 4
-"""Missions that its message names"""
+BAD, WORST = 5.0, 4
+"""Times what is usual from which on a fit is refused, and missions that its message names"""
 MOVING = 0.05
 """[m/s] of depth rate from which a glider sinks or rises."""
-START_FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Drag over nominal at which the search starts."""
-START_LOGS = 3
-"""Missions that the search for a start looks at."""
+START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
+"""Drag over nominal at which the search starts, and missions that it looks at."""
 
 
 def identify(

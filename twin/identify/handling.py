@@ -33,10 +33,9 @@ from twin.vehicle.vehicle import Vehicle
 
 FAR = 3.0
 """Deviations from the vehicle file's beyond which a value is determined, however wide"""
-SLACK = 0.1
-"""Of a part's travel that is left beyond the positions that the log shows"""
-ROOM = 0.03
-"""Of the battery's travel that guidance keeps beside the positions of the usual glide"""
+SLACK, ROOM = 0.1, 0.03
+"""Of a part's travel that is left beyond the positions that the log shows, and of the battery's
+that guidance keeps beside those of the usual glide"""
 UNEVEN = math.radians(3.0)
 """[rad] between the neutral positions of dives and climbs from which on one does not do for both"""
 FLATTER = math.radians(0.5)

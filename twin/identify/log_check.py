@@ -70,22 +70,23 @@ class PhaseComparison:
         log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
         twin = {name: twin.get(name) for name in log}
         cycles = {"log": self.log.oscillation, "twin": self.twin and self.twin.oscillation}
-        ratio = {
-            name: _ratio(twin[name], log[name])
-            for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator")
-        }
+        ratio: dict[str, float | None] = {}
+        for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator"):
+            mine, theirs = twin[name], log[name]
+            ratio[name] = None if mine is None or not theirs else mine / theirs
         if not self.same_part:
             ratio["turn_per_actuator"] = None
+        deviation: dict[str, float | None] = {}
+        for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg"):
+            if name != "turning_deg" or self.same_part:
+                mine, theirs = twin[name], log[name]
+                deviation[name] = None if mine is None or theirs is None else mine - theirs
         return {
             "log": {**log, "parts": dict(self.log.parts)},
             "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
             "speed_from": self.speed_from,
             "ratio": ratio,
-            "deviation": {
-                name: _difference(twin[name], log[name])
-                for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg")
-                if name != "turning_deg" or self.same_part
-            },
+            "deviation": deviation,
             "limit_cycle": {n: one and dataclasses.asdict(one) for n, one in cycles.items()},
         }
 
@@ -157,22 +158,21 @@ class LogCheck:
 
 
 def _beyond(phase: PhaseComparison) -> list[str]:
-    log, twin = phase.log, phase.twin
+    """One phrase for each figure of a phase beyond its limit."""
+    twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
-    found = []
-    ratio = _ratio(twin.depth_rate, log.depth_rate)
+    said, found = phase.describe(), []
+    ratio, turn = (said["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
     if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
         found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
-    turn = _ratio(twin.turn_per_actuator, log.turn_per_actuator) if phase.same_part else None
     if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
         found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
-    held = _difference(twin.turning, log.turning) if phase.same_part else None
-    if held is not None and abs(held) > TURNING_LIMIT:
+    if abs(said["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
         found.append(
             f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
-            f"{log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such asymmetry; "
-            "identify it (`twin identify`)"
+            f"{phase.log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such "
+            "asymmetry; identify it (`twin identify`)"
         )
     if twin.heading_sd is not None and twin.heading_sd > HEADING_LIMIT:
         found.append(f"heading wanders by {twin.heading_sd:.1f} deg (at most {HEADING_LIMIT:g})")
@@ -183,14 +183,6 @@ def _beyond(phase: PhaseComparison) -> list[str]:
             "does not die out"
         )
     return found
-
-
-def _ratio(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or not theirs else mine / theirs
-
-
-def _difference(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or theirs is None else mine - theirs
 
 
 def check_logs(

@@ -43,10 +43,8 @@ OFTEN = 0.25
 """Part of the legs that must swing for a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
 """[deg] of a swing that counts, by the signal"""
-CYCLES = 3.0
-"""Periods that a leg must hold at least: of fewer nobody knows whether they go on"""
-SHORTEST = 4
-"""samples of a period"""
+CYCLES, SHORTEST = 3.0, 4
+"""Periods of a leg at least, of fewer nobody knows whether they go on; samples of a period"""
 WIDTH = 0.15
 """Part of its frequency by which a swing may wander within a leg, as speed and trim do"""
 SHARE = 0.5

@@ -24,10 +24,8 @@ OPTIONAL = (
     *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
     *("measured_shift", "measured_rotation", "measured_fin", "true_speed"),
 )
-WINDOW = 20.0
-"""[s] of the depth rate's filter: a quarter of an inflection, ten times the log's noise."""
-LEAST_WINDOW = 5
-"""samples of that filter"""
+WINDOW, LEAST_WINDOW = 20.0, 5
+"""[s], samples of the depth rate's filter: a quarter of an inflection, ten times the noise."""
 ATTITUDE_WINDOW = 8.0
 """[s] of the filter whose slope gives the rates of a log without gyroscopes."""
 AFLOAT = 0.5

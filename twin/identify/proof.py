@@ -30,16 +30,12 @@ from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]
 
-STEERED = 0.25
-"""Of its travel that the turning part is moved by to see whether the vehicle turns"""
-LEAST_TURN = math.radians(0.02)
-"""[rad/s] that it must turn then"""
+STEERED, LEAST_TURN = 0.25, math.radians(0.02)
+"""Of its travel that the turning part is moved by, and [rad/s] that the vehicle must turn then"""
 COURSE = 30.0
 """[deg] of heading that the flight changes by at its start"""
-MOST_SD = 2.0
-"""[deg] of heading and pitch once they have settled"""
-MOST_ERROR = 3.0
-"""[deg] of their mean"""
+MOST_SD, MOST_ERROR = 2.0, 3.0
+"""[deg] of heading and pitch once they have settled: standard deviation, error of the mean"""
 PART = 0.5
 """Last part of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
@@ -48,18 +44,14 @@ START_DEPTH = 10.0
 """[m]"""
 SLOWEST_RATE = 0.02
 """[m/s] of depth below which a vehicle does not fly"""
-SAMPLE = 2.0
-"""[s]"""
+SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
+"""[s] of a glider's flight, and of a propelled vehicle's"""
 DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
 """[m], [deg] of the two legs of a propelled vehicle"""
-LENGTH = 60.0
-"""hull lengths of each leg"""
-JUDGED = 0.25
-"""Last part of a leg that is judged"""
+LENGTH, JUDGED = 60.0, 0.25
+"""Hull lengths of each leg, and the last part of it that is judged"""
 MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
 """[m], [deg] and part of the speed by which it may be off there, on average"""
-DRIVEN_SAMPLE = 0.5
-"""[s]"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:

@@ -36,10 +36,8 @@ SMOOTHING = 20.0
 COURSE = 900.0
 """[s] of the running mean that is the target of a log without a heading setpoint: longer than the
 periods of heading loops, shorter than most legs"""
-TOLERANCE = 3.0
-"""[deg] by which a heading target may wander within one piece of a mission"""
-LEAST_PIECE = 5.0
-"""[m] of depth of a piece"""
+TOLERANCE, LEAST_PIECE = 3.0, 5.0
+"""[deg] by which a heading target may wander within one piece of a leg, [m] of its depth"""
 PUMP_REST = 20.0
 """[cm3] about a leg's median within which the pump is at rest"""
 PUMP_STILL = 6

@@ -194,10 +194,7 @@ def steady_parts(log: Log) -> Mask:
 
 def horizontal(log: Log, calibration: Calibration, motion: Translation) -> tuple[Array, Array]:
     """North and east velocity through the water [m/s], (time,) each; zero afloat."""
-    pitch, roll = calibration.true_pitch(log.pitch), log.roll
-    across = motion.sway * np.sin(roll) + motion.heave * np.cos(roll)
-    forward = motion.surge * np.cos(pitch) + across * np.sin(pitch)
-    starboard = motion.sway * np.cos(roll) - motion.heave * np.sin(roll)
+    forward, starboard = motion.level(log.roll, calibration.true_pitch(log.pitch))
     heading = calibration.true_heading(log.heading)
     under = log.depth > AFLOAT
     north = forward * np.cos(heading) - starboard * np.sin(heading)

@@ -71,6 +71,12 @@ class Translation:
         """[rad], atan2(heave, surge)."""
         return np.arctan2(self.heave, self.surge)
 
+    def level(self, roll: Array, pitch: Array) -> tuple[Array, Array]:
+        """Horizontal velocity [m/s] along the heading and to starboard at `roll`, `pitch` [rad]."""
+        across = self.sway * np.sin(roll) + self.heave * np.cos(roll)
+        starboard = self.sway * np.cos(roll) - self.heave * np.sin(roll)
+        return self.surge * np.cos(pitch) + across * np.sin(pitch), starboard
+
     def sink_rate(self, roll: Array, pitch: Array) -> Array:
         """Downward velocity [m/s] through the water at `roll` and `pitch` [rad]."""
         return (

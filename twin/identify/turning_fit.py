@@ -44,14 +44,10 @@ ROUNDS = 2
 """Fits of a battery's turns, the later ones from where it was found to hang straight"""
 STEERABLE = 0.8
 """Of its travel within which the neutral position stays, so that the part steers both ways"""
-MOST_LOOKS = 15
-"""of a fit at the residuals and their slopes"""
-PASSES = 3
-"""Fits between which weights are taken again."""
-LEAST_TURN = math.radians(0.01)
-"""[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""
-LEAST_ROLL = math.radians(0.3)
-"""[rad] that the roll is off at least"""
+PASSES, MOST_LOOKS = 3, 15
+"""Fits between which weights are taken again, and looks of each at the residuals"""
+LEAST_TURN, LEAST_ROLL = math.radians(0.01), math.radians(0.3)
+"""[rad/s], [rad] that yaw rate and roll are off at least: compasses and the log's rounding."""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
 LONGEST_CORRELATION = 300.0
@@ -451,14 +447,13 @@ def _turned(
     own = [k for k, p in enumerate(parameters) if p.name == "yaw_moment_offset"]
     if part is not None and there:
         neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+    farthest = [FARTHEST if p.logarithmic else np.inf for p in parameters]
+    farthest += [np.inf for _ in biases_beside({p.name for p in parameters})]
+    bounds = (-np.array(farthest), np.array(farthest))
     # a battery turns by the sine of its rotation from where it hangs straight: once more from there
     for _ in range(ROUNDS if channel == "rotation" and there else 1):
         turns = Turns(groups, calibration, parameters)
-        farthest = np.where([p.logarithmic for p in parameters], FARTHEST, np.inf)
-        farthest = np.append(farthest, np.full(len(turns.biases), np.inf))
-        start = turns.best_start()
-        bounds = (-farthest, farthest)
-        x, _ = turns.fit(start, PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
+        x, _ = turns.fit(turns.best_start(), PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
         fitted, asymmetry = turns.fitted(x), turns.asymmetry(x)
         more = turns.neutral(x)
         if neutral is None or part is None or more is None:

@@ -29,10 +29,8 @@ a move ended is known to about one of its samples."""
 BENT = 1e-6
 """[rad] of the heading's second difference from which a sample is the vehicle's own, not one that
 was put between two of them"""
-SPEED_BINS = 3
-"""Glides of a phase, by speed, that turns are linearised about."""
-ENOUGH_IN_BIN = 6
-"""Windows for which a glide of their own is worth while."""
+SPEED_BINS, ENOUGH_IN_BIN = 3, 6
+"""Glides of a phase, by speed, that turns are linearised about, and windows worth one."""
 MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
 
