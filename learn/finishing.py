@@ -19,7 +19,7 @@ from learn.networks.tether import HELD_TO, Tether
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.run_page import build_log_page, build_page
-from learn.report.training_data import LABELS, TRAINING_PANELS
+from learn.report.velocity_figures import LABELS, TRAINING_PANELS
 from learn.run import (
     CARD,
     EVALUATION,

@@ -104,7 +104,7 @@ NAMES_ACTUATORS = {
     "factory.sampling": "what is drawn for a glider",
     "factory": "figures of what was drawn",
     "twin.navigation": "a glider's equations of motion; signals that networks see",
-    "learn.report.training_data": "signals of a mission",
+    "learn.report.velocity_figures": "signals of a mission",
 }  # fmt: skip
 """Packages and modules that may name an actuator, and why; others ask the vehicle for its parts."""
 OTHER_MEANINGS = {
