@@ -111,7 +111,7 @@ OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.show.render.painter": "shift of a mesh",
-    "learn.data.store_checks": "advice on what store to take",
+    "learn.data.stores": "advice on what store to take",
 }
 
 
