@@ -16,7 +16,14 @@ from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
 from twin.fossen.equations import part_after
-from twin.identify.logged_missions import body_rates, filled, layers, read_signals, unwrapped
+from twin.identify.logged_missions import (
+    Record,
+    body_rates,
+    filled,
+    layers,
+    read_signals,
+    unwrapped,
+)
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.sensors.dvl import MODES
@@ -40,27 +47,9 @@ LAYER = 2.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class DrivenRun:
+class DrivenRun(Record):
     """One run; arrays are (time,) unless they say another shape."""
 
-    index: int
-    """Row in the store"""
-    period: float
-    """[s]"""
-    depth: Array
-    """[m]"""
-    depth_rate: Array
-    """[m/s], positive down, filtered over `window`"""
-    window: int
-    """samples of that filter"""
-    roll: Array
-    """[rad]"""
-    pitch: Array
-    """[rad], the sensor's"""
-    heading: Array
-    """[rad] from true north, unwrapped"""
-    rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time), less the gyroscopes' biases"""
     velocity: Array
     """[m/s] by the Doppler log, body FRD, (3, time); NaN where it says none"""
     ground: Mask
@@ -74,8 +63,6 @@ class DrivenRun:
     """parts of which it has neither: they rest"""
     density: tuple[Array, Array] | None
     """depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
-    use: Mask
-    """Measured and under water"""
     true_velocity: Array | None
     """[m/s] through the water, body FRD, (3, time), of a simulated run; never used to fit"""
 

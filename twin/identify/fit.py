@@ -27,8 +27,7 @@ from twin.identify.comparison import (
     gain_of,
     rms,
 )
-from twin.identify.driven_runs import DrivenRun
-from twin.identify.logged_missions import Log, gliding
+from twin.identify.logged_missions import Log, Record, gliding
 from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
@@ -296,7 +295,7 @@ def _start(
 def answer_of(
     problem: Comparison,
     x: Array,
-    logs: Sequence[Log | DrivenRun],
+    logs: Sequence[Record],
     wanted: Sequence[UnknownParameter],
     notes: Mapping[str, str],
     before: Mapping[str, float],

@@ -40,9 +40,9 @@ MAX_PITCH = 80.0
 """[degree] beyond which no glide is."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Log:
-    """One mission; arrays are (time,)."""
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """What a glider's mission and a propelled vehicle's run both have; arrays are (time,)."""
 
     index: int
     """Row in the store."""
@@ -54,12 +54,6 @@ class Log:
     """[m/s], positive down, filtered over `window`."""
     window: int
     """samples of the depth rate's filter"""
-    density: Array | None
-    """[kg/m3] in situ"""
-    temperature: Array | None
-    """[degree_Celsius] of the water"""
-    pump: Array
-    """[cm3]"""
     roll: Array
     """[rad]"""
     pitch: Array
@@ -67,15 +61,27 @@ class Log:
     heading: Array
     """[rad] from true north, the compass', unwrapped"""
     rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time)"""
+    """roll, pitch, yaw rate [rad/s], body FRD, (3, time); of a run less the gyroscopes' biases"""
+    use: Mask
+    """Under water and measured: what is compared with the model."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Log(Record):
+    """One mission of a glider; arrays are (time,)."""
+
+    density: Array | None
+    """[kg/m3] in situ"""
+    temperature: Array | None
+    """[degree_Celsius] of the water"""
+    pump: Array
+    """[cm3]"""
     shift: Array | None
     """[m]"""
     rotation: Array | None
     """[rad]"""
     fin: Array | None = None
     """[rad] of the rudder, + turns to starboard"""
-    use: Mask
-    """Under water and measured: what is compared with the model."""
     displacement: tuple[float, float] | None
     """North, east [m] over ground between the fixes."""
     follows: bool

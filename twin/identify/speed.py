@@ -15,7 +15,7 @@ from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.start_values import balance
-from twin.identify.translation import AttitudeFlight, Translation, fly
+from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -90,7 +90,7 @@ def motion_of(
     calibration: Calibration,
     model: FlightModel = "flight",
     *,
-    start: tuple[float, float, float] | None = None,
+    start: Velocity | None = None,
 ) -> Translation:
     """Velocity through the water, body FRD, that the model gives for a log.
 
@@ -148,9 +148,7 @@ def _steady_motion(log: Log, calibration: Calibration) -> Translation:
     )
 
 
-def _flight(
-    log: Log, calibration: Calibration, start: tuple[float, float, float] | None = None
-) -> AttitudeFlight:
+def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -> AttitudeFlight:
     """What the log says of how it flew."""
     vehicle = calibration.vehicle
     pitch = calibration.true_pitch(log.pitch)
@@ -170,7 +168,7 @@ def _flight(
     )
 
 
-def start_of(log: Log, calibration: Calibration) -> tuple[float, float, float]:
+def start_of(log: Log, calibration: Calibration) -> Velocity:
     """Surge, sway, heave [m/s] of a log that begins under water: along the nose at the depth rate.
 
     At rest at the surface, and where the nose is too flat to tell.

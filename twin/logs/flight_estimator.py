@@ -18,7 +18,7 @@ from twin.errors import InputError
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log
 from twin.identify.speed import horizontal, motion_of, start_of
-from twin.identify.translation import Translation
+from twin.identify.translation import Translation, Velocity
 from twin.logs.thermal_lag import CtdSeries
 from twin.records.reader import MissionStore
 from twin.registry import Registry
@@ -67,11 +67,7 @@ class FlightEstimator(abc.ABC):
 
     @abc.abstractmethod
     def motion(
-        self,
-        store: MissionStore,
-        log: Log,
-        calibration: Calibration,
-        start: tuple[float, float, float],
+        self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
         """Velocity through the water, body FRD, at each of the log's samples.
 
@@ -112,11 +108,7 @@ class FlightModel(FlightEstimator):
     inertia: ClassVar[bool] = True
 
     def motion(
-        self,
-        store: MissionStore,
-        log: Log,
-        calibration: Calibration,
-        start: tuple[float, float, float],
+        self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
         """See `FlightEstimator.motion`; `start` plays no part in a balance."""
         return motion_of(log, calibration, "flight" if self.inertia else "steady", start=start)
