@@ -159,7 +159,7 @@ class Method:
 
 
 def common(methods: Sequence[Method]) -> list[Method]:
-    """The same methods at the samples that all of them have, dives without any left out."""
+    """Methods at the samples that all of them have, dives without any left out."""
     dives = sorted(set.intersection(*(set(one.errors) for one in methods)))
     known = {
         dive: np.logical_and.reduce([np.isfinite(one.errors[dive]) for one in methods])

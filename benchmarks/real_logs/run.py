@@ -166,7 +166,7 @@ def failed(task: str, deployment: Deployment, why: str) -> Row:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Work:
-    """What the judges of all sections share."""
+    """Inputs that the judges of all sections share."""
 
     deployments: Sequence[Deployment]
     pool: Pool
@@ -238,7 +238,7 @@ def _left_out(work: Work) -> list[Row]:
 
 
 JUDGES = {"speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out}
-"""What judges each of `SECTIONS`"""
+"""Judge of each of `SECTIONS`"""
 
 
 def _by_folds(

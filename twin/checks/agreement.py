@@ -151,7 +151,7 @@ def fly_both(
     duration: float = DURATION,
     timestep: float | None = None,
 ) -> tuple[Trajectory, FossenTrajectory]:
-    """The same manoeuvre in both models, sampled alike.
+    """Fly one manoeuvre in both models, sampled alike.
 
     timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model has a step of its own, no
     longer than the file's.
@@ -227,7 +227,7 @@ def check_manoeuvres(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EndsApart:
-    """How far a flight in lanes ended from that of its scenario in MuJoCo."""
+    """Distance of a flight's end in lanes from that of its scenario in MuJoCo."""
 
     time_s: float
     """[s] of the sample that is compared"""
@@ -271,7 +271,7 @@ def state_at(run: Trajectory, index: int) -> Array:
 
 
 def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstable) -> EndsApart:
-    """How far a flight is from MuJoCo's at a time [s] that both have.
+    """Distance of a flight from MuJoCo's at a time [s] that both have.
 
     Args:
       state: its own, see `state_at`.

@@ -47,7 +47,7 @@ FINER = 20
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Steps:
-    """What the steps do in one vehicle's manoeuvres, medians over STEPPED of them."""
+    """Effect of the steps in one vehicle's manoeuvres, medians over STEPPED of them."""
 
     timestep_s: float
     """the vehicle file's"""
@@ -97,7 +97,7 @@ class EngineCheck:
         return [difference for one in self.vehicles for difference in one.differences]
 
     def beyond(self) -> list[str]:
-        """What is beyond the limits, vehicle by vehicle."""
+        """Figures beyond the limits, vehicle by vehicle."""
         return [text for one in self.vehicles for text in one.beyond()]
 
     def worst(self) -> tuple[str, Difference] | None:

@@ -42,7 +42,7 @@ CYCLES = ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What identification estimates."""
+    """A vehicle and the errors of its sensors: all that identification estimates."""
 
     vehicle: Vehicle
     """Its `reference_density` is the density in which it is neutral at pump 0, pressure 0 and

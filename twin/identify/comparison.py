@@ -67,7 +67,7 @@ class ComparedQuantity:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualNoise:
-    """How far a channel's residuals are off, and how many of them make an independent one."""
+    """Deviation of a channel's residuals, and how many of them make an independent one."""
 
     deviation: float
     """in the channel's unit, outliers weighted down"""
@@ -131,7 +131,7 @@ class Comparison(abc.ABC):
         return len(self.parameters) + len(self.biases)
 
     def with_parameter(self, parameter: UnknownParameter) -> Self:
-        """The same with one parameter more, the last, and the weights of now."""
+        """A copy with one parameter more, the last, and the weights of now."""
         wider = copy.copy(self)
         wider.parameters = (*self.parameters, parameter)
         wider.centres = np.append(self.centres, parameter.get(self.nominal))
@@ -189,11 +189,11 @@ class Comparison(abc.ABC):
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
     def jacobian(self, x: Array) -> Array:
-        """Of `residual`."""
+        """Slopes of `residual`, (residuals and offsets, unknowns)."""
         return np.concatenate([self.slopes(x), np.eye(len(x))])
 
     def residuals(self, x: Array) -> dict[str, Residuals]:
-        """What each channel says near these offsets, with the weights of now."""
+        """Residuals of each channel near these offsets, with the weights of now."""
         slopes, missed = self.slopes(x), self.missed(x)
         found, first = {}, 0
         for name, weights in self.weights.items():
@@ -260,7 +260,7 @@ class Comparison(abc.ABC):
         return x, noise
 
     def fitted(self, x: Array) -> Fitted:
-        """What a fit that ended at `x` says."""
+        """Calibration and covariance of a fit that ended at `x`."""
         return Fitted(
             calibration=self.calibration(x),
             parameters=self.parameters,
@@ -383,7 +383,7 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What a parameter takes away from the squared error of dives that were left out."""
+    """Loss of squared error of left-out dives by one more parameter."""
 
     share: float
     """Of the squared error without the parameter; negative when it does harm."""
@@ -397,7 +397,7 @@ class Gain:
 
 
 def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Gain:
-    """What one parameter more would take away from the error of left-out dives.
+    """Gain by one more parameter in predicting dives that a fit leaves out.
 
     Args:
       comparison: fitted, with the weights of its fit, which both sides are judged by.

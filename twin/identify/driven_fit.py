@@ -36,7 +36,7 @@ runs say nothing, and the vehicle file's number stands"""
 LOOKS = (5, 3, 3)
 """Evaluations of each fit; between them weights, and the currents at the starts, are taken again"""
 FAR_LOOKS = (15, 15)
-"""The same before, from a vehicle of which only the dimensions were known"""
+"""Evaluations before them, from a vehicle of which only the dimensions were known"""
 ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
 FAR_ENDS: dict[str, Any] = {"xtol": 1e-4, "ftol": 1e-5}
 TOGETHER = "with the others only: the runs do not determine it"
@@ -46,7 +46,7 @@ SLOWEST = 0.1
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DrivenErrors:
-    """How a vehicle flies runs that it has not seen, beside what they did."""
+    """Errors of a vehicle's flight of runs that its fit has not seen."""
 
     speed: float
     """Mean size of the error of a flight's mean surge, over that surge"""
@@ -55,7 +55,7 @@ class DrivenErrors:
     depth_rate: float
     """Error of the depth rate over the depth rate, both root mean square"""
     speed_m_s: float
-    """The same as numbers: mean size of the error [m/s]"""
+    """Mean size of the error [m/s]"""
     turn_rate_rad_s: float
     """[rad/s] root mean square"""
     depth_rate_m_s: float

@@ -80,7 +80,7 @@ FASTEST = 20.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DrivenMotion:
-    """How a run was flown; arrays are (time,)."""
+    """Motion of a vehicle in a run; arrays are (time,)."""
 
     velocity: Translation
     """through the water"""
@@ -197,7 +197,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 
 def _rolled(vehicle: Vehicle, positions: Array) -> Array:
-    """What a roll acceleration of 1 rad/s2 by a moment takes along, (6,).
+    """Accelerations that go with a roll acceleration of 1 rad/s2 by a moment, (6,).
 
     The roll acceleration is the measured one: a hull is so slim that half a degree of the roll
     sensor would give it 0.3 rad/s2.
@@ -284,7 +284,7 @@ class DrivenFlights(Comparison):
         return found
 
     def flown(self, x: Array) -> list[DrivenMotion]:
-        """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
+        """Motion in all runs at these offsets; a run that nothing has changed for is kept."""
         count = len(self.parameters)
         found = []
         for k, run in enumerate(self.runs):

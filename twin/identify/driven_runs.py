@@ -177,7 +177,7 @@ def _run(
 
 
 def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: float) -> Array:
-    """What gyroscopes (3, time) have more than the attitude [rad] turns, by the median, (3,).
+    """Rates of gyroscopes (3, time) less those of the attitude [rad], medians, (3,).
 
     Minutes of attitude tell it to a hundredth of a degree a second. A gyroscope's bias from
     switching on to switching off is several times that, and a rudder's neutral position would take

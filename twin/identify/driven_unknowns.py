@@ -73,7 +73,7 @@ def driven(vehicle: Vehicle) -> bool:
 
 
 def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
-    """What can be estimated of a vehicle: the numbers that its file has.
+    """Parameters that can be estimated of a vehicle: the numbers that its file has.
 
     Args:
       vehicle: to start from.

@@ -304,7 +304,7 @@ def answer_of(
     noise: ResidualNoise,
     model: str,
 ) -> Identification:
-    """What a fit of depth rates that ended at `x` says of the parameters that were asked for.
+    """Identification by a fit of depth rates that ended at `x`.
 
     Args:
       logs: that were fitted.

@@ -62,9 +62,9 @@ class Handling:
     neutral: float | None
     """[rad] position of the turning part at which it goes straight, as it is flown"""
     failures: tuple[str, ...]
-    """What the vehicle cannot do; empty when it trims, is stable and steers in both phases."""
+    """Failures of the vehicle; empty when it trims, is stable and steers in both phases."""
     notes: tuple[str, ...]
-    """What was left at the vehicle file's, and why"""
+    """Sentences on what was left at the vehicle file's, and why"""
 
 
 def handle(

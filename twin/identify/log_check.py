@@ -61,7 +61,7 @@ class PhaseComparison:
     twin: PhaseFigures | None
     """None: it never came to a steady part of such a leg"""
     speed_from: str | None
-    """What the log's speed is: "measured", "depth rate and pitch", or None"""
+    """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
     """Whether the same kind of part turns both, so that its effect can be compared"""
 
@@ -93,7 +93,7 @@ class PhaseComparison:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogCheck:
-    """What a vehicle file's twin does with the targets of a store of logs."""
+    """A vehicle file's twin on the targets of a store of logs."""
 
     vehicle: Vehicle
     store: Path
@@ -103,11 +103,11 @@ class LogCheck:
     phases: dict[Phase, PhaseComparison]
     turning: Turning | None
     engine: str
-    """What flew the twin"""
+    """Engine that flew the twin"""
     beside_mujoco: EndsApart | None
     """Of the first dive, where lanes flew it"""
     notes: tuple[str, ...]
-    """What the log lacks or what stands in for it, one sentence each"""
+    """One sentence for each thing that the log lacks, or that stands in for it"""
 
     @property
     def beyond(self) -> list[str]:
@@ -331,7 +331,7 @@ def _notes(
     turning: Turning | None,
     vehicle: Vehicle,
 ) -> list[str]:
-    """What the log lacks, and what stands in for it."""
+    """Sentences on what the log lacks, and what stands in for it."""
     notes = []
     if logs.simulated:
         notes.append("the log itself is marked as simulated")

@@ -36,7 +36,7 @@ part where the lag is left out"""
 LEAST_MOVED = 0.2
 """[deg] standard deviation of a turning part's position from which its effect can be told"""
 LEAST_CORRELATION = 0.3
-"""Of turn rate and position; less, and other things turned the vehicle"""
+"""Least of turn rate and position; below it other things turned the vehicle"""
 LEAST_SAMPLES = 20
 """of a mean"""
 OFTEN = 0.25
@@ -60,10 +60,10 @@ class FigureSamples:
     period: float
     """[s]"""
     series: Mapping[str, Array]
-    """What is known of `depth_rate` [m/s], positive down, `speed` [m/s] through the water, NaN
-    where unknown, `pitch`, `roll` [deg], `heading` [deg], unwrapped, `heading_target` [deg],
-    `heading_error` [deg] from it, within +-180, and `turning` [deg], the position of the turning
-    part in the log's sign"""
+    """Signals, as far as known: `depth_rate` [m/s], positive down; `speed` [m/s] through the water,
+    NaN where unknown; `pitch`, `roll` [deg]; `heading` [deg], unwrapped; `heading_target` [deg];
+    `heading_error` [deg] from it, within +-180; `turning` [deg], the position of the turning part
+    in the log's sign"""
     positions: Mapping[str, Array]
     """of the parts, in the units of stores"""
     steady: Mask
@@ -93,7 +93,7 @@ def flown_samples(
     vehicle: Vehicle,
     turning: Turning | None,
 ) -> list[FigureSamples]:
-    """The same legs as the twin flew them; without those that it did not come to.
+    """Compared legs as the twin flew them; without those that it did not come to.
 
     `number` is the leg that it flew at each sample, (time,).
     """

@@ -276,7 +276,7 @@ def fly_turns(
 
 
 def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
-    """What the turning part does in place of its guidance."""
+    """Positions that the turning part follows in place of its guidance."""
     assert dive.turning is not None
     part = vehicle.part(turning.part)
     legs = [dive.targets[k].leg for k in segment_legs(dive)]

@@ -42,7 +42,7 @@ MAX_PITCH = 80.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """What a glider's mission and a propelled vehicle's run both have; arrays are (time,)."""
+    """Signals that a glider's mission and a propelled vehicle's run share; arrays are (time,)."""
 
     index: int
     """Row in the store."""
@@ -228,7 +228,7 @@ def log_of(
     displacement: tuple[float, float] | None,
     follows: bool,
 ) -> Log | None:
-    """What identification reads of one mission; None without a dive or one of the needed channels.
+    """One mission for identification; None without a dive or one of the needed channels.
 
     Args:
       row: of the store. signals: by their names in the schema, in its units, (time,).

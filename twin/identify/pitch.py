@@ -123,7 +123,7 @@ PITCHING = (
         channel="density",
     ),
 )
-"""What a twin needs to pitch as the log does."""
+"""Parameters that a twin needs to pitch as the log does."""
 NAMES = tuple(p.name for p in PITCHING)
 
 

@@ -55,7 +55,7 @@ MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
-    """What a calibrated vehicle cannot do in these phases; empty when it flies."""
+    """Failures of a calibrated vehicle in these phases; empty when it flies."""
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
@@ -191,7 +191,7 @@ def _held(
 
 
 def driven_failures(calibration: Calibration, speed: float) -> tuple[str, ...]:
-    """What a propelled vehicle cannot do at a speed [m/s]; empty when it flies."""
+    """Failures of a propelled vehicle at a speed [m/s]; empty when it flies."""
     vehicle = calibration.vehicle
     duration = max(LENGTH * vehicle.hull_length / speed, 60.0)
     plan = Mission(

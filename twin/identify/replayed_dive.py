@@ -164,7 +164,7 @@ class DivePiece:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Target:
-    """What a leg was flown by."""
+    """Pitch, pump, turning depth and headings that a leg was flown by."""
 
     leg: HeadingLeg
     pitch: float

@@ -128,7 +128,7 @@ class DepthRates(Comparison):
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DiveResiduals:
-    """What dives say of a vehicle near a calibration."""
+    """Residuals of dives near a calibration, and their slopes."""
 
     unknowns: tuple[str, ...]
     """Names of the parameters, then of the biases of `twin.identify.turning_fit`: the columns of
@@ -183,7 +183,7 @@ def dive_residuals(
 
 
 def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, ResidualNoise]:
-    """How far each channel of these dives is off, and over how many residuals."""
+    """Noise of each channel of these dives."""
     found: dict[str, ResidualNoise] = {}
     for comparison in _comparisons(logs, calibration, ()):
         found |= comparison.reweight(np.zeros(comparison.size))
@@ -193,7 +193,7 @@ def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, R
 def _comparisons(
     logs: Sequence[Log], calibration: Calibration, parameters: tuple[UnknownParameter, ...]
 ) -> Iterator[Comparison]:
-    """Those that these dives have something for."""
+    """Comparisons that these dives have something for."""
     yield DepthRates(logs, calibration, parameters)
     yield Pitches(logs, calibration, parameters)
     windows = windows_of(logs, calibration)

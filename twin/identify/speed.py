@@ -149,7 +149,7 @@ def _steady_motion(log: Log, calibration: Calibration) -> Translation:
 
 
 def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -> AttitudeFlight:
-    """What the log says of how it flew."""
+    """Inputs of the flight model, from a log."""
     vehicle = calibration.vehicle
     pitch = calibration.true_pitch(log.pitch)
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)

@@ -166,7 +166,7 @@ TURNING = (
         set=_with_lift_slope,
     ),
 )
-"""What a twin needs to turn as the log does."""
+"""Parameters that a twin needs to turn as the log does."""
 
 BIASES = ("yaw_bias", "roll_offset")
 """Fitted beside them: the asymmetry that turns a vehicle at no roll and no rudder (as the sideslip
@@ -178,7 +178,7 @@ BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
-    """Those of BIASES that are fitted beside parameters of these names."""
+    """Members of BIASES that are fitted beside parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
@@ -391,13 +391,13 @@ def _linear(calibration: Calibration, group: Group, bias: float) -> tuple[Latera
 
 
 def _windows(group: Group, values: Array) -> list[Array]:
-    """What is compared of each window."""
+    """Compared values of each window."""
     return [values[group.used[:, k], k] for k in range(len(group.windows))]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class TurningFit:
-    """What the turns of a log say."""
+    """Result of a fit of a log's turns."""
 
     fitted: Fitted
     """Its channels are those of `Turns`"""

@@ -44,7 +44,7 @@ class UnknownParameter:
     least: float | None = None
     """Smallest value there can be, in `unit`, of one that is not logarithmic."""
     channel: str | None = None
-    """What it needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
+    """Needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
     the position of a part ("rotation", "fin"), "dives" that are predicted better with it when they
     are left out, or the user's "request". Lift, induced drag and pitch offset all turn into drag
     and trim when a log holds one pitch, and then take up what the model lacks. With a current
@@ -290,7 +290,7 @@ them"""
 
 
 def identified(vehicle: Vehicle) -> Mapping[str, Any]:
-    """What a vehicle file says about its identification; empty where it says nothing."""
+    """Record of its identification in a vehicle's file; empty where it has none."""
     for text in ElementTree.fromstring(vehicle.xml).iter("text"):
         if text.get("name") == PROVENANCE:
             try:

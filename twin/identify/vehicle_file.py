@@ -68,7 +68,7 @@ WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "parts": lambda v: [x for p in v.parts for x in (p.low, p.high, *p.position, *p.values())],
     "battery": lambda v: [(mass.neutral_x, mass.eccentricity) for mass in v.masses],
 }
-"""What identification may change, by name."""
+"""Numbers that identification may change, by name."""
 DIGITS = 10
 """Significant digits of a written number: far finer than any parameter is known."""
 
@@ -117,7 +117,7 @@ def _as_flown(calibration: Calibration) -> Vehicle:
 
 
 def _measured(calibration: Calibration) -> str:
-    """What identification reads of the water and the sensors again."""
+    """Elements with the water and the sensors, which identification reads again."""
     c = calibration
     hull = [c.water_density, c.thermal_expansion, c.thermal_lag]
     sensors = [c.pitch_scale, c.pitch_offset, c.heading_offset, *c.heading_cycles]
@@ -301,7 +301,7 @@ def _with_site(xml: str, vehicle: Vehicle, part: Part) -> str:
 
 
 def _check(xml: str, vehicle: Vehicle) -> None:
-    """What was written must read back as the vehicle that was meant."""
+    """Make sure that the text reads back as the vehicle that was meant."""
     again = parse_vehicle(xml, vehicle.path)
     for name, value in WRITTEN.items():
         mine, theirs = (np.atleast_1d(value(v)) for v in (vehicle, again))

@@ -53,7 +53,7 @@ LEAST_PAIRS = 3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Drift:
-    """What is known of the currents of a deployment."""
+    """Statistics of the currents of a deployment."""
 
     diffusivity: float
     """[m2/s] variance that the way gains per time, north and east each"""
@@ -238,7 +238,7 @@ def currents(
 
 
 def drift_of(found: Sequence[DiveCurrent]) -> Drift:
-    """What the currents of one deployment's dives, in order of time, say of those in between.
+    """Statistics of the currents of one deployment's dives, given in order of time.
 
     Two dives of durations a and b whose currents differ by c make up the bridge that one dive of
     both would have been: it would have missed the fix between them by c a b / (a + b), whose

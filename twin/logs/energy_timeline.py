@@ -38,7 +38,7 @@ class NotCounted(InputError):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveCharge:
-    """What one dive took, from its counter's first sample to its last."""
+    """Charge of one dive, from its counter's first sample to its last."""
 
     mission: int
     hours: float
@@ -50,13 +50,13 @@ class DiveCharge:
 
 
 class EnergyFactor(NamedTuple):
-    """What one consumer's energy is proportional to."""
+    """Factor of one consumer in the line of energy."""
 
     name: str
     unit: str
     least: float
     field: str
-    """Of `Consumption`; empty: it has none"""
+    """Field of `Consumption`; empty: it has none"""
     inverse: bool = False
     """Whether the field is one over the factor"""
     most: float = np.inf
@@ -172,7 +172,7 @@ class EnergyTimeline:
         return np.asarray((self.charge[last] - self.charge[first]) * COULOMBS * volts)
 
     def table(self, span: NDArray[np.intp], names: Sequence[str]) -> Array:
-        """What was done in each interval, (interval, factor)."""
+        """Quantity of each factor in each interval, (interval, factor)."""
         first, last = span.T
         columns = [self.done[name][last] - self.done[name][first] for name in names]
         return np.stack(columns, axis=1)

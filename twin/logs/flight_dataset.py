@@ -107,7 +107,7 @@ TRACK_COMMENTS = {
         "longitude": SPREAD,
     },
 }
-"""By the correction at the fixes"""
+"""Comments by the correction at the fixes"""
 PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_north": (
         "m s-1", "depth-averaged current, northward", "northward_sea_water_velocity"
@@ -117,7 +117,7 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_start": ("s", "time of the fix before the dive, since the mission's start", None),
     "dac_end": ("s", "time of the fix after the dive, since the mission's start", None),
 }  # fmt: skip
-"""The same of each dive between two fixes, (dac,)"""
+"""Units, meaning and CF standard name of each dive between two fixes, (dac,)"""
 DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
 EPOCH = {"units": "seconds since 1970-01-01T00:00:00", "calendar": "standard",
          "standard_name": "time"}  # fmt: skip
@@ -195,7 +195,7 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
 
 
 def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
-    """What is said of one mission, each (time,)."""
+    """Variables of one mission, each (time,)."""
     dive, count = one.dive, len(one.dive.depth)
     latitude, longitude = one.place.degrees(*one.position.T)
     found = {

@@ -56,13 +56,13 @@ class MissionFlight:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flight:
-    """What a flight model says of the missions of a store."""
+    """Flights of the missions of a store by a flight model."""
 
     store: MissionStore
     calibration: Calibration
     estimator: str
     track: str
-    """How tracks are corrected at the fixes"""
+    """Correction of tracks at the fixes"""
     missions: tuple[MissionFlight, ...]
     currents: tuple[DiveCurrent, ...]
     """of all dives between fixes, in the order of the missions"""

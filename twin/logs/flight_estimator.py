@@ -47,9 +47,9 @@ class FlightEstimator(abc.ABC):
     """
 
     kind: ClassVar[str]
-    """What the user types: `twin flight --estimator KIND` or `KIND:ARGUMENT`."""
+    """Name that the user types: `twin flight --estimator KIND` or `KIND:ARGUMENT`."""
     summary: ClassVar[str]
-    """What it does, for help texts and documents."""
+    """One line for help texts and documents."""
 
     modelled: ClassVar[bool] = False
     """Whether its speed is the flight model's, so that the depth rate tells its error."""
@@ -161,7 +161,7 @@ def fly_dive(
     raw: CtdSeries | None,
     ctd: CtdSeries | None,
 ) -> FlownDive:
-    """How a vehicle flew one dive.
+    """Fly a vehicle through one dive of a log.
 
     Args:
       store: of the dive.

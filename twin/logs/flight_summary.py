@@ -126,7 +126,7 @@ LOWEST, HIGHEST = 0.6, 1.6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseSpeed:
-    """By what the modelled speed is multiplied."""
+    """Factors of the modelled speed."""
 
     descent: float
     """[1]"""

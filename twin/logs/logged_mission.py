@@ -41,11 +41,11 @@ STORED = {
     METHODS["depth_rate_and_pitch"]: CORRECTED,
     METHODS["straight_line"]: STRAIGHT,
 }
-"""What the latitude and longitude of a store are, by how they were found"""
+"""Kind of track of a store's latitude and longitude, by how they were found"""
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 SIMULATED, LOGGED = "simulated truth", "reference of the log"
-"""Of logs of simulations, and of what a log brings itself"""
+"""Sources in logs of simulations, and of what a log brings itself"""
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""
@@ -187,7 +187,7 @@ def _part(
 
 
 def _reference(name: str, logs: LogStore, profiled: bool) -> str:
-    """What a true_* signal is that the log itself holds.
+    """Source of a true_* signal that the log itself holds.
 
     Args:
       profiled: whether the log holds currents, so that its velocities are a profiler's.
