@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from logs import SHARED
 
-from benchmarks.real_logs.factory_model import factory_sink
+from benchmarks.real_logs.fixes import factory_sink
 from benchmarks.real_logs.row import (
     LEAST_DIVES,
     Method,

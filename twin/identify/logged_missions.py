@@ -22,7 +22,7 @@ NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading
 OPTIONAL = (
     *("measured_density", "measured_temperature", "measured_gap"),
     *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
-    *("measured_shift", "measured_rotation", "measured_fin", "true_speed"),
+    *("measured_shift", "measured_rotation", "measured_fin"),
 )
 WINDOW, LEAST_WINDOW = 20.0, 5
 """[s], samples of the depth rate's filter: a quarter of an inflection, ten times the noise."""
@@ -88,8 +88,6 @@ class Log(Record):
     """The mission before it in the list ended shortly before: their currents are alike."""
     powered: bool = False
     """A thruster drove it."""
-    true_speed: Array | None = None
-    """[m/s] through the water; never used to fit."""
 
     @property
     def duration(self) -> float:
@@ -275,7 +273,6 @@ def log_of(
         use=use,
         displacement=displacement,
         follows=follows,
-        true_speed=signals.get("true_speed"),
     )
 
 

@@ -154,12 +154,12 @@ class EnergyTimeline:
             parts[which] = parts.get(which, 0.0) + np.asarray(of)
         return {name: np.cumsum(values) for name, values in parts.items()}
 
-    def intervals(self, least: float = INTERVAL) -> NDArray[np.intp]:
+    def intervals(self) -> NDArray[np.intp]:
         """First and last sample of each interval between readings of the counter, (interval, 2)."""
         found, start = [], -1
         for k in np.flatnonzero(np.isfinite(self.charge)).tolist():
             if start >= 0 and self.chain[k] == self.chain[start]:
-                if self.time[k] - self.time[start] < least:
+                if self.time[k] - self.time[start] < INTERVAL:
                     continue
                 found.append((start, k))
             start = k

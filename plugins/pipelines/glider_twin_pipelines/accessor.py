@@ -74,9 +74,7 @@ class GliderAccessor:
         own = [one.current for one in found]
         arrays: dict[str, Any] = {}
         for name, field in (("north", "north"), ("east", "east"), ("sd", "deviation")):
-            said = zip(
-                ("units", "long_name", "standard_name"), PER_DIVE[f"dac_{name}"], strict=True
-            )
+            said = zip(DESCRIBED, PER_DIVE[f"dac_{name}"], strict=True)
             about = {word: text for word, text in said if text}
             arrays[f"dac_{name}"] = (DAC, np.array([getattr(one, field) for one in own]), about)
         for name, share, word in (
