@@ -7,9 +7,18 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel
-from factory.importing.plausibility import lone_zeros, runs, short_runs, stale, unreachable
+from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
+from factory.importing.plausibility import (
+    lone_zeros,
+    runs,
+    short_runs,
+    sinks_in_radian,
+    stale,
+    unreachable,
+)
 from factory.importing.tally import Tally
+from twin.records.schema import VARIABLES
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 
@@ -87,7 +96,7 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
         tally.add(
             "removed",
             subject,
-            int((there & ~possible).sum()),
+            there & ~possible,
             f"outside {limits.low:g} to {limits.high:g}",
         )
         there &= possible
@@ -99,7 +108,7 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
                 (lone_zeros, "0 in the middle of a dive: no value yet"),
             ):
                 unset = find(time, values, rate=limits.rate, jump=limits.jump)
-                tally.add("removed", subject, int(unset.sum()), what)
+                tally.add("removed", subject, unset, what)
                 time, values = time[~unset], values[~unset]
             bad = unreachable(time, values, rate=limits.rate, jump=limits.jump)
             why = f"changes faster than {limits.rate:g} m/s"
@@ -114,11 +123,11 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
         else:
             bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
             why = "single spikes"
-        tally.add("removed", subject, int(bad.sum()), why)
+        tally.add("removed", subject, bad, why)
         time, values = time[~bad], values[~bad]
         if name in CHAINED:
             high = above_sea(values)
-            tally.add("removed", subject, int(high.sum()), f"more than {_WAVES:g} m above the sea")
+            tally.add("removed", subject, high, f"more than {_WAVES:g} m above the sea")
             time, values = time[~high], values[~high]
     return Channel(time, values)
 
@@ -167,7 +176,7 @@ def downward(values: Array, subject: str, tally: Tally) -> Array:
     """Depths or pressures that count down; those of a column that counts upward turned, counted."""
     if not counts_upward(values):
         return values
-    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was positive up")
+    tally.add("repaired", subject, np.isfinite(values), "was positive up")
     return -values
 
 
@@ -185,7 +194,7 @@ def kelvin_to_celsius(values: Array, subject: str, tally: Tally) -> Array:
         return values
     if np.mean((different > _COLDEST) & (different < _WARMEST)) < _MEASURED:
         return values
-    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was in K, not in degC")
+    tally.add("repaired", subject, np.isfinite(values), "was in K, not in degC")
     return values - _KELVIN
 
 
@@ -203,7 +212,7 @@ def _doubt_unit(
     if wrong.size >= _FEWEST and wrong.size > 0.5 * different.size:
         tally.doubt(
             subject, "most of its values are impossible: another unit or quantity?",
-            int(impossible.sum()), start=float(time[impossible].min()),
+            impossible, start=float(time[impossible].min()),
             end=float(time[impossible].max()),
         )  # fmt: skip
 
@@ -252,20 +261,166 @@ def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> 
     """Decimal degrees; NMEA ddmm.mmm where decimal degrees are native is converted, counted."""
     usual = np.abs(latitude) < 1e6  # Slocum marks a position without fix by 69696969
     usual &= np.abs(longitude) < 1e6
-    tally.add(
-        "removed", subject, int((~usual & np.isfinite(latitude)).sum()), "no position (sentinel)"
-    )
+    tally.add("removed", subject, ~usual & np.isfinite(latitude), "no position (sentinel)")
     latitude, longitude = np.where(usual, latitude, np.nan), np.where(usual, longitude, np.nan)
     good = np.isfinite(latitude) & np.isfinite(longitude)
     unset = good & (latitude == 0.0) & (longitude == 0.0)
-    tally.add("removed", subject, int(unset.sum()), "no position yet (0, 0)")
+    tally.add("removed", subject, unset, "no position yet (0, 0)")
     latitude, good = np.where(unset, np.nan, latitude), good & ~unset
     if _degrees_and_minutes(latitude[good], longitude[good]):
-        tally.add("repaired", subject, int(good.sum()), "was ddmm.mmm where degrees are native")
+        tally.add("repaired", subject, good, "was ddmm.mmm where degrees are native")
         latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
     # a longitude that is counted on past Greenwich is one
     impossible = good & ((np.abs(latitude) > 90.0) | (np.abs(longitude) > 2.0 * _TURN))
-    tally.add("removed", subject, int(impossible.sum()), "no position on Earth")
+    tally.add("removed", subject, impossible, "no position on Earth")
     latitude = np.where(impossible, np.nan, latitude)
     longitude = np.where(impossible, np.nan, longitude)
     return latitude, (longitude + 180.0) % 360.0 - 180.0
+
+
+CURRENTS = (
+    ("dac_north", "dac_east"),
+    ("measured_current_north", "measured_current_east"),
+)
+"""Currents that vehicles report, as pairs"""
+_OTHERS = {
+    "onboard_north": "true_north", "onboard_east": "true_east",
+    **{f"velocity_{axis}": "true_surge" for axis in ("north", "east", "down")},
+}  # fmt: skip
+"""Channels that a store does not hold as they are, and signals with the same limits"""
+_WORDS = 3
+"""Values by which sensors say that they have none"""
+_HALF = 0.5
+"""With more impossible values than this part, the rest is suspect too."""
+
+
+def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log as its reader made it, without impossible values; what is left of them is suspect."""
+    _doubt_pitch(log, tally)
+    log = _without_impossible_currents(log, tally)
+    wrapped = {n: _wrapped(c) for n, c in log.auxiliary.items() if n.endswith("longitude")}
+    fixes = log.fixes
+    return dataclasses.replace(
+        log,
+        channels={
+            name: kept
+            for name, one in log.channels.items()
+            if len(kept := _possible(name, one, log.deployment, tally))
+        },
+        auxiliary={
+            n: _possible(n, c, log.deployment, tally)
+            for n, c in {**log.auxiliary, **wrapped}.items()
+        },
+        magnetic_variation=_possible(
+            "magnetic_variation", log.magnetic_variation, log.deployment, tally
+        ),
+        fixes=_on_earth(
+            LoggedFixes(fixes.time, fixes.latitude, _east_of_greenwich(fixes.longitude)),
+            log.deployment, tally,
+        ),
+    )  # fmt: skip
+
+
+def _east_of_greenwich(longitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitudes up to 360 degree as those of a store, from -180."""
+    turned = (longitude > 180.0) & (longitude <= 360.0)
+    return np.where(turned, longitude - 360.0, longitude) if turned.any() else longitude
+
+
+def _wrapped(channel: Channel) -> Channel:
+    return Channel(channel.time, _east_of_greenwich(channel.values))
+
+
+def _limits(name: str) -> tuple[float, float]:
+    """Lowest and highest value of a channel; without limits for what is no quantity."""
+    for axis in ("latitude", "longitude"):
+        if name.endswith(axis):
+            return LIMITS[axis].low, LIMITS[axis].high
+    if name == "magnetic_variation":
+        return -180.0, 180.0
+    if name in LIMITS:
+        return LIMITS[name].low, LIMITS[name].high
+    name = _OTHERS.get(name, name)
+    return recorded_limits(name) if name in VARIABLES else (-np.inf, np.inf)
+
+
+def _possible(name: str, channel: Channel, deployment: str, tally: Tally) -> Channel:
+    low, high = _limits(name)
+    bad = ~((channel.values >= low) & (channel.values <= high))
+    if not bad.any():
+        return channel
+    tally.add("removed", name, bad, f"outside {low:g} to {high:g}")
+    _doubt_rest(name, channel.time, channel.values, bad, deployment, tally)
+    return Channel(channel.time[~bad], channel.values[~bad])
+
+
+def _on_earth(fixes: LoggedFixes, deployment: str, tally: Tally) -> LoggedFixes:
+    bad = np.zeros(len(fixes), bool)
+    for axis, values in (("latitude", fixes.latitude), ("longitude", fixes.longitude)):
+        bad |= ~((values >= LIMITS[axis].low) & (values <= LIMITS[axis].high))
+    if not bad.any():
+        return fixes
+    tally.add("removed", "GPS fixes", bad, "no position on Earth")
+    _doubt_rest("GPS fixes", fixes.time, fixes.latitude, bad, deployment, tally)
+    return fixes.keep(~bad)
+
+
+def _doubt_rest(
+    subject: str,
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    bad: NDArray[np.bool_],
+    deployment: str,
+    tally: Tally,
+) -> None:
+    # a sensor that is off says one value, a wrong unit many
+    if bad.mean() > _HALF and np.unique(values[bad]).size > _WORDS:
+        tally.doubt(
+            subject, "most of its values are impossible: another unit or quantity?",
+            bad, deployment=deployment, start=float(time[bad].min()),
+            end=float(time[bad].max()),
+        )  # fmt: skip
+
+
+def _doubt_pitch(log: DeploymentLog, tally: Tally) -> None:
+    """Mark a log as suspect whose flight is that of its pitch in radian."""
+    depth, pitch = log.channel("measured_depth"), log.channel("measured_pitch")
+    depth = depth if len(depth) else log.channel("measured_pressure")  # a dbar is a metre here
+    if not len(pitch) or not len(depth):
+        return
+    if np.percentile(np.abs(pitch.values), 99.0) > 0.5 * np.pi:
+        return
+    if sinks_in_radian(pitch.time, depth.at(pitch.time), pitch.values):
+        tally.doubt(
+            "measured_pitch", "the vehicle sinks and rises by its pitch in radian: another unit?",
+            len(pitch), deployment=log.deployment,
+        )  # fmt: skip
+
+
+def _without_impossible_currents(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log without reported currents that no sea has; the dives that they are of are suspect."""
+    channels, auxiliary = dict(log.channels), dict(log.auxiliary)
+    limits = LIMITS["dac_north"]
+    for pair in CURRENTS:
+        bad = np.zeros(0)
+        for name in pair:
+            one = log.channel(name)
+            wrong = ~((one.values >= limits.low) & (one.values <= limits.high))
+            bad = np.union1d(bad, one.time[wrong])
+        if not bad.size:
+            continue
+        for name in pair:
+            one = log.channel(name)
+            kept = ~np.isin(one.time, bad)
+            place = channels if name in channels else auxiliary
+            if name in place:
+                place[name] = Channel(one.time[kept], one.values[kept])
+        times = np.union1d(log.channel(pair[0]).time, log.channel(pair[1]).time)
+        wrong = np.isin(times, bad)
+        before = np.concatenate([[-np.inf], times[:-1]])[wrong]
+        for k, (start, end) in enumerate(zip(before, times[wrong], strict=True)):
+            tally.doubt(
+                " and ".join(pair), f"a current of more than {limits.high:g} m/s: no sea has it",
+                0 if k else len(bad), deployment=log.deployment, start=start, end=end,
+            )  # fmt: skip
+    return dataclasses.replace(log, channels=channels, auxiliary=auxiliary)

@@ -82,14 +82,14 @@ def good_fixes(
         return fixes
     racing = coasting(fixes, rules.coast_speed)
     tally.add(
-        "removed", FIXES, int(racing.sum()),
+        "removed", FIXES, racing,
         f"constant velocity above {rules.coast_speed:g} m/s: the receiver coasts, or is carried",
     )  # fmt: skip
     fixes = fixes.keep(~racing)
     if station:
         near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
         deep = (depth.at(fixes.time) > STATION_DEPTH) & near
-        tally.add("removed", FIXES, int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
+        tally.add("removed", FIXES, deep, f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
     elif len(depth):
         fixes = _afloat(fixes, depth, rules, tally)
@@ -98,7 +98,7 @@ def good_fixes(
         # alone away from both neighbours, which agree with each other
         if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
             keep[i] = _apart(fixes, i - 1, i + 1, rules)
-    tally.add("removed", FIXES, int((~keep).sum()), "away from their neighbours")
+    tally.add("removed", FIXES, ~keep, "away from their neighbours")
     return fixes.keep(keep)
 
 
@@ -114,8 +114,8 @@ def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
 
 def tell_fixes(fixes: LoggedFixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
     """Count the good fixes that rows hold and those that no row holds."""
-    tally.add("kept", FIXES, int(used.sum()), kept)
-    tally.add("left out", FIXES, int((~used).sum()), left_out)
+    tally.add("kept", FIXES, used, kept)
+    tally.add("left out", FIXES, ~used, left_out)
 
 
 def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
@@ -173,9 +173,11 @@ def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) 
     if wet > _SHARE * near.sum() and wet >= _LEAST:
         tally.doubt(FIXES, _clocks(fixes.time, depth, rules), wet)
     tally.add(
-        "removed", FIXES, int((~keep).sum()),
+        "removed",
+        FIXES,
+        ~keep,
         f"under water: deeper than {rules.fix_depth:g} m",
-    )  # fmt: skip
+    )
     tally.add(
         "note", FIXES, coasted,
         f"deeper than {rules.fix_depth:g} m, within {rules.fix_lag:g} s of the surface and"

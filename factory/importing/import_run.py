@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.cleaning import within_limits
 from factory.importing.deployment_log import OF_THE_MACHINE, UNREADABLE, each_file, failed_reading
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
@@ -24,7 +25,6 @@ from factory.importing.formats.base import (
     kind_that_takes,
 )
 from factory.importing.given_files import expand
-from factory.importing.log_limits import within_limits
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
@@ -88,9 +88,7 @@ def import_logs(
     options = ReadOptions(
         variation_deg=variation_deg, cache=cache, mapping=mapping, payload=parse_payload(payload)
     )  # fmt: skip
-    paths, logs = read_logs(
-        kind, files, options, tally, keep_going=keep_going, recursive=recursive
-    )  # fmt: skip
+    paths, logs = read_logs(kind, files, options, tally, keep_going=keep_going, recursive=recursive)
     if one_deployment:
         first = min((log for log in logs if log.channels), key=lambda one: one.span, default=None)
         logs = [dataclasses.replace(log, deployment=(first or log).deployment) for log in logs]

@@ -178,7 +178,7 @@ def payload_channels(
         unit = one.units or said or "1"
         low, high = one.limits
         good = (channel.values >= low) & (channel.values <= high)
-        tally.add("removed", there[0], int((~good).sum()), f"outside {low:g} to {high:g}")
+        tally.add("removed", there[0], ~good, f"outside {low:g} to {high:g}")
         if not good.any():
             continue
         entry = Variable(

@@ -146,7 +146,7 @@ def tell_standing(
         tally.doubt(
             subject,
             "several samples have one time and other values: the clock stands",
-            int(rows[begin : end + 1].sum()),
+            rows[begin : end + 1],
             deployment=deployment,
             start=float(max(moments[max(at[begin] - 1, 0)], moments[at[begin]] - LONGEST)),
             end=float(min(moments[min(at[end] + 1, len(moments) - 1)], moments[at[end]] + LONGEST)),

@@ -15,6 +15,11 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+    Count = int | np.integer[Any] | Mask
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
@@ -66,17 +71,25 @@ class Tally:
         self.unreadable: list[tuple[str, str]] = []
         """Files that could not be read, by name, and why."""
 
-    def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
-        """Count something; nothing is recorded for a count of 0."""
-        if count:
+    def add(self, action: str, subject: str, count: Count = 1, detail: str = "") -> None:
+        """Count something, or the true values of a mask; nothing is recorded for a count of 0."""
+        number = count if isinstance(count, int) else int(count.sum())
+        if number:
             key = (action, subject, detail)
-            self._counts[key] = self._counts.get(key, 0) + int(count)
+            self._counts[key] = self._counts.get(key, 0) + number
+
+    def removed(self, values: Array, bad: Mask, subject: str, why: str) -> Array:
+        """The values, NaN where they are bad, which is counted."""
+        import numpy as np  # the list of kinds needs this file for its errors alone
+
+        self.add("removed", subject, bad, why)
+        return np.where(bad, np.nan, values)
 
     def doubt(
         self,
         subject: str,
         why: str,
-        count: int = 1,
+        count: Count = 1,
         *,
         deployment: str = "",
         start: float = -math.inf,
@@ -157,13 +170,6 @@ class ImportReport:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         return dataclasses.asdict(self)
-
-
-def finite(values: np.ndarray) -> int:
-    """How many values are finite."""
-    import numpy as np  # the list of kinds needs this file for its errors alone
-
-    return int(np.isfinite(values).sum())
 
 
 def summarise(names: Sequence[str], limit: int = 6) -> str:

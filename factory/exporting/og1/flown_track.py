@@ -14,14 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.logs import (
-    DiveCurrent,
-    Drift,
-    Fixes,
-    corrected_track,
-    estimate_flight,
-    linear_track,
-)
+from twin.logs import DiveCurrent, Drift, Fixes, corrected_track, estimate_flight, linear_track
 from twin.logs.corrected_track import track_velocity
 from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
 from twin.logs.fix import fixes_of, place_of

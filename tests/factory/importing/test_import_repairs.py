@@ -28,15 +28,9 @@ from factory.importing import import_logs
 from factory.importing.angles import in_degrees
 from factory.importing.cleaning import counts_upward
 from factory.importing.columns import column_names, read_table, tidy
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, LoggedFixes
 from factory.importing.plausibility import unreachable
-from factory.importing.seawater import pressure_of, with_depth
+from factory.importing.pressures import pressure_of, with_depth
 from factory.importing.tally import Tally
 from twin.errors import InputError
 

@@ -20,14 +20,7 @@ from factory.exporting.flat_table import export_parquet
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
-from factory.logs_page import (
-    OURS,
-    THEIRS,
-    averaged,
-    current_errors,
-    deployment_page,
-    dive_figures,
-)
+from factory.logs_page import OURS, THEIRS, averaged, current_errors, deployment_page, dive_figures
 from factory.soundness import verify_logs
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore

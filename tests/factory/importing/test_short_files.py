@@ -8,15 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from logs import (
-    START,
-    Flight,
-    gps_columns,
-    slocum_columns,
-    write_csv,
-    write_dbd,
-    write_seaexplorer,
-)
+from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_dbd, write_seaexplorer
 
 from factory.importing import TRUNCATED, import_logs
 from factory.importing.deployment_log import Channel

@@ -13,11 +13,11 @@ import zarr
 
 from factory.__main__ import PROGRAM
 from factory.importing import IMPORTERS, Importer, import_logs
+from factory.importing.cleaning import within_limits
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives import dive_store
 from factory.importing.dives.dive_checks import keep_possible
 from factory.importing.dives.dive_store import rows_of
-from factory.importing.log_limits import within_limits
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from factory.soundness import verify_logs

@@ -30,18 +30,11 @@ from message_logs import Dataflash, write_ardusub
 
 from factory.importing import import_logs
 from factory.importing.angles import LoggedAngle, attitude_degrees
-from factory.importing.cleaning import positions
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.cleaning import positions, within_limits
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, LoggedFixes
 from factory.importing.formats.csv.mapping import Signal
 from factory.importing.formats.slocum.choices import slocum_pump
 from factory.importing.formats.slocum.native_sensors import in_native_units
-from factory.importing.log_limits import within_limits
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
 from factory.importing.plausibility import sinks_in_radian

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import LIMITS, clean
-from factory.importing.columns import (
-    stacked,
-    tidy,
-)
+from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import (
     EMPTY,
     NEAR,
@@ -36,10 +33,8 @@ from factory.importing.formats.csv.mapping import (
     row_times,
 )
 from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
-from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
-from factory.importing.formats.csv.velocity_checks import check_track
-from factory.importing.pressures import with_dbar_by_depth
-from factory.importing.seawater import ctd_channels, pressure_of
+from factory.importing.formats.csv.pieces import KIND, LogPiece, check_track, pieces_of
+from factory.importing.pressures import ctd_channels, pressure_of, with_dbar_by_depth
 from factory.importing.tally import Tally, note_empty
 from twin.errors import InputError
 from twin.records.schema.limits import recorded_limits
@@ -146,9 +141,7 @@ def mapped_log(
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
         has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
-        tally.add(
-            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
-        )
+        tally.add("note", "measured_dvl_mode", has, f"{mapping.dvl_lock}, says the mapping")
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
     latitude, longitude, fix = (
@@ -227,7 +220,7 @@ def _clean(name: str, signal: Signal, time: Array, values: Array, tally: Tally) 
         low, high = max(low, least), min(high, most)
     with np.errstate(invalid="ignore"):
         bad = np.isfinite(values) & ~((values >= low) & (values <= high))
-    tally.add("removed", name, int(bad.sum()), f"outside {low:g} to {high:g}")
+    tally.add("removed", name, bad, f"outside {low:g} to {high:g}")
     return clean(name, time, np.where(bad, np.nan, values), tally)
 
 
@@ -259,7 +252,7 @@ def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) ->
     both = np.intersect1d(latitude.time, longitude.time)
     if len(fix) and both.size:
         said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0
-        tally.add("removed", "GPS fixes", int((~said).sum()), "the receiver says that it has none")
+        tally.add("removed", "GPS fixes", ~said, "the receiver says that it has none")
         both = both[said]
     if not both.size:
         return NO_FIXES
@@ -269,7 +262,7 @@ def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) ->
     fresh[1:] = (np.diff(north) != 0.0) | (np.diff(east) != 0.0)
     if len(both) > 1:
         fresh[0] = fresh[1]
-    tally.add("left out", "GPS fixes", int((~fresh).sum()), "rows that repeat the position before")
+    tally.add("left out", "GPS fixes", ~fresh, "rows that repeat the position before")
     return LoggedFixes(both, north, east).keep(fresh)
 
 

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from factory.importing.cleaning import clean
 from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.gps_fixes import nearest
-from factory.importing.pressures import to_dbar
-from factory.importing.seawater import pressure_of
+from factory.importing.pressures import pressure_of, to_dbar
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import to_cm3
 
 Array = NDArray[np.float64]
 
+INCH_HG = 3386.389
+"""[Pa] in an inch of mercury at 0 degC (NIST SP 811)"""
 PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
 """[bar] Candidates; the one with the least noise is taken."""
 OWN = PRESSURES[1:]
@@ -285,3 +286,56 @@ def _weight(native: Mapping[str, Channel], pair: tuple[str, str]) -> tuple[float
         return 0.0, len(native.get(pair[1], ()))
     moved = float(np.ptp(np.percentile(one.values, [1.0, 99.0])))
     return (moved if moved > _MOVES else 0.0), len(one)
+
+
+def slocum_batteries(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+    """Channels of a Slocum's native sensors; of two with the same meaning the first is taken."""
+    found: dict[str, Channel] = {}
+    for target, (names, factor) in SLOCUM.items():
+        there = [name for name in names if len(native.get(name, ()))]
+        if not there:
+            continue
+        one = native[there[0]]
+        found[target] = clean(target, one.time, factor * one.values, tally, subject=there[0])
+        leave_out(there[1:], f"{there[0]} says the same", tally)
+    return found | _thruster(native, found.get("measured_voltage", EMPTY), tally)
+
+
+def _thruster(native: Mapping[str, Channel], voltage: Channel, tally: Tally) -> dict[str, Channel]:
+    """Power [W] that the thruster takes from the batteries: its current at their voltage.
+
+    `m_thruster_power` is the current at the motor's own, lower voltage; it stands in for it.
+    """
+    current, power = (native.get(name, EMPTY) for name in THRUSTER)
+    if len(current) and len(voltage):
+        leave_out(THRUSTER[1:], f"{THRUSTER[0]} at the batteries' voltage is taken", tally)
+        power = Channel(current.time, current.values * voltage.at(current.time))
+    if not power.values.any():
+        return {}  # a vehicle without one writes 0 once
+    name = "measured_thruster_power"
+    return {name: clean(name, power.time, power.values, tally)}
+
+
+THRUSTER = ("m_thruster_current", "m_thruster_power")
+"""[A], [W] of a Slocum's thruster"""
+
+
+SLOCUM = {
+    "measured_charge": (("m_coulomb_amphr_total", "m_coulomb_amphr"), 1.0),
+    "measured_voltage": (("m_battery", "m_battery_inst"), 1.0),
+    "measured_battery_current": (("m_coulomb_current",), 1.0),
+    "measured_vacuum": (("m_vacuum",), INCH_HG),
+}
+"""Store's name, a Slocum's sensors by preference, and the store's units in one of theirs."""
+
+
+SLOCUM_UNITS = {
+    **dict.fromkeys(SLOCUM["measured_charge"][0], "A h"),
+    **dict.fromkeys(SLOCUM["measured_voltage"][0], "V"),
+    "m_coulomb_current": "A", "m_thruster_current": "A", "m_thruster_power": "W",
+    "m_vacuum": "inHg",
+}  # fmt: skip
+"""What these sensors are in"""
+
+
+SLOCUM_SENSORS = (*(name for names, _ in SLOCUM.values() for name in names), *THRUSTER)
