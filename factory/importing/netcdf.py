@@ -213,11 +213,8 @@ def text_of(variable: Any) -> str:
 
 SINCE = " since "
 """In the units of every CF time"""
-_UNITS_SINCE = re.compile(r"(\w+) since (.+)")
-_SECONDS_IN = {
-    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
-    "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
-}  # fmt: skip
+_SECONDS_IN = {"nanosecond": 1e-9, "microsecond": 1e-6, "millisecond": 1e-3, "second": 1.0,
+               "minute": 60.0, "hour": 3600.0, "day": 86400.0}  # fmt: skip
 
 
 def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: Tally) -> Array:
@@ -229,15 +226,13 @@ def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: 
     units = str(attributes.get("units", ""))
     if SINCE not in units:
         return unix_seconds(time, subject, tally)
-    match = _UNITS_SINCE.fullmatch(units.strip())
-    unit = match[1].lower() if match else ""
-    factor = _SECONDS_IN.get(unit if unit.endswith("s") else f"{unit}s")
-    if match is None or factor is None:
-        raise InputError(f"{subject}: its time has unknown units {units!r}")
-    zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
-    if not np.isfinite(zero):
-        raise InputError(f"{subject}: its time has unknown units {units!r}")
-    return zero + factor * time
+    match = re.fullmatch(r"(\w+) since (.+)", units.strip())
+    if match is not None:
+        factor = _SECONDS_IN.get(match[1].lower().removesuffix("s"), np.nan)
+        zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
+        if np.isfinite(factor * zero):
+            return zero + factor * time
+    raise InputError(f"{subject}: its time has unknown units {units!r}")
 
 
 def _whole_stamp(word: str) -> str:
@@ -256,7 +251,13 @@ COUNTS = ("row_size", "rowsize")
 
 
 class Geometry:
-    """Samples of a file, and where along each dimension each of them lies."""
+    """Samples of a file, and where along each dimension each of them lies.
+
+    The layouts are those of CF's chapter 9: a variable along the samples; one value for a profile
+    or a trajectory whose samples lie one after the other, counted by a variable with
+    `sample_dimension` (ERDDAP's `rowSize`); an index of the profile at each sample, with
+    `instance_dimension`; arrays of profiles by samples, padded.
+    """
 
     def __init__(self, file: Any, measured: Sequence[str], subject: str) -> None:
         """Find the samples.
@@ -271,15 +272,14 @@ class Geometry:
         """
         self._variables: Mapping[str, Any] = file.variables
         self._subject = subject
-        there = [n for n in measured if n in file.variables and is_number(file.variables[n])]
-        largest = max(there, key=lambda n: int(file.variables[n].size), default=None)
+        there = [v for n in measured if (v := file.variables.get(n)) is not None and is_number(v)]
+        variable = max(there, key=lambda one: int(one.size), default=None)
         self._along: dict[str, Index] = {}
         self._own: set[str] = set()  # dimensions of the samples themselves
         self.count = 0
         """Samples, those that pad an array among them"""
-        if largest is None or not file.variables[largest].dimensions:
+        if variable is None or not variable.dimensions:
             return
-        variable = file.variables[largest]
         self._own = {d for d in variable.dimensions if file.dimensions[d].size > 1}
         self.count = int(variable.size)
         for name, at in zip(variable.dimensions, np.indices(variable.shape), strict=True):
@@ -302,7 +302,7 @@ class Geometry:
                 counted = rest[0] if len(rest) == 1 else None
             named = getattr(variable, "instance_dimension", None)
             if counted in self._along and own not in self._along:
-                self._along[own] = self._counted(name, str(counted))
+                self._along[own] = self._counted(name, self._along[str(counted)], str(counted))
                 return True
             if own in self._along and named is not None and named not in self._along:
                 index = as_array(variable[:])[self._along[own]]
@@ -310,14 +310,14 @@ class Geometry:
                 return True
         return False
 
-    def _counted(self, name: str, counted: str) -> Index:
+    def _counted(self, name: str, along: Index, counted: str) -> Index:
         """Of each sample the element that counts it."""
         counts = self._whole(as_array(self._variables[name][:]), name)
-        along = self._along[counted]
-        if counts.sum() != (along.max() + 1 if along.size else 0):
+        samples = along.max(initial=-1) + 1
+        if counts.sum() != samples:
             raise InputError(
                 f"{self._subject} is damaged: {name} counts {counts.sum()} samples, and "
-                f"{counted} has {along.max() + 1 if along.size else 0}"
+                f"{counted} has {samples}"
             )
         return np.repeat(np.arange(len(counts)), counts)[along]
 
@@ -338,7 +338,16 @@ class Geometry:
 
     def column(self, name: str) -> Array:
         """Numbers of a variable, (samples,); of one that `reaches` them."""
-        return self._at(name, as_array(self._variables[name][...]))
+        variable = self._variables[name]
+        values = as_array(variable[...])
+        index = tuple(self._along[d] for d in variable.dimensions)
+        try:
+            found = values.reshape(variable.shape)[index] if index else values
+        except IndexError as error:
+            raise InputError(
+                f"{self._subject} is damaged: {name} has fewer elements than its index names"
+            ) from error
+        return np.array(np.broadcast_to(found, (self.count,)), np.float64)
 
     def texts(self, name: str) -> NDArray[np.object_] | None:
         """Texts of a variable, (samples,), a number as it is written; None: it has none there."""
@@ -358,34 +367,19 @@ class Geometry:
         found = words.reshape(shape)[tuple(self._along[d] for d in dimensions)] if shape else words
         return np.broadcast_to(found, (self.count,))
 
-    def _at(self, name: str, values: Array) -> Array:
-        variable = self._variables[name]
-        index = tuple(self._along[d] for d in variable.dimensions)
-        try:
-            found = values.reshape(variable.shape)[index] if index else values
-        except IndexError as error:
-            raise InputError(
-                f"{self._subject} is damaged: {name} has fewer elements than its index names"
-            ) from error
-        return np.array(np.broadcast_to(found, (self.count,)), np.float64)
-
     def clocks(self, usual: str, tally: Tally) -> dict[str, Array]:
         """Times [s] unix of all variables of time that reach the samples, the usual one first."""
-        names = [n for n in self._variables if self.reaches(n) and self._is_time(n, usual)]
-        names.sort(key=lambda name: name != usual)
         found = {}
-        for name in names:
+        for name in (usual, *(n for n in self._variables if n != usual)):
+            if not self.reaches(name):
+                continue
             said = attributes_of(self._variables[name])
             if name == usual:
                 found[name] = seconds_of(self.column(name), said, self._subject, tally)
-                continue
-            with contextlib.suppress(InputError):  # no clock: it has units that are none
-                found[name] = seconds_of(self.column(name), said, self._subject, Tally())
+            elif SINCE in str(said.get("units", "")):
+                with contextlib.suppress(InputError):  # no clock: it has units that are none
+                    found[name] = seconds_of(self.column(name), said, self._subject, Tally())
         return found
-
-    def _is_time(self, name: str, usual: str) -> bool:
-        units = str(getattr(self._variables[name], "units", ""))
-        return name == usual or SINCE in units
 
 
 def _text(value: Any) -> str:

@@ -9,6 +9,7 @@ Zero error of a depth sensor: what it shows at the surface is subtracted from th
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import gsw
 import numpy as np
@@ -31,11 +32,6 @@ _SWAPPED = 9.0
 _NONE, _DISTILLED = -0.01, 5e-4
 """[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
 conducts. Below are sentinels of the conductivity alone."""
-
-
-def depth_of(pressure: Array, latitude_deg: float) -> Array:
-    """Depth [m], positive down, of sea pressure [dbar]."""
-    return np.asarray(-gsw.z_from_p(pressure, latitude_deg), np.float64)
 
 
 def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
@@ -64,26 +60,6 @@ def siemens(conductivity: Array, subject: str, tally: Tally) -> Array:
     return conductivity
 
 
-def salinity(conductivity: Array, temperature: Array, pressure: Array) -> Array:
-    """Practical salinity from S/m, degC, dbar."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(gsw.SP_from_C(conductivity * _MS_PER_CM, temperature, pressure))
-
-
-def density(
-    practical: Array,
-    temperature: Array,
-    pressure: Array,
-    latitude: Array | float,
-    longitude: Array | float,
-) -> Array:
-    """In-situ density [kg m-3] from practical salinity, in-situ temperature [degC] and dbar."""
-    with np.errstate(invalid="ignore"):
-        absolute = gsw.SA_from_SP(practical, pressure, longitude, latitude)
-        conservative = gsw.CT_from_t(absolute, temperature, pressure)
-        return np.asarray(gsw.rho(absolute, conservative, pressure), np.float64)
-
-
 def ctd_channels(
     time: Array,
     *,
@@ -108,35 +84,33 @@ def ctd_channels(
         off |= (conductivity > _NONE) & (conductivity < _DISTILLED)
     if practical is not None:
         off |= (practical <= 0.0) & (temperature == 0.0)
-    there = off & np.isfinite(temperature)
-    tally.add("removed", "temperature", there, "the CTD is off or in the air")
+    why = "the CTD is off or in the air"
+    tally.add("removed", "temperature", off & np.isfinite(temperature), why)
     temperature = kelvin_to_celsius(np.where(off, np.nan, temperature), "temperature", tally)
     warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
-    if conductivity is not None and practical is None:
-        conducts = clean("conductivity", time, conductivity, tally)
-        both = np.intersect1d(warm.time, conducts.time)
-        use = np.isin(time, both)
-        values = salinity(conductivity[use], temperature[use], pressure[use])
-    elif practical is not None:
+    if practical is not None:
         use = np.isin(time, warm.time)
         values = practical[use]
+    elif conductivity is not None:
+        conducts = clean("conductivity", time, conductivity, tally)
+        use = np.isin(time, np.intersect1d(warm.time, conducts.time))
+        with np.errstate(invalid="ignore"):
+            values = gsw.SP_from_C(conductivity[use] * _MS_PER_CM, temperature[use], pressure[use])
     else:
         return {"measured_temperature": warm}
-    fresh = clean("measured_salinity", time[use], values, tally, subject="salinity")
+    fresh = clean("measured_salinity", time[use], np.asarray(values), tally, subject="salinity")
     use = np.isin(time, fresh.time)
     north, east = (np.broadcast_to(one, np.shape(time))[use] for one in (latitude, longitude))
-    values = density(fresh.values, temperature[use], pressure[use], north, east)
-    dense = clean("measured_density", time[use], values, tally, subject="density")
+    with np.errstate(invalid="ignore"):
+        absolute = gsw.SA_from_SP(fresh.values, pressure[use], east, north)
+        conservative = gsw.CT_from_t(absolute, temperature[use], pressure[use])
+        dense = np.asarray(gsw.rho(absolute, conservative, pressure[use]), np.float64)
     channels = {
         "measured_temperature": warm,
         "measured_salinity": fresh,
-        "measured_density": dense,
+        "measured_density": clean("measured_density", time[use], dense, tally, subject="density"),
     }
     return {name: channel for name, channel in channels.items() if len(channel)}
-
-
-_EQUATOR = 0.0
-"""[degree] Latitude for depth where a log has no position: 0.5 % of gravity's range."""
 
 
 def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
@@ -147,20 +121,19 @@ def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
     Raises:
       InputError: it has neither.
     """
-    latitude = float(np.median(log.fixes.latitude)) if len(log.fixes) else _EQUATOR
-    track = log.channel("latitude")
-    if not len(log.fixes) and len(track):
-        latitude = float(np.median(track.values))
+    track = log.channel("latitude").values
+    latitude = float(np.median(track)) if len(track) and not len(log.fixes) else log.fixes.middle[0]
     pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
-    channels = dict(log.channels)
+    made = {}
     if len(pressure):
-        channels["measured_depth"] = Channel(pressure.time, depth_of(pressure.values, latitude))
+        below = np.asarray(-gsw.z_from_p(pressure.values, latitude), np.float64)
+        made["measured_depth"] = Channel(pressure.time, below)
     elif len(depth):
-        channels["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
+        made["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
         tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
     elif log.pieces is None:
         raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
-    return dataclasses.replace(log, channels=channels)
+    return dataclasses.replace(log, channels={**log.channels, **made})
 
 
 Array = NDArray[np.float64]
@@ -210,29 +183,29 @@ def to_dbar(
     if sure and factor_of(declared, "dbar") != size:
         values, native = values * (size / factor_of(declared, "dbar")), declared
         size = factor_of(declared, "dbar")
-    use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
-    if use.sum() < _FEWEST:
+    some = np.flatnonzero(np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0))
+    if len(some) < _FEWEST:
         return values * size
-    some = np.flatnonzero(use)
     some = some[:: max(1, len(some) // _COMPARED)]
     beside, middle = depth[some], float(np.median(depth[some]))
-    units = dict.fromkeys((native, *UNITS))
+
+    def missed_by(unit: str, air: float) -> float:
+        metres = np.asarray(-gsw.z_from_p(values[some] * factor_of(unit, "dbar") - air, _MIDDLE))
+        return float(np.median(np.abs(metres - beside)))
+
     missed = {
-        (unit, air): float(
-            np.median(np.abs(_metres(values[some] * factor_of(unit, "dbar") - air) - beside))
-        )
-        for unit in units
+        (unit, air): missed_by(unit, air)
+        for unit in dict.fromkeys((native, *UNITS))
         for air in (0.0, AIR)
     }
     plain, absolute = missed[native, 0.0], missed[native, AIR]
-    best = min(missed, key=lambda one: missed[one])
     count = int(np.isfinite(values).sum())
     if min(plain, absolute) <= _FAILS * middle:
         if plain > _OFFSET and absolute < 0.3 * plain:
             tally.add("repaired", subject, count, "with the air's pressure in it, by the depth")
             return values * size - AIR
         return values * size
-    unit, air = best
+    unit, air = best = min(missed, key=lambda one: missed[one])
     if missed[best] <= _FITS * middle:
         why = f"was in {unit} where {native} is {'declared' if sure else 'native'}"
         tally.add("repaired", subject, count, why + (" and with the air's pressure" if air else ""))
@@ -260,10 +233,6 @@ def with_dbar_by_depth(
         declared="dbar", deployment=deployment,
     )  # fmt: skip
     return {**channels, "measured_pressure": Channel(pressure.time, values)}
-
-
-def _metres(dbar: Array) -> Array:
-    return np.asarray(-gsw.z_from_p(dbar, _MIDDLE), np.float64)
 
 
 def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: Tally) -> Channel:
@@ -394,8 +363,7 @@ _LEAST, _MOST = 0.5, 15.0
 """[m] Smaller offsets are waves and the antenna's height; larger ones are another fault."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Stay:
+class Stay(NamedTuple):
     """One stay at the surface."""
 
     time: float
@@ -417,37 +385,27 @@ def zeroed(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
       log: with `measured_depth`; `afloat` holds times at which the vehicle says that it floats.
     """
     depth = log.channel("measured_depth")
-    if log.station or not len(depth):
-        return log
-    every = stays(log, depth, rules)
+    every = [] if log.station or not len(depth) else stays(log, depth, rules)
     if not every:
         return log
-    shown = np.array([stay.depth for stay in every])
+    times, shown, spread = (np.array(one) for one in zip(*every, strict=True))
     if len(shown) > 1 and np.median(np.abs(np.diff(shown))) > _SPREAD:
         return log
     half = _WINDOW // 2
-    around = np.array(
-        [np.median(shown[max(0, k - half) : k + half + 1]) for k in range(len(shown))]
-    )
-    steady = np.array([stay.spread <= _SPREAD for stay in every])
-    agree = steady & (np.abs(shown - around) <= _SPREAD)
+    around = [np.median(shown[max(0, k - half) : k + half + 1]) for k in range(len(shown))]
+    agree = (spread <= _SPREAD) & (np.abs(shown - np.array(around)) <= _SPREAD)
     if agree.mean() <= _PART:
         return log
     offsets = shown[agree]
     middle = float(np.median(offsets))
     if not _LEAST <= abs(middle) <= _MOST:
         return log
-    times = np.array([stay.time for stay in every])[agree]
-    corrected = depth.values - np.interp(depth.time, times, offsets)
+    corrected = depth.values - np.interp(depth.time, times[agree], offsets)
     low, high = float(offsets.min()), float(offsets.max())
     size = f"{middle:.2f} m" if high - low < 0.1 else f"{low:.2f} to {high:.2f} m"
-    tally.add(
-        "repaired", "measured_depth", len(depth),
-        f"{log.deployment}: depth offset {size} at the surface, taken off",
-    )  # fmt: skip
-    pressure = pressure_of(
-        corrected, float(np.median(log.fixes.latitude)) if len(log.fixes) else 0.0
-    )
+    why = f"{log.deployment}: depth offset {size} at the surface, taken off"
+    tally.add("repaired", "measured_depth", len(depth), why)
+    pressure = pressure_of(corrected, log.fixes.middle[0])
     channels = {
         **log.channels,
         "measured_depth": Channel(depth.time, corrected),
@@ -462,8 +420,6 @@ def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
     times = np.unique(np.concatenate([fixes.time, log.channel("afloat").time]))
     at = nearest(depth.time, times)
     times = np.unique(at[np.abs(at - times) <= _NEAR])
-    if not times.size:
-        return []
     index = np.searchsorted(depth.time, times)
     shown = depth.values[index]
     breaks = [
@@ -475,27 +431,16 @@ def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
     ]
     found = []
     for part in np.split(np.arange(len(times)), breaks):
-        if len(part) < _STAY:
-            continue
-        low, high = np.percentile(shown[part], [25.0, 75.0])
-        found.append(
-            Stay(
-                time=float(np.median(times[part])),
-                depth=float(np.median(shown[part])),
-                spread=float(high - low),
-            )
-        )
+        if len(part) >= _STAY:
+            low, high = np.percentile(shown[part], [25.0, 75.0])
+            middle, depth_then = (float(np.median(one[part])) for one in (times, shown))
+            found.append(Stay(middle, depth_then, float(high - low)))
     return found
 
 
 def used_of_left(left: Channel) -> Channel:
     """Charge taken [A h] of a counter of what is left [A h]: 0 at its first sample."""
     return Channel(left.time, left.values[:1] - left.values) if len(left) else left
-
-
-def from_inside(pressure: Array) -> Array:
-    """Vacuum [Pa] from the absolute pressure inside the hull [Pa]."""
-    return SEA_LEVEL - pressure
 
 
 SEA_LEVEL = 101_325.0

@@ -204,12 +204,11 @@ _NAMED = 12
 """Names that one line shows; the report's `names` holds all of them."""
 _ALIKE = 0.6
 """Similarity (difflib) from which a name may stand for another."""
-_WORDS = {
-    "measured_pitch": "pitch", "measured_roll": "roll", "measured_heading": "heading",
-    "measured_pump": "pump", "measured_shift": "shift", "measured_depth": "depth",
-    "measured_pressure": "pressure",
-}  # fmt: skip
-"""What a name holds that may mean the channel."""
+_MEANT = frozenset(
+    f"measured_{word}"
+    for word in ("pitch", "roll", "heading", "pump", "shift", "depth", "pressure")
+)
+"""Channels that a name which holds their last word may mean"""
 
 
 def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
@@ -281,15 +280,11 @@ def likely_replacements(
     """Of each missing channel, the unread name that may be it: `pitch` for `measured_pitch`."""
     names = [name for several in unread.values() for name in several]
     found: dict[str, str] = {}
-    for channel in lacking:
-        word = _WORDS.get(channel)
-        if word is None:
-            continue
-        holding = [n for n in names if word in n.lower()]
+    for channel in [one for one in lacking if one in _MEANT]:
+        word = channel.removeprefix("measured_")
+        holding = sorted((n for n in names if word in n.lower()), key=len)
         near = difflib.get_close_matches(word, [n.lower() for n in names], n=1, cutoff=_ALIKE)
-        choice = min(holding, key=len) if holding else next(
-            (n for n in names if near and n.lower() == near[0]), None
-        )  # fmt: skip
-        if choice is not None:
-            found[channel] = choice
+        choices = holding or [n for n in names if [n.lower()] == near]
+        if choices:
+            found[channel] = choices[0]
     return found

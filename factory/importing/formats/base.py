@@ -100,25 +100,22 @@ class Importer:
             raise InputError(
                 f"importer name {self.name!r}: use small letters, digits, - and _, such as 'slocum'"
             )
-        for field in ("vehicle", "files", "channels", "suffixes", "marks"):
-            if not getattr(self, field) and not (field == "marks" and self.takes_mapping):
-                raise InputError(f"importer {self.name!r}: {field} is empty; state what it is")
+        empty = [n for n in ("vehicle", "files", "channels", "suffixes") if not getattr(self, n)]
+        empty += [] if self.marks or self.takes_mapping else ["marks"]
         wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
-        if wrong:
-            raise InputError(
-                f"importer {self.name!r}: suffix {wrong[0]!r} must begin with a dot and be in "
-                "small letters, such as '.csv'"
+        why = ""
+        if empty:
+            why = f"{empty[0]} is empty; state what it is"
+        elif wrong:
+            why = (
+                f"suffix {wrong[0]!r} must begin with a dot and be in small letters, such as '.csv'"
             )
-        if not SHORTEST <= self.period <= LONGEST:
-            raise InputError(
-                f"importer {self.name!r}: period must be within {SHORTEST:g} to {LONGEST:g} s, "
-                f"not {self.period:g}"
-            )
-        if not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
-            raise InputError(
-                f"importer {self.name!r}: read must be a function or its place `module:function`, "
-                f"not {self.read!r}"
-            )
+        elif not SHORTEST <= self.period <= LONGEST:
+            why = f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {self.period:g}"
+        elif not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
+            why = f"read must be a function or its place `module:function`, not {self.read!r}"
+        if why:
+            raise InputError(f"importer {self.name!r}: {why}")
 
     def accepts(self, path: Path) -> bool:
         """Whether the file's name is that of such a log."""
@@ -132,18 +129,14 @@ class WrongFormat(OtherKind):
     def __init__(
         self, path: Path, names: Iterable[str], kind: str | None = None, *, why: str = ""
     ) -> None:
-        self.path = path
-        self.names = tuple(names)
+        self.path, self.names = path, tuple(names)
         self.kind = kind
         """What it is by its first bytes"""
         self.why = why
         """What it lacks to be of the kind, in words"""
+        self.some = ", ".join(self.names[:5]) or "nothing"
+        """The first names"""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
-
-    @property
-    def some(self) -> str:
-        """The first names."""
-        return ", ".join(self.names[:5]) or "nothing"
 
 
 @contextlib.contextmanager
@@ -229,11 +222,7 @@ def _start(path: Path) -> bytes:
 def kinds_by_bytes(path: Path) -> list[str]:
     """The kinds whose own binary files begin as this one does, packed by gzip or not."""
     start = _start(path)
-    return [
-        importer.name
-        for importer in IMPORTERS.values()
-        if any(start.startswith(first) for first in importer.first_bytes)
-    ]
+    return [one.name for one in IMPORTERS.values() if start.startswith(one.first_bytes)]
 
 
 LOOKS: dict[str, tuple[bytes | str, ...]] = {

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
 import re
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from factory.importing.angles import within_a_turn
 from factory.importing.columns import MISSING, Table, column_names, read_table
 from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
-from factory.importing.sample_clock import expect_going, parse_stamps, unix_seconds
+from factory.importing.sample_clock import expect_going, in_utc, parse_stamps, unix_seconds
 from factory.importing.tally import Tally, leave_out, note_unread
 from factory.importing.units import SECONDS, in_unit
 from twin.errors import InputError, unknown_name
@@ -29,8 +28,7 @@ KIND = "csv table"
 """What the report calls the tables."""
 
 
-@dataclasses.dataclass(frozen=True)
-class LogPiece:
+class LogPiece(NamedTuple):
     """The mapped columns of one deployment in one file, in the store's units and axes."""
 
     path: Path
@@ -57,19 +55,17 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Log
         mapping.time.column, time, columns, path.name,
         f"; name the column of the samples' own time in [time] of {mapping.name}{hint}",
     )  # fmt: skip
-    if mapping.deployment == "name":
-        return [(mapping.deployment_word, LogPiece(path, time, columns))]
-    if mapping.deployment == "file":
-        return [(path.name.split(".")[0], LogPiece(path, time, columns))]
+    if mapping.deployment != "column":
+        by_name = mapping.deployment == "name"
+        word = mapping.deployment_word if by_name else path.name.split(".")[0]
+        return [(word, LogPiece(path, time, columns))]
+    found = []
     words = _words(table, mapping.deployment_word, path)
-    return [
-        (
-            word,
-            LogPiece(path, time[words == word], {n: v[words == word] for n, v in columns.items()}),
-        )
-        for word in dict.fromkeys(words.tolist())
-        if word
-    ]
+    for word in filter(None, dict.fromkeys(words.tolist())):
+        mine = words == word
+        own = {n: values[mine] for n, values in columns.items()}
+        found.append((word, LogPiece(path, time[mine], own)))
+    return found
 
 
 def _words(table: Table, column: str, path: Path) -> NDArray[np.str_]:
@@ -122,23 +118,21 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
     present = [*table.columns, *table.texts]
     if clock.column not in present:
         raise InputError(f"{path.name}: time: {unknown_name('column', clock.column, present)}")
-    if clock.written or clock.column in table.texts:
-        if clock.column not in table.texts or not clock.written:
-            raise InputError(
-                f"{path.name}: time column {clock.column!r} holds "
-                f"{'text' if clock.column in table.texts else 'numbers'}: write unit = "
-                f'"{ISO if clock.column in table.texts else "s"}" in [time]'
-            )
-        time = _written(table.texts[clock.column], clock, path, tally)
+    words = table.texts.get(clock.column)
+    if clock.written != (words is not None):
+        raise InputError(
+            f"{path.name}: time column {clock.column!r} holds "
+            f"{'numbers' if words is None else 'text'}: write unit = "
+            f'"{"s" if words is None else ISO}" in [time]'
+        )
+    if words is not None:
+        time = _written(words, clock, path, tally)
     else:
         time = table.columns[clock.column] * SECONDS[clock.unit]
         start = clock.start
         if clock.start_from_name is not None:
             start = _start_by_name(path, clock.start_from_name)
-        if start is not None:
-            time = time + start
-        else:
-            time = _whole(time, path, tally)
+        time = _whole(time, path, tally) if start is None else time + start
     if not np.isfinite(time).any():
         raise InputError(f"{path.name}: no row has a time in column {clock.column!r}")
     tally.add("read", clock.column, np.isfinite(time), "as time")
@@ -183,14 +177,11 @@ def _start_by_name(path: Path, pattern: str) -> float:
             f"{path.name}: its name does not fit start_from_name = {pattern!r} of the mapping"
         )
     try:
-        moment = datetime.datetime.fromisoformat(found.group(1))
+        return in_utc(datetime.datetime.fromisoformat(found.group(1)))
     except ValueError:
         raise InputError(
             f"{path.name}: {found.group(1)!r}, which start_from_name finds, is not an ISO 8601 date"
         ) from None
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=datetime.UTC)
-    return moment.timestamp()
 
 
 def values_of(
@@ -201,22 +192,19 @@ def values_of(
     if column in table.texts:
         text = next((str(word) for word in table.texts[column] if str(word)), "")
         raise InputError(f"{file}: column {column!r} is to be {name} and holds text: {text!r}")
-    values = table.columns[column].copy()
-    tally.add("read", column, np.isfinite(values), f"as {name}")
+    written = table.columns[column]
+    tally.add("read", column, np.isfinite(written), f"as {name}")
     if why:
-        tally.add("note", name, np.isfinite(values), f"{file}: {why}")
-    missing = np.isin(values, signal.sentinels)
-    tally.add("removed", column, missing, "no measurement: a sentinel of the mapping")
-    infinite = np.isinf(values)
-    tally.add("removed", column, infinite, "infinite")
-    values[missing | infinite] = np.nan
+        tally.add("note", name, np.isfinite(written), f"{file}: {why}")
+    missing = np.isin(written, signal.sentinels)
+    values = tally.removed(written, missing, column, "no measurement: a sentinel of the mapping")
+    values = tally.removed(values, np.isinf(written), column, "infinite")
     values = in_unit(values, signal.unit, signal.wanted(name), f"{file} {column}")
     if name in HEADINGS:
         values = within_a_turn(values, column, tally)
         values = -values if signal.turns == "counterclockwise" else values
         return np.mod(values * signal.sign + (90.0 if signal.zero == "east" else 0.0), 360.0)
     values = values * signal.turn(name, mapping.frame)
-    written = table.columns[column]
     check_values(name, values, written, signal.unit, signal.possible, f"{file} column {column!r}")
     return values
 
@@ -271,7 +259,8 @@ def check_values(
         return
     low, high = possible or recorded_limits(name)
     wild = (good < low) | (good > high)
-    repeats = wild & np.isin(np.abs(written), _often(np.abs(written[wild]), good.size))
+    found, counts = np.unique(np.abs(written[wild]), return_counts=True)
+    repeats = wild & np.isin(np.abs(written), found[counts > _ONE_VALUE * good.size])
     if possible is not None:
         wild, good = wild[~repeats], good[~repeats]
     if not good.size or wild.mean() <= _MOST:
@@ -295,12 +284,6 @@ def check_values(
     )
 
 
-def _often(sizes: Array, samples: int) -> Array:
-    """The sizes that each make up more than `_ONE_VALUE` of so many samples."""
-    found, counts = np.unique(sizes, return_counts=True)
-    return np.asarray(found[counts > _ONE_VALUE * samples], float)
-
-
 def check_track(log: DeploymentLog, tally: Tally) -> None:
     """Compare the velocities of a log with its track, where it has one and a heading.
 
@@ -310,14 +293,14 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
     Raises:
       InputError: the track moves many times faster or slower than the forward velocity says.
     """
+
+    def doubt(name: str, why: str) -> None:
+        tally.doubt(name, f"{log.deployment}: {why}", len(log.channel(name)))
+
     for name in (*FORWARD, *SIDEWAYS):
         channel = log.channel(name)
         if len(channel) >= _FEWEST and np.ptp(channel.values) == 0.0:
-            tally.doubt(
-                name,
-                f"{log.deployment}: {channel.values[0]:g} in every sample; was the sensor off?",
-                len(channel),
-            )
+            doubt(name, f"{channel.values[0]:g} in every sample; was the sensor off?")
     ahead = next((n for n in FORWARD if len(log.channel(n)) > 1), None)
     heading = log.channel("measured_heading")
     if ahead is None or not len(heading):
@@ -326,8 +309,7 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
     if not len(times):
         return
     middle = 0.5 * (times[1:] + times[:-1])
-    turn = np.unwrap(np.radians(heading.values))
-    angle = np.interp(middle, heading.time, turn)
+    angle = np.interp(middle, heading.time, np.unwrap(np.radians(heading.values)))
     v_north, v_east = np.diff(north) / np.diff(times), np.diff(east) / np.diff(times)
     forward = v_north * np.cos(angle) + v_east * np.sin(angle)
     starboard = -v_north * np.sin(angle) + v_east * np.cos(angle)
@@ -335,7 +317,9 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
     use = np.isfinite(said) & (np.hypot(v_north, v_east) > _MOVING)
     if use.sum() < _WINDOWS:
         return
-    _check_scale(log, ahead, said[use], forward[use], tally)
+    contradiction = _scale(log, ahead, said[use], forward[use])
+    if contradiction:
+        doubt(ahead, contradiction)
     for name in SIDEWAYS:
         aside = _means(log.channel(name), times)
         both = np.isfinite(aside) & use
@@ -343,36 +327,31 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
             continue
         agrees = float(np.corrcoef(aside[both], starboard[both])[0, 1])
         if agrees < -_AGREES:
-            tally.doubt(
-                name,
-                f"{log.deployment}: the track moves to the other side (correlation {agrees:.2f}): "
-                "wrong sign or frame",
-                len(log.channel(name)),
-            )
+            why = f"the track moves to the other side (correlation {agrees:.2f})"
+            doubt(name, f"{why}: wrong sign or frame")
 
 
-def _check_scale(
-    log: DeploymentLog, name: str, said: Array, track: Array, tally: Tally
-) -> None:  # fmt: skip
-    """Refuse a forward velocity whose size is not the track's, beyond what a current explains."""
+def _scale(log: DeploymentLog, name: str, said: Array, track: Array) -> str:
+    """A difference of size between forward velocity and track that a current explains, in words.
+
+    Raises:
+      InputError: no current explains it.
+    """
     size = float(np.median(np.abs(said)))
     moved = float(np.median(np.abs(track)))
     low, high = SCALE
-    if size > 0.0 and low <= moved / size <= high:
-        return
-    if max(size, moved) < _MOVING:
-        return
-    spacing = log.channel(name).spacing
+    if (size > 0.0 and low <= moved / size <= high) or max(size, moved) < _MOVING:
+        return ""
+    channel = log.channel(name)
     found = f"{size:.3g} m/s where the track moves forward at {moved:.3g} m/s (medians)"
-    if size > 0.0 and low <= moved * spacing / size <= high:
-        what = f"metres per sample of {spacing:g} s?"
-    elif np.ptp(log.channel(name).values) == 0.0:
+    if size > 0.0 and low <= moved * channel.spacing / size <= high:
+        what = f"metres per sample of {channel.spacing:g} s?"
+    elif np.ptp(channel.values) == 0.0:
         what = "a sensor that was off?"
     elif abs(moved - size) > _CURRENT:
         what = "a distance, or another unit?"
     else:  # what a current can do to a velocity through the water
-        tally.doubt(name, f"{log.deployment}: {found}", len(log.channel(name)))
-        return
+        return found
     raise InputError(
         f"{', '.join(log.files)}: {name} has {found}, not a velocity in m/s: {what} Correct the "
         "unit, or leave the file or the column out"
@@ -400,9 +379,7 @@ def _means(channel: Channel, times: Array) -> Array:
     found = np.full(max(len(times) - 1, 0), np.nan)
     for k in range(len(found)):
         inside = channel.within(times[k], times[k + 1])
-        if not len(inside):
-            continue
         steps = np.diff([times[k], *inside.time, times[k + 1]])
-        if steps.max() <= _HOLE:
+        if len(inside) and steps.max() <= _HOLE:
             found[k] = float(inside.values.mean())
     return found
