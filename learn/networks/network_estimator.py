@@ -29,7 +29,7 @@ from twin.navigation.estimators.base import (
     VelocityDeviation,
     VelocityEstimator,
 )
-from twin.navigation.estimators.glide_deviation import usual_speed
+from twin.navigation.estimators.flight import usual_speed
 from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import OUTPUTS

@@ -19,8 +19,8 @@ from learn.data.labels import MODE
 from learn.evaluation.score import DVL, FLOOR, NETWORK
 from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
-from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimators.base import baselines
+from twin.navigation.estimators.dvl import BOTTOM
 from twin.show import style
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
