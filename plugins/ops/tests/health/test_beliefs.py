@@ -1,10 +1,8 @@
 """Beliefs end at the fit to all dives, are as far off as they say, and look back."""
 
-import importlib.util
-
+import identify_logs as simulated
 import numpy as np
 import pytest
-from examples import ROOT
 from logs import SHARED
 
 from factory.importing import import_logs
@@ -13,12 +11,6 @@ from twin import load_vehicle
 from twin.errors import InputError
 from twin.identify import identify, load_calibration, load_logs, start_vehicle
 from twin.records import LogStore, write_store
-
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", ROOT / "tests" / "twin" / "identify" / "identify_logs.py"
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
 
 NAMES = ("neutral_density", "drag")
 DIVES = 10
