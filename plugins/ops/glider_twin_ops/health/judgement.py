@@ -146,7 +146,7 @@ def judge(
     Args:
       days: [d] of the middle of each dive since the first, (dives,).
       hypotheses: of faults, whose signatures are those of each dive where they differ.
-      standing: what may have been there all along, as `disturbances.standing` gives it; faults and
+      standing: what may have been there all along, as `channels.standing` gives it; faults and
         drift are weighed with any size of each of them.
     """
     count, width = levels.innovation.shape

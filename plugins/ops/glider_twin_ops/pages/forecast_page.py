@@ -140,7 +140,8 @@ def _land(frame: MapFrame) -> list[str]:
             if (moved.max(axis=0) > box.min).all() and (moved.min(axis=0) < box.max).all():
                 inside = Ring(moved).clip_to_bbox(box)
                 inside.should_simplify = False
-                found += [f"M{_points(frame.at(part))}z" for part in inside.to_polygons()]
+                parts = (frame.at(np.asarray(part, float)) for part in inside.to_polygons())
+                found += [f"M{_points(part)}z" for part in parts]
     return [f'<path class="land" fill-rule="evenodd" d="{"".join(found)}"/>'] if found else []
 
 

@@ -265,7 +265,7 @@ def dataset_of_logs(
     }
     # the dimension has the name of an array over missions: a coordinate, were it assigned
     variables = {str(name): dataset[name].variable for name in dataset.variables}
-    added = {
+    added: dict[str, Any] = {
         name: (DEPLOYMENT, np.array(values, kind), {"long_name": long_name})
         for name, (values, kind, long_name) in labels.items()
     }

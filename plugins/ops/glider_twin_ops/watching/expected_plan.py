@@ -243,9 +243,9 @@ def proposed_files(
         read = _read_back(kind, vehicle, place)
     changes = {}
     for name in (one for one in texts if one in flown):
-        both = (text[name].splitlines() for text in (flown, texts))
+        now, proposed = flown[name].splitlines(), texts[name].splitlines()
         told = f"{name}, flown now", f"{name}, proposed"
-        lines = difflib.unified_diff(*both, *told, lineterm="")
+        lines = difflib.unified_diff(now, proposed, *told, lineterm="")
         changes[name] = "".join(f"{line}\n" for line in lines)
     return ProposedFiles(files=texts, mission=read, changes=changes)
 

@@ -143,9 +143,12 @@ def _dive(
     turn = math.radians(course + one.turn_deg)
     latitude, longitude = place_at((AHEAD * math.cos(turn), AHEAD * math.sin(turn)), start)
     by_hand = "" if kind in WRITTEN else UNWRITTEN.get(kind, UNWRITTEN[""].format(kind))
-    climb = {"climb_pitch_deg": one.dive.climb_pitch, "climb_net_mass_kg": one.dive.climb_net_mass}
+    climbs: dict[str, Any] = {
+        "climb_pitch_deg": one.dive.climb_pitch,
+        "climb_net_mass_kg": one.dive.climb_net_mass,
+    }
     if kind == SEAGLIDER:
-        by_hand, climb = BY_HAND, {}
+        by_hand, climbs = BY_HAND, {}
     segment = Waypoint(
         targets=({"latitude": latitude, "longitude": longitude},),
         max_depth_m=one.dive.depth,
@@ -154,7 +157,7 @@ def _dive(
         net_mass_kg=one.dive.net_mass,
         surface_after_s=MINUTE * round(one.seconds / MINUTE),
         arrival_radius_m=RADIUS,
-        **climb,
+        **climbs,
     )
     read, files = Mission(name="learn", segments=(segment,)), {}
     if kind in WRITTEN:
