@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.checks.published import (
     MODELS,
+    Array,
     PublishedMotion,
     held_flight,
     published_flights,
@@ -36,8 +36,6 @@ from twin.water.current.gauss_markov import GaussMarkov
 from twin.water.current.profile import Profile
 from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.current.uniform import Uniform
-
-Array = NDArray[np.float64]
 
 MANOEUVRES = 20
 DURATION = 600.0
