@@ -32,10 +32,9 @@ from twin.vehicle.presets import vehicle_names
 from twin.vehicle.steady_motion import Trim
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
-from twin.water.current.gauss_markov import GaussMarkov
-from twin.water.current.profile import Profile
+from twin.water.current.profile import Profile, Uniform
+from twin.water.current.series import GaussMarkov
 from twin.water.current.tide import TidalEllipse, Tide
-from twin.water.current.uniform import Uniform
 
 MANOEUVRES = 20
 DURATION = 600.0

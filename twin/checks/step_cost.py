@@ -29,8 +29,8 @@ from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
-from twin.water.current.current_text import parse_current
-from twin.water.density_spec import parse_density
+from twin.water.current.base import parse_current
+from twin.water.density import parse_density
 
 ROUNDS, BATCHES = 40, 3
 """Pairs of stretches; which of the two comes first changes from pair to pair"""

@@ -34,8 +34,7 @@ from twin.identify.comparison import ComparedQuantity, Comparison
 from twin.identify.driven_runs import DrivenRun
 from twin.identify.translation import Translation
 from twin.identify.unknowns import UnknownParameter
-from twin.mission.cruise import surplus_at
-from twin.mission.glide_balance import mass_matrix
+from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
 
 PIECE = 20.0
