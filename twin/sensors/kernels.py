@@ -1,6 +1,5 @@
-"""Compiled loops of the sensors: what is sequential in time or too small for numpy calls.
+"""Compiled loops of the sensors: recursions in time, and loops too small for numpy calls.
 
-Imported inside the devices' methods only, so that configurations load without numba.
 Vectors are contiguous float64 of shape (n,) on the mission's time grid, normals are float32.
 """
 
