@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.start_values import balance, net_mass
-from twin.identify.vehicle_draws import draw_vehicles
+from twin.identify.unknowns import draw_vehicles
 from twin.navigation.dead_reckoning import (
     Array,
     AttitudeSeries,
