@@ -24,12 +24,12 @@ FAR = 1e30
 
 
 class ChannelReach(NamedTuple):
-    """How far a channel can go from its last good value."""
+    """Reach of a channel from its last good value."""
 
     rate: float = FAR
     """Fastest change per second, in the channel's unit"""
     jump: float = FAR
-    """What noise, quantisation and a late answer add"""
+    """Change by noise, quantisation and a late answer"""
 
 
 REACHES = {
@@ -44,7 +44,7 @@ REACHES = {
     # the largest pumps of real gliders
     "cm3": ChannelReach(rate=200.0, jump=600.0),
 }
-"""By unit, for what is measured; commands step, and angles go round"""
+"""Reaches of measured channels by unit; commands step, and angles go round"""
 
 
 class ChannelGuard:
@@ -105,7 +105,7 @@ class ChannelGuard:
         self._last, self._age = last.tolist(), [int(a) for a in age]
 
     def c_statements(self) -> str:
-        """The same in C99: from `sample` on, `sample` is what goes on; returns 0 before that.
+        """Statements in C99 that put good values in `sample`, and return 0 before there are some.
 
         It needs `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
         """

@@ -60,7 +60,7 @@ STEP_S = 20.0
 
 
 def sensitivities(roll: float, pitch: float, heading: float) -> Array:
-    """What each of the five numbers adds to a true heading beyond the shown one, (5,) [1].
+    """Change of the true heading less the shown one with each of the five numbers, (5,) [1].
 
     Args:
       roll, pitch, heading: as they are measured [rad].

@@ -285,7 +285,7 @@ def chi_squared(part: float) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ellipse:
-    """By its semi-axes: from the middle to the edge."""
+    """An ellipse on a map; semi-axes go from the middle to the edge."""
 
     semi_major_m: float
     """[m] half of the longer axis"""

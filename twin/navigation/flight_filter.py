@@ -86,7 +86,7 @@ HULLS: Mapping[str, FlightSpread] = {
     ANY: FlightSpread(),
     CLEAN: FlightSpread(drag=FlightSpread.coefficient, depth_rate=3e-3),
 }
-"""What may be known of the hulls: nothing, or that none has growth on it, as in preset `field`.
+"""Knowledge of the hulls: none, or that none of them has growth on it, as in preset `field`.
 Then their drag is known from the first glides on, and what lasts through one is taken for theirs.
 With 40 % more drag networks of clean hulls have 1.06 % of the way, those of any 0.58; of clean ones
 0.32 and 0.41 (docs/results/networks.md, "A hull that is not as its file")."""
@@ -104,7 +104,7 @@ class FlightStart:
     deviations: tuple[float, ...]
     """Standard deviations of their errors"""
     correlation: tuple[tuple[float, ...], ...]
-    """Of the errors: units differ by ten orders, which a covariance would not survive in a file"""
+    """Correlation of the errors: units differ by ten orders, too many for a covariance in a file"""
     depth_rate: float
     """[m/s] of one correction, in place of `FlightSpread.depth_rate`"""
 
@@ -141,7 +141,7 @@ class FlightStart:
 
     @property
     def covariance(self) -> Array:
-        """Of the errors, (7, 7)."""
+        """Covariance of the errors, (7, 7)."""
         return np.array(self.correlation) * np.outer(self.deviations, self.deviations)
 
 

@@ -21,12 +21,12 @@ CHANNELS = (
     *("measured_specific_force_x", "measured_specific_force_y", "measured_specific_force_z"),
     *("measured_pump", "measured_density"),
 )
-"""What the filter reads, in the order of the samples."""
+"""Channels of a sample, in their order."""
 DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
 CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
 DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
 OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
-"""What the filter gives of each sample: surge and sway [m/s], the angle of attack [rad], 1 where
+"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 where
 the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
 surge. The angle is held to 0.3 rad either way: stalled or tail first it says the side alone."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
@@ -62,10 +62,10 @@ FASTEST = 3.0
 RELINEARISED = 2
 """Times that a correction is worked out, each about the last one's constants."""
 NUDGE = 0.1
-"""Of the prior deviation: step of the differences."""
+"""Step of the differences, over the prior deviation."""
 FLAT_SINE = 0.07
-"""As of `steady_flight`: sine of the path angle at which the buoyancy's and the depth rate's speed
-count alike."""
+"""Sine of the path angle at which the buoyancy's and the depth rate's speed count alike, as of
+`steady_flight`."""
 LEAST_SINE = 0.12
 """of the path angle of a glide from which something is learned"""
 LEAST_SURGE = 0.05
@@ -93,7 +93,7 @@ GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
-"""Of a glide that was learned from, behind its seven means: depth rate [m/s], sample; columns"""
+"""Places in a glide behind its seven means: depth rate [m/s], sample; number of columns"""
 
 
 @jit

@@ -51,14 +51,14 @@ SURE = 1e-6
 """of a deviation: a hull that is held"""
 LN = "ln of the factor"
 UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
-"""Of each constant, as reports name it"""
+"""Unit of each constant in reports"""
 
 
 class Glides(NamedTuple):
     """Steady glides of one dive."""
 
     inputs: Array
-    """As `FlightFilter.glides` gives them, (n, LEARNED)"""
+    """Rows of `FlightFilter.glides`, (n, LEARNED)"""
     depth: Array
     """[m], (n,)"""
     heading: Array
@@ -67,12 +67,12 @@ class Glides(NamedTuple):
     """[m/s] level forward and downward by a Doppler log in water lock, (n, 2); NaN without"""
 
     def taken(self, own: NDArray[Any] | slice) -> Glides:
-        """Some of them."""
+        """Take some of them."""
         return Glides(*(values[own] for values in self))
 
     @staticmethod
     def joined(parts: Sequence[Glides]) -> Glides:
-        """Those of several dives."""
+        """Join the glides of several dives."""
         return Glides(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
@@ -94,7 +94,7 @@ class FlightFit:
     """Estimate and deviation of every constant, in UNITS"""
 
     def rows(self) -> list[dict[str, object]]:
-        """Of a table: name, estimate, deviation and unit of every constant."""
+        """Rows of a table: name, estimate, deviation and unit of every constant."""
         return [
             {"constant": name, "estimate": value, "deviation": sd, "unit": UNITS[name]}
             for name, (value, sd) in self.factors.items()
@@ -207,7 +207,7 @@ class LogErrors:
         return cls(math.ceil(float(depth.max()) / KNOTS_M) + 1)
 
     def shear(self, glides: Glides) -> Array:
-        """What each knot's shear, north and then east, adds to the forward speed, (n, 2 knots)."""
+        """Change of the forward speed by each knot's shear, north and then east, (n, 2 knots)."""
         near = np.clip(glides.depth / KNOTS_M, 0.0, self.knots - 1.0)
         weights = np.maximum(0.0, 1.0 - np.abs(near[:, None] - np.arange(self.knots)))
         heading = glides.heading[:, None]

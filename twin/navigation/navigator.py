@@ -137,7 +137,7 @@ class Navigator:
         """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
         taken where they are."""
         self.deviation = CompassDeviation(self.period)
-        """Of the compass, by the gyros where a sample holds their rates."""
+        """The compass' own, learned where a sample holds the gyros' rates."""
         self._start = start
         self._first = self.filter.state()
         self.reset()

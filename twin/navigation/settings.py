@@ -41,16 +41,16 @@ class Navigation:
     """Guidance by an on-board estimate: sensors with their errors, an estimator, the fixes."""
 
     estimator: str | VelocityEstimator = ESTIMATE
-    """Of the velocity through the water: a name such as "ekf" or "network:runs/mine", an object, or
+    """Velocity estimator: a name such as "ekf" or "network:runs/mine", an object, or
     "estimate" for the usual one of the vehicle."""
     sensors: str | SensorSuite = "field"
-    """What the vehicle measures with: a suite or the name of a preset."""
+    """A suite or the name of a preset."""
     seed: int = 0
-    """Of the sensors' errors."""
+    """Seed of the sensors' errors."""
     bottom_depth: float | None = None
     """[m] for a Doppler log where there is no sea floor; None: out of its reach."""
     current: CurrentParameters | None = None
-    """Of the current filter, as they are; None: a usual sea's, with the errors of speed and compass
+    """Parameters of the current filter; None: a usual sea's, with the errors of speed and compass
     that the estimator and the compass of the sensors state."""
 
     def __post_init__(self) -> None:

@@ -76,7 +76,7 @@ class Pressure(Sensor):
     noise: float = 0.01
     """[dbar] white, per sample: 0.01 m"""
     vehicle_density: float | str | None = STANDARD_OCEAN
-    """What depth is made with: "standard ocean" by TEOS-10's at the mission's latitude, as OG1.0,
+    """Water that depth is made with. "standard ocean": TEOS-10 at the mission's latitude, as OG1.0,
     basestation and the glider toolboxes do it; a density [kg/m3] by pressure over density and
     surface gravity; none by the true profile, without an error of density"""
 

@@ -57,7 +57,7 @@ DVL_READS = (
 
 
 class OnboardTrack(NamedTuple):
-    """What the algorithm makes of the measured signals; each of shape (n,)."""
+    """Track and currents by the measured signals; each of shape (n,)."""
 
     north: Array
     """[m] from the mission's origin"""
@@ -83,7 +83,7 @@ class Onboard(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"speed_by": DEPTH_RATE}
 
     speed_by: str = DEPTH_RATE
-    """What gives the speed: "depth-rate" or "dvl" """
+    """Source of the speed: "depth-rate" or "dvl" """
     angle_of_attack_deg: float = 3.0
     """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
     window: float = 20.0
@@ -112,7 +112,7 @@ class Onboard(Sensor):
 
     @classmethod
     def ideal(cls) -> Onboard:
-        """The same algorithm: it has no error of its own."""
+        """The defaults: the algorithm has no error of its own."""
         return cls()
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:

@@ -156,7 +156,7 @@ class SensorSuite(Mapping[str, Sensor]):
         return tuple(dict.fromkeys(name for name in needed if not name.startswith("measured_")))
 
     def writes(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """What `measure` returns for a vehicle that has `signals`, in order."""
+        """Variables that `measure` returns for a vehicle that has `signals`, in order."""
         names = list(signals)
         return tuple(entry for sensor in self.values() for entry in sensor.channels(names))
 
@@ -335,7 +335,7 @@ def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
 TETHYS_DVL = Dvl(lever_arm=(-0.60, 0.0, 0.16))
 """At the station of the lrauv simulation, under the hull"""
 LEVEL_ALTIMETER = Altimeter(tilt_deg=0.0)
-"""Of vehicles that cruise level: it looks straight down"""
+"""The altimeter of vehicles that cruise level looks straight down"""
 
 SUITE_PRESETS: dict[str, SensorSuite] = {
     "ideal": SensorSuite(**{name: SENSORS[name].ideal() for name in SENSORS.shipped()}),

@@ -60,7 +60,7 @@ class Reaches:
 
     @property
     def now(self) -> tuple[float, float]:
-        """Of 50 and 90 %, the second at least the first."""
+        """Reaches of 50 and 90 %, the second at least the first."""
         half, ninety = (math.exp(value) for value in self._logarithms)
         return half, max(half, ninety)
 
@@ -77,7 +77,7 @@ class Reaches:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Consistency:
-    """Of the fixes after dives; None where there is none of the kind."""
+    """Figures of the fixes after dives; None where there is no such fix."""
 
     fixes: int
     nis: float | None

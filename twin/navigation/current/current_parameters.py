@@ -44,7 +44,7 @@ CONSTITUENTS = {
 }
 """In the order in which a longer record adds them."""
 STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
-"""Of each species: the amplitudes of the others count from it."""
+"""Strongest line of each species: the amplitudes of the others count from it."""
 RAYLEIGH = 0.5
 """[1] Cycles by which two lines must part over a record to be told apart. Harmonic analysis asks
 for one; a filter with priors resolves with half of it (Pugh and Woodworth 2014, chapter 4)."""
@@ -79,7 +79,7 @@ def relative_amplitude(name: str) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CurrentParameters:
-    """Of a `CurrentFilter`. Deviations are of north and of east each.
+    """Strength and memory of a current's parts. Deviations are of north and of east each.
 
     Raises:
       InputError: a negative or infinite value, a time that is not positive, or an unknown
@@ -181,7 +181,7 @@ UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short reco
     Unknown("inertial", 0.15, 0.6, of_scale=True),
     Unknown("inertial_time", 3.0, 0.4),
 )
-"""What tuning finds, with priors that are wide in the scale of the currents (0.02 m/s on a slope to
+"""Unknowns of tuning; priors are wide in the scale of the currents (0.02 m/s on a slope to
 1 m/s in a sound) and narrow in the rest: a training part holds a few dozen dives. The proportions
 are those of shelf currents, where tide and weather share the variance (Kundu 1976, J. Phys.
 Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of inertial decay)."""

@@ -121,7 +121,7 @@ class Tuned:
     cost: float
     """Negative logarithm of likelihood and prior of the chosen parameters, without constants"""
     persistence_cost: float
-    """The same of persistence"""
+    """Negative logarithm for persistence"""
     legs: int
     """Legs that had a say"""
 

@@ -25,7 +25,7 @@ SHAPED = {
     "cosine": f"gt_cosine({{value}} * {DEGREE})",
     "angle": f"gt_turned({{value}} * {DEGREE}, {{before}}, state->count)",
 }
-"""What is made of a reading before it goes into its window."""
+"""Expression of a reading that goes into its window, by the term's shape."""
 
 PRELUDE = """\
 /* The angle [rad] next to the one before, without the jump at a full turn. */
@@ -82,7 +82,7 @@ class CFeatures:
     longest: int
     """Samples after which `state->count` need not rise."""
     functions: str
-    """What the statements call, beside `PRELUDE`."""
+    """Functions that the statements call, beside `PRELUDE`."""
     statements: str
     """From `sample` and `state` to `feature[...]`; `state->count` is how many samples there were
     before this one."""
