@@ -56,9 +56,9 @@ SENSORS: Registry[Any] = Registry(
     page="reference/sensors.md#a-sensor-of-your-own",
     shipped={
         "imu": "twin.sensors.imu:Imu",
-        "attitude": "twin.sensors.attitude:Attitude",
-        "compass": "twin.sensors.compass:Compass",
-        "pressure": "twin.sensors.pressure:Pressure",
+        "attitude": "twin.sensors.ahrs:Attitude",
+        "compass": "twin.sensors.ahrs:Compass",
+        "pressure": "twin.sensors.ctd:Pressure",
         "altimeter": "twin.sensors.altimeter:Altimeter",
         "gps": "twin.sensors.gps:Gps",
         "dvl": "twin.sensors.dvl:Dvl",
