@@ -15,8 +15,8 @@ from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdi
 from twin.cli import format_number
 from twin.numbers import Array
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import Page
+from twin.show.style import LABEL, draw_dates
 
 FEW = 4
 """Deployments of which each is shown with all its channels; of more, those with an alarm"""

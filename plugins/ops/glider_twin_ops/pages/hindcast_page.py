@@ -23,8 +23,8 @@ from twin.geodesy import position
 from twin.navigation import Ellipse, outline
 from twin.numbers import Array
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates, moment_of
 from twin.show.figures import Page, box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates, moment_of
 
 COLOURS = {
     "forecast": style.PALETTE["vermillion"],

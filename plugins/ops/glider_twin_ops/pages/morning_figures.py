@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
 from twin.numbers import Array
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates
 
 HALF = 0.5
 DAY = 86400.0

@@ -23,7 +23,7 @@ from twin.mission import Mission, load_mission_for
 from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 
 LAST = 5
 """Dives whose median depth, pitch and time it goes on with"""

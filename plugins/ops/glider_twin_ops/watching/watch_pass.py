@@ -46,8 +46,8 @@ from glider_twin_ops.watching.sources.base import SurfaceDialogue, newest_dialog
 from twin import __version__
 from twin.records import LogStore, is_derived, is_store, whole_file, write_zarr
 from twin.records.storage import lock, remove, sweep, whole_folder
-from twin.show.dates import moment_of
 from twin.show.figures import INDEX
+from twin.show.style import moment_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -58,7 +58,7 @@ from twin.physics.start import utc_text
 from twin.records.coordinates import unix_seconds
 from twin.records.logged import LogStore
 from twin.records.store import write_store
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
 from twin.water.current.axes import Origin
