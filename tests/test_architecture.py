@@ -51,7 +51,6 @@ FLIPS = {
     "twin.show.render.camera": "scenes are MuJoCo's",
     "twin.show.render.subject": "scenes are MuJoCo's",
     "twin.show.render.playback": "scenes are MuJoCo's",
-    "twin.show.render.scene_geometry": "scenes are MuJoCo's",
     "twin.show.render.shapes": "scenes are MuJoCo's",
     "twin.show.render.stage": "scenes are MuJoCo's",
 }
@@ -96,9 +95,9 @@ NAMES_ACTUATORS = {
     "twin.physics.electric": "the load of a pump",
     "twin.logs.energy_timeline": "what a pump moves by depth and direction",
     "twin.logs.energy_use": "a pump, drives and a propeller take unlike shares",
-    "twin.commands.energy": "the same in words",
+    "twin.commands.flight": "the same in words",
     "twin.show.figures.logged_dive": "signals of logs",
-    "twin.show.check_page": "a battery's and a pump's panels beside a log",
+    "twin.show.identification": "a battery's and a pump's panels beside a log",
     "factory.importing": "formats of real vehicles' logs",
     "factory.exporting": "names in export formats",
     "factory.sampling": "what is drawn for a glider",
@@ -311,7 +310,7 @@ def test_commands_call_public_faces_and_nothing_below(package: str) -> None:
 
 
 def test_what_is_below_a_face_is_noticed() -> None:
-    assert below_the_faces("twin.show.check_page")
+    assert below_the_faces("twin.show.identification")
     assert "factory.generation.executors" in below_the_faces("factory.store_check")
 
 

@@ -185,7 +185,7 @@ FIGURES: Registry[Any] = Registry(
     base="twin.show.figures.FigureKind",
     page="howto/render.md#twin-plot",
     shipped={
-        "overview": "twin.show.figures.overview:FIGURE",
+        "overview": "twin.show.figures.section:WHOLE",
         "track": "twin.show.figures.track:FIGURE",
         "track_3d": "twin.show.figures.track:TRACK_3D",
         "section": "twin.show.figures.section:FIGURE",

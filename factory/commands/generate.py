@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Hours
-from twin.cli.endings import interruption
-from twin.cli.options import EngineOption, StoreArgument
+from twin.cli.options import EngineOption, Hours, StoreArgument
+from twin.cli.program import interruption
 
 if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher

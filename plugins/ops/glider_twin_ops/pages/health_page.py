@@ -15,7 +15,7 @@ from glider_twin_ops.health.channels import CHANNELS
 from twin.cli import format_number
 from twin.numbers import Array
 from twin.show import Page, style
-from twin.show.dates import LABEL, draw_dates
+from twin.show.style import LABEL, draw_dates
 
 FEW = 4
 """Deployments of which each is shown with all its channels; of more, those with an alarm"""

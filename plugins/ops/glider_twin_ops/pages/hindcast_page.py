@@ -18,8 +18,8 @@ from twin.geodesy import position
 from twin.navigation import Ellipse, outline
 from twin.numbers import Array
 from twin.show import Page, style
-from twin.show.dates import LABEL, draw_dates, moment_of
 from twin.show.figures import box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates, moment_of
 
 STYLED = {
     "forecast": ("forecast", "vermillion"),

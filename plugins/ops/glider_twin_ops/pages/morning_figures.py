@@ -13,8 +13,8 @@ from glider_twin_ops.forecast import Forecast, LoggedLeg
 from glider_twin_ops.forecast.member_flights import HALF, NINETY
 from twin.numbers import Array
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates
 
 DAY = 86400.0
 CLOSE = 4

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from twin.show.dates import moment_of
 
 from glider_twin_ops.forecast import LoggedLeg
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
@@ -24,7 +25,6 @@ from twin.cli import counted
 from twin.geodesy import great_circle, offset
 from twin.records import unix_seconds, whole_file
 from twin.records.coordinates import utc_minute
-from twin.show.dates import moment_of
 
 EVENTS = "events.jsonl"
 MOVED = 2.0

@@ -32,7 +32,7 @@ from twin.mission import load_mission_for, read_slocum, slocum_arguments
 from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 
 LAST = 5
 """Dives whose median depth, pitch and time it goes on with"""

@@ -56,7 +56,7 @@ from twin.physics import utc_text
 from twin.records import LogStore
 from twin.records.attributes import DIVE
 from twin.records.coordinates import utc_minute
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 from twin.water.current import parse_field
 
 Told = TypeVar("Told")

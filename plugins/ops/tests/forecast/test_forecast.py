@@ -56,7 +56,7 @@ from twin.identify import other_kind
 from twin.navigation.current import Leg
 from twin.physics import fly_in_lanes, utc_text
 from twin.records import LogStore, unix_seconds, write_store
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 from twin.vehicle.vehicle import parse_vehicle
 
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")

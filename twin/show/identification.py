@@ -1,28 +1,43 @@
-"""Figure: residuals of an identified vehicle over depth, over time and as a distribution."""
+"""Identification: residuals of an identified vehicle, and the page of its check against logs.
+
+Residuals stand over depth, over time and as a distribution; the page has figures by phase, then
+dives with the twin drawn over the log.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify.answer import Identification
+from twin.identify.heading_leg import PHASES, RUDDER, USUAL_NAMES, log_signal
+from twin.identify.log_check import LogCheck
+from twin.identify.log_flight import legs_flown
 from twin.identify.logged_missions import Log
+from twin.identify.replayed_dive import ReplayedDive
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
+from twin.records.reader import MissionStore
+from twin.records.store import read_trajectory
+from twin.records.trajectory import Trajectory
 from twin.show import style
+from twin.show.figures.logged_dive import log_figure
+from twin.show.figures.page_layout import Page, mission_caption
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 CENTIMETRES = 100.0
-DEPTH_BINS = 20
-LEAST_IN_BIN = 10
-"""Samples from which a depth has quartiles"""
-COVERED = 97.0
-"""Percentile of the quartiles that the axis of residuals over depth covers"""
-SHOWN = 5.0
-"""Deviations that the axes of residuals reach."""
+DEPTH_BINS, LEAST_IN_BIN = 20, 10  # bins of depth, and samples from which one has quartiles
+COVERED = 97.0  # percentile of the quartiles that the axis of residuals over depth covers
+SHOWN, LONGEST_LAG = 5.0, 300.0
+"""Deviations that the axes of residuals reach, and [s] of the autocorrelation: half a dive of
+100 m"""
+MOST_DIVES = 6  # dives drawn, spread evenly over those checked
 
 
 def residual_figure(
@@ -47,9 +62,10 @@ def residual_figure(
             x=0.01, ha="left", fontsize=8.5,
         )  # fmt: skip
         (rates, depths), (spread, correlation) = figure.subplots(2, 2)
+        residual = CENTIMETRES * np.concatenate([one.water_rise[one.use] for one in estimates])
         _rates(rates, logs[mission], estimates[mission])
-        _depths(depths, logs, estimates, scale)
-        _spread(spread, logs, estimates, scale)
+        _depths(depths, logs, residual, scale)
+        _spread(spread, residual, scale)
         _correlation(correlation, logs, estimates, identification.correlation_time)
     return figure
 
@@ -61,10 +77,9 @@ def _rates(axes: style.Axes, log: Log, found: SpeedEstimate) -> None:
     model = (log.depth_rate - found.water_rise) * shown
     scaled: Array = time / seconds
     time, measured, model = style.thin(scaled, log.depth_rate * shown, model)
+    look: dict[str, Any] = {"color": style.ESTIMATE, "lw": 0.9, "ls": (0, (4, 1.5))}
     axes.plot(time, CENTIMETRES * measured, color=style.TRUTH, lw=1.6, label="measured")
-    axes.plot(
-        time, CENTIMETRES * model, color=style.ESTIMATE, lw=0.9, ls=(0, (4, 1.5)), label="model"
-    )
+    axes.plot(time, CENTIMETRES * model, label="model", **look)
     axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
     axes.set_title(f"Mission {log.index}")
     axes.set_ylabel("depth rate, down [cm/s]")
@@ -72,12 +87,9 @@ def _rates(axes: style.Axes, log: Log, found: SpeedEstimate) -> None:
     style.legend_above(axes, 2, 0.98, columnspacing=1.0)
 
 
-def _depths(
-    axes: style.Axes, logs: Sequence[Log], found: Sequence[SpeedEstimate], scale: float
-) -> None:
+def _depths(axes: style.Axes, logs: Sequence[Log], residual: Array, scale: float) -> None:
     depth = np.concatenate([log.depth[log.use] for log in logs])
     rate = np.concatenate([log.depth_rate[log.use] for log in logs])
-    residual = CENTIMETRES * np.concatenate([f.water_rise[f.use] for f in found])
     edges = np.linspace(0.0, depth.max(), DEPTH_BINS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     widest = 0.0
@@ -102,15 +114,11 @@ def _depths(
     style.legend_above(axes, 2, 0.98, columnspacing=1.0)
 
 
-def _spread(
-    axes: style.Axes, logs: Sequence[Log], found: Sequence[SpeedEstimate], scale: float
-) -> None:
-    residual = CENTIMETRES * np.concatenate([f.water_rise[f.use] for f in found])
+def _spread(axes: style.Axes, residual: Array, scale: float) -> None:
     rmse = float(np.sqrt(np.mean(residual**2)))
     reach = SHOWN * scale
-    axes.hist(
-        residual, bins=80, range=(-reach, reach), density=True, color=style.PALETTE["sky"], lw=0
-    )
+    sky = style.PALETTE["sky"]
+    axes.hist(residual, bins=80, range=(-reach, reach), density=True, color=sky, lw=0)
     x = np.linspace(-reach, reach, 200)
     normal = np.exp(-0.5 * (x / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
     axes.plot(x, normal, color=style.PALETTE["black"], lw=0.9, label="normal distribution")
@@ -144,5 +152,83 @@ def _correlation(
     axes.set_xlim(0.0, LONGEST_LAG)
 
 
-LONGEST_LAG = 300.0
-"""[s] shown of the autocorrelation: half a dive of 100 m."""
+UNITS = {
+    "depth_rate_m_s": "depth rate, down [m/s]",
+    "speed_m_s": "speed through the water [m/s]",
+    "pitch_deg": "pitch [deg]",
+    "turn_per_actuator": "turn rate per actuator [deg/s per deg]",
+    "turning_deg": "what turns it, mean [deg]",
+    "heading_sd_deg": "heading about its target [deg]",
+    "heading_bias_deg": "heading less its target, mean [deg]",
+}
+"""How people read the figures"""
+
+
+def log_check_rows(found: LogCheck) -> list[dict[str, object]]:
+    """A row for each figure of each phase: log, twin, and how they differ."""
+    phases = {name: found.phases[name].describe() for name in PHASES if name in found.phases}
+    return [
+        {
+            "phase": phase,
+            "figure": label,
+            "log": said["log"][name],
+            "twin": said["twin"][name],
+            "twin/log": said["ratio"].get(name),
+            "twin-log": said["deviation"].get(name),
+        }
+        for phase, said in phases.items()
+        for name, label in UNITS.items()
+    ]
+
+
+def write_log_check(folder: Path, found: LogCheck, command: str = "") -> Path:
+    """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
+
+    Raises:
+      InputError: the folder cannot be made.
+    """
+    page = Page(
+        folder,
+        f"{found.vehicle.name} beside its logs",
+        f"{len(found.dives)} dives of {found.store.name}, flown by the twin in closed loop on the "
+        "log's pitch, pump, turning depths and headings",
+    )
+    page.points(found.beyond or ["All figures are within their limits."])
+    page.section("By phase")
+    page.table(log_check_rows(found), "Means away from inflections and the surface.", first=False)
+    if found.notes:
+        page.points(found.notes)
+    page.section("Dives")
+    pairs = [
+        (d, f) for d, f in zip(found.dives, found.flights, strict=True) if isinstance(f, Trajectory)
+    ]
+    step = max(1, -(-len(pairs) // MOST_DIVES))
+    with MissionStore(found.store) as store:
+        for dive, flight in pairs[::step]:
+            flown = as_logged(dive, flight, found.vehicle, store)
+            drawn = log_figure(read_trajectory(found.store, dive.row), flown)
+            page.figure(f"dive-{dive.row}", drawn, mission_caption(store, dive.row))
+    if command:
+        page.section("Command")
+        page.code(command)
+    return page.write()
+
+
+def as_logged(
+    dive: ReplayedDive, flight: Trajectory, vehicle: Vehicle, names: Container[str]
+) -> Trajectory:
+    """A flight of the twin on the log's clock and under the names of its signals, `names`."""
+    begin = dive.period * dive.targets[0].leg.first
+    signals = {
+        f"measured_{name}": flight[f"true_{name}"] for name in ("depth", "pitch", "roll", "heading")
+    }
+    for part in vehicle.parts:
+        name = log_signal(vehicle, part, names) or log_signal(vehicle, part, USUAL_NAMES)
+        sense = part.sense("heading") if name == RUDDER else 1.0
+        signals[name or f"measured_{part.name}"] = sense * flight[f"true_{part.name}"]
+    flown = legs_flown(dive, flight) >= 0
+    return Trajectory(
+        time=flight.time[flown] + begin,
+        signals={name: values[flown] for name, values in signals.items()},
+        states=flight.states[flown, :0],
+    )
