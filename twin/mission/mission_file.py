@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from twin.errors import MissionError, shown, unknown_name
 from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
-from twin.vehicle.allocation import MOST_FOLLOWERS
+from twin.vehicle.assembly import MOST_FOLLOWERS
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 

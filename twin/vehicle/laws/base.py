@@ -168,6 +168,5 @@ class HullLaw(abc.ABC):
 
 LAWS: Registry[type[HullLaw]] = seams.LAWS
 """Every hull law, by name."""
-
 register = LAWS.add
 """Add a kind of one's own; usable as a decorator."""
