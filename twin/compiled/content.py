@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 OURS = frozenset({"twin", "factory", "learn"})
 """Packages that are followed wherever they are installed."""
-
 _STARTED = time.time()
 _TYPING = re.compile(rb"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
 _IMPORT = re.compile(
@@ -34,12 +33,10 @@ _IMPORT = re.compile(
 )
 _NOTE = re.compile(rb"#[^\n]*")
 _ALIAS = re.compile(rb"[ \t]as[ \t]+\w+")
-
 TableText = Callable[[], tuple[str, tuple[str, ...]]]
 """Generated text of a dispatch table, and the modules of its kernels."""
 Table = tuple[str, str]
 """The module that built a table, and the table's name there"""
-
 _tables: dict[str, dict[str, TableText]] = defaultdict(dict)
 _called: dict[Any, tuple[Any, ...]] = {}
 """What each compiled function calls, of this generation"""

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from twin.compiled import Compiled, content
-from twin.compiled.portable import calls_math, portable
+from twin.compiled.portable import calls_math, portable, widest_vectors
 from twin.fossen.lane_block import PART, PARTS_AT
 from twin.fossen.structure_text import body, written
 from twin.numbers import Array
@@ -58,7 +58,7 @@ class Structure:
 
     def arithmetic(self, lanes: int) -> Arithmetic:
         """What that function does, by compiling it anew: the cache keeps no text of it."""
-        return Arithmetic.of(_loop(self, self.text, lanes))
+        return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
 @functools.lru_cache(maxsize=64)
@@ -73,13 +73,15 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
         slow = "" if text.vector_code else _blamed(structure)
         keep_note(__name__, stamp, slow)
     if slow:
-        _warn(slow)
+        warnings.warn(
+            f"the lanes of this vehicle fly 4 to 7 times slower than they could, because {slow}"
+            " did not become vector code: write it of scalars, with @scalar of "
+            "twin.compiled.elementary, without loops, arrays or calls of other libraries "
+            "(docs/howto/extending.md)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
     return function
-
-
-def _loop(structure: Structure, body: str, lanes: int) -> Any:
-    """A loop over so many lanes, compiled for this process alone."""
-    return _kept_loop(structure, body, lanes, keep=False)[0]
 
 
 def _kept_loop(
@@ -93,18 +95,13 @@ def _kept_loop(
     from numba import types
 
     from twin.compiled.folder import decorated
-    from twin.compiled.unchecked import widest_vectors
 
     names = {
         name: portable(value) if isinstance(value, Compiled) and calls_math(value) else value
         for name, value in structure.names
     }
-    space = {
-        "__name__": __name__,
-        "carray": numba.carray,
-        "widest_vectors": widest_vectors,
-        **names,
-    }
+    space = {"__name__": __name__, "carray": numba.carray, "widest_vectors": widest_vectors}
+    space |= names
     body = _ROW.sub(lambda found: str(int(found[1]) * lanes), body)
     text = (
         f"def rate(address, g):\n    b = carray(address, {structure.size * lanes})\n"
@@ -167,8 +164,6 @@ _INSTRUCTIONS = tuple(
     f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
 )
 """What LLVM writes as calls and compiles to instructions"""
-
-
 _ALONE = 4096
 """lanes of a loop with one kind's function: so many that the loop stays one"""
 
@@ -177,25 +172,13 @@ def _blamed(structure: Structure) -> str:
     """The functions of kinds that did not become vector code, in words."""
     blamed = []
     for name, text in structure.kernels:
-        found = Arithmetic.of(_loop(structure, text, _ALONE))
+        found = Arithmetic.of(_kept_loop(structure, text, _ALONE, keep=False)[0])
         if not found.vector_code:
             calls = f", calls {', '.join(found.calls)}" if found.calls else ""
             blamed.append(
                 f"{name} ({found.packed} packed operations, {found.scalar} scalar{calls})"
             )
     return " and ".join(blamed) or "its equations together"
-
-
-def _warn(blamed: str) -> None:
-    """Warn that lanes are slow, and of what is to blame."""
-    warnings.warn(
-        f"the lanes of this vehicle fly 4 to 7 times slower than they could, because {blamed}"
-        " did not become vector code: write it of scalars, with @scalar of "
-        "twin.compiled.elementary, without loops, arrays or calls of other libraries "
-        "(docs/howto/extending.md)",
-        RuntimeWarning,
-        stacklevel=4,
-    )
 
 
 def structure_of(
