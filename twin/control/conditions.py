@@ -15,7 +15,7 @@ import numpy as np
 
 from twin import seams
 from twin.errors import InputError
-from twin.physics.ballast import Ballast
+from twin.physics.start import Ballast
 from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin

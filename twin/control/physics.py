@@ -22,8 +22,8 @@ from twin.control.placing import Nominal, place_vehicle, write_conditions
 from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
 from twin.numbers import Array
-from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
+    Tables,
     header,
     part_names,
     part_table,

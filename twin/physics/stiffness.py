@@ -27,12 +27,11 @@ from twin.physics.native import block as b
 from twin.vehicle.mjcf import MjcfReader
 
 if TYPE_CHECKING:
-    from twin.physics.lookup_tables import Tables
+    from twin.physics.model_block import Tables
     from twin.physics.scenario import Scenario
     from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
 SMALL = 1e-5
 """[m/s] of the differences by a velocity"""
 TURNING = 0.2
