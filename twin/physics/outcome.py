@@ -23,7 +23,7 @@ from twin.records.coordinates import NOMINAL, START_LATITUDE, START_LONGITUDE, S
 from twin.records.mission_dataset import summarise
 from twin.records.trajectory import Trajectory
 from twin.water.current.axes import DEFAULT_TIME
-from twin.water.current.grid_kernels import beyond_grid
+from twin.water.current.grid import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
 HYDROGRAPHY = ("true_temperature", "true_salinity")

@@ -21,8 +21,8 @@ from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as layout
 from twin.physics.native.install import install, uninstall
 from twin.physics.native.late import LAYER, REFUSED, SAMPLER, TABLE
-from twin.water.current.current_text import parse_current
-from twin.water.floor.spec import parse_floor
+from twin.water.current.base import parse_current
+from twin.water.floor.bathymetry import parse_floor
 
 OTHER = """<mujoco><custom><numeric name="big" size="400" data="7"/></custom>
 <worldbody><body><freejoint/><geom size=".1"/><body pos="0 0 1"><joint/><geom size=".1"/></body>

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from twin.identify.start_values import balance
-from twin.identify.vehicle_draws import draw_vehicles
+from twin.identify.unknowns import draw_vehicles
 from twin.navigation.estimators.base import VelocityDeviation
 from twin.navigation.flight_filter import FlightSpread
 from twin.vehicle.vehicle import Vehicle
