@@ -261,7 +261,7 @@ event.register("numba:compile", _seldom)
 def decorated(
     decorate: Callable[[bool], T], module: str, stamp: str | None, variant: str = ""
 ) -> T:
-    """What `decorate(cache)` returns when numba asks `ContentLocator`; not kept without a stamp.
+    """Result of `decorate(cache)`, kept where `ContentLocator` says; not kept without a stamp.
 
     Two that are made of one function with other options have two variants.
     """

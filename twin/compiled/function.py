@@ -58,7 +58,7 @@ class Compiled:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba asks of an object that it meets in compiled code."""
+        """Type that numba asks of an object in compiled code."""
         if self._generation != content._generation or self._inner is None:
             self._refresh(inner=True)
         return self._inner._numba_type_

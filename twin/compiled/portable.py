@@ -81,7 +81,7 @@ def _again(function: Compiled) -> FunctionType:
 
 
 def _other(value: Any, names: frozenset[str]) -> Any:
-    """What a name stands for in portable code."""
+    """Value of a name in portable code."""
     if value is math:
         return _MATH if any(map(_elementary, names)) else math
     if isinstance(value, Compiled):

@@ -27,7 +27,7 @@ PART_COLUMNS = 5
 
 
 class ForceParameters(NamedTuple):
-    """What the compiled equations need of a `Vehicle`; same names, units and frames."""
+    """Numbers of a `Vehicle` for the compiled equations; same names, units and frames."""
 
     gravity: float
     reference_density: float

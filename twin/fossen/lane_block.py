@@ -43,8 +43,8 @@ HEAD = {
     "time": 1,  # [s] since the lane's start
 }
 PART = ("now", "command", "low", "high", "lag", "rate", "one_way")
-"""Of each part: its position as its encoder says, the command, its travel, lag [s], largest rate,
-and whether it never rises again"""
+"""Rows of each part: position by its encoder, command, travel, lag [s], largest rate, and whether
+it never rises again"""
 
 
 def _places() -> dict[str, int]:

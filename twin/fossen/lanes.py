@@ -34,14 +34,14 @@ from twin.water.floor.lookup import floor_depth
 
 _guided, _flow = portable(guidance_step), portable(sample_gradient)
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
-"""What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
+"""Commands of a lane: none (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
     "logged", "leg", "leg_time",
 )  # fmt: skip
-"""Of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has failed,
-and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when its plan
-is done; samples of the whole run, and those that are logged; what `followed` remembers"""
+"""Counts of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has
+failed, and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when
+its plan is done; samples of the whole run, and those that are logged; memory of `followed`"""
 TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
     len(COUNTS) - MEMORY + 1
 )
@@ -322,7 +322,7 @@ def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
 
 @borrowing(nogil=True)
 def _alive(b, lanes):  # type: ignore[no-untyped-def]
-    """How many lanes still fly."""
+    """Number of lanes that still fly."""
     alive = 0
     for l in range(lanes):
         if b[ALIVE * lanes + l] != 0.0:

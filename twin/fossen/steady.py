@@ -206,7 +206,7 @@ class SteadyProblem:
         return self.cruises() if self.driven else self.straight_roots()
 
     def with_rotation(self, rotation: float) -> SteadyProblem:
-        """The same problem with what turns the vehicle elsewhere."""
+        """Problem with the part that turns the vehicle elsewhere."""
         positions = self.positions.copy()
         if self.turning is not None:
             positions[self.turning] = rotation

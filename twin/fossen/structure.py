@@ -57,7 +57,7 @@ class Structure:
         return _compiled(self, lanes, content.generation())
 
     def arithmetic(self, lanes: int) -> Arithmetic:
-        """What that function does, by compiling it anew: the cache keeps no text of it."""
+        """Operations of that function, by compiling it anew: the cache keeps no text of it."""
         return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
@@ -125,7 +125,7 @@ def _kept_loop(
 
 @dataclasses.dataclass(frozen=True)
 class Arithmetic:
-    """What a compiled loop over lanes does, counted in its text."""
+    """Operations of a compiled loop over lanes, counted in its text."""
 
     packed: int
     """operations on several lanes at once"""
@@ -136,12 +136,12 @@ class Arithmetic:
 
     @classmethod
     def of(cls, function: Any) -> Arithmetic:
-        """Of a CFunc that was compiled in this process; one from the cache has no text any more."""
+        """Count a CFunc that was compiled in this process; one from the cache has no text."""
         return cls.of_text(function.inspect_llvm())
 
     @classmethod
     def of_text(cls, text: str) -> Arithmetic:
-        """Of the first function of LLVM's text."""
+        """Count the first function of LLVM's text."""
         # the first function is ours, those behind it call it from C and let memory go
         text = text[text.index("\ndefine ") :].partition("\n}")[0]
         packed = len(_PACKED.findall(text))
@@ -163,7 +163,7 @@ _CALLED = re.compile(r"\bcall\b[^\n@]*@([\w.$]+)")
 _INSTRUCTIONS = tuple(
     f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
 )
-"""What LLVM writes as calls and compiles to instructions"""
+"""Calls in LLVM's text that are compiled to instructions"""
 _ALONE = 4096
 """lanes of a loop with one kind's function: so many that the loop stays one"""
 

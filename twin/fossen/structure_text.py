@@ -63,7 +63,7 @@ class Writer:
 
 
 def body(lines: Iterable[str]) -> str:
-    """Of the loop over lanes."""
+    """Body of the loop over lanes."""
     return "".join(f"        {line}\n" for line in lines)
 
 
@@ -232,7 +232,7 @@ def _write_buoyancy(w: Writer, vehicle: Vehicle, neutral: float) -> None:
 _LAW = ("fx", "fy", "fz", "fk", "fm", "fn", "d0", "d1", "d2")
 _MOTION = "density, u, v, w, p, q, r"
 _GIVEN = ("u", "v", "w", "p", "q", "r", "density", "there")
-"""What a kind's function is given beside its own numbers"""
+"""Arguments of a kind's function beside its own numbers"""
 
 
 def _write_law(w: Writer, vehicle: Vehicle) -> None:

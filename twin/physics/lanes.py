@@ -63,7 +63,7 @@ class Aground(FloorError):
 
 
 LaneResult = Trajectory | SimulationUnstable | Aground
-"""What comes of one lane"""
+"""Result of one lane"""
 
 
 class Lane:
@@ -111,7 +111,7 @@ class Lane:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What scenarios of one block share."""
+        """Properties that scenarios of one block share."""
         return self.structure, self.timestep, self.per_sample, self.joints
 
     def changes(self) -> list[tuple[int, Condition]]:
@@ -236,7 +236,7 @@ class LaneBlock:
         self._tables(filled, begin)
 
     def _tables(self, filled: Sequence[Lane], begin: Array) -> None:
-        """What guidance and water read, of every lane."""
+        """Tables that guidance and water read, of every lane."""
         count = len(filled)
         plans = [lane.tables.plan for lane in filled]
         self.plan_rows = np.array([len(plan) for plan in plans])
@@ -420,7 +420,7 @@ def _flown(
     *,
     lean: bool = False,
 ) -> Iterator[tuple[int, LaneResult]]:
-    """What comes of the lanes of one block; errors name each by its number."""
+    """Results of the lanes of one block; errors name each by its number."""
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
     for k, index in enumerate(members):

@@ -322,7 +322,7 @@ def _step_lag(lag: float, model: mujoco.MjModel) -> float:
 
 
 def label(vehicle: Vehicle) -> str:
-    """How errors name a vehicle: by its name and its file."""
+    """Name and file of a vehicle, as errors have them."""
     return f"vehicle {vehicle.name!r} ({vehicle.path})"
 
 

@@ -47,7 +47,7 @@ ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
 HULL_SHAPE = "glider_twin_hull_shape"
 ALL_BITS = 2**31 - 1
-"""Of contype and conaffinity: meets every geom that can collide at all"""
+"""contype and conaffinity that meet every geom that can collide at all"""
 BEFORE_FIRST_STEP = -1e5
 """[m] height of the plane until native code lays it"""
 HIDDEN_GROUP = 5
@@ -59,7 +59,7 @@ _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
 def hydrodynamics_names() -> tuple[str, ...]:
-    """What `hydrodynamics` may be: the file's own law by "coefficients", or another by name."""
+    """Values of `hydrodynamics`: the file's own law by "coefficients", or another by name."""
     return (COEFFICIENTS, *LAWS)
 
 

@@ -43,7 +43,7 @@ ALTITUDE = "measured_altitude"
 
 
 class OnBoard:
-    """What one vehicle knows of its own flight."""
+    """Sensors, navigator and track of one vehicle under way."""
 
     def __init__(
         self,
@@ -132,7 +132,7 @@ class OnBoard:
         self.belief: NavigationState | None = None
 
     def _missing(self, names: tuple[str, ...]) -> list[str]:
-        """What the estimator reads and the sensors do not measure of these signals."""
+        """Channels of the estimator that the sensors do not measure of these signals."""
         known = {*(entry.name for entry in self._suite.writes(names)), *names}
         return [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
 
@@ -162,7 +162,7 @@ class OnBoard:
         return self._sample[name]
 
     def observe(self, time: float) -> Observation:
-        """What guidance sees at `time` [s], from the last sample."""
+        """Observation of guidance at `time` [s], from the last sample."""
         assert self.belief is not None
         seen, belief = self._sample, self.belief
         roll, pitch, heading = (math.radians(seen[name]) for name in ATTITUDE)
@@ -178,7 +178,7 @@ class OnBoard:
         )  # fmt: skip
 
     def signals(self) -> dict[str, Array]:
-        """What was measured and believed so far, each (samples,); the on-board track is the
+        """Measured signals and state estimate so far, each (samples,); the on-board track is the
         navigator's."""
         count = self.sensors.count
         north, east = self._track[:, :count].copy()

@@ -90,7 +90,7 @@ def trajectory(
 
 
 def _speed(trajectory: Trajectory) -> str:
-    """How fast it was at its last sound sample; empty without one."""
+    """Speed at its last sound sample, in words; empty without one."""
     if not len(trajectory.time):
         return ""
     parts = [trajectory[f"true_{name}"][-1] for name in ("surge", "sway", "heave")]
@@ -132,7 +132,7 @@ def _place(scenario: Scenario, duration: float) -> dict[str, float | str]:
 
 
 def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
-    """How a run ended: unstable, aborted, flown, or at its duration or time limit."""
+    """End of a run in a word: unstable, aborted, flown, duration or time limit."""
     if failed:
         return "unstable"
     if not isinstance(scenario.mission, Mission):
@@ -145,7 +145,7 @@ def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
 
 
 def _label(scenario: Scenario, mission: int | None) -> str:
-    """What an error calls a run: its mission's name, its index among others, or both."""
+    """Name of a run in errors: its mission's name, its index among others, or both."""
     plan = scenario.mission
     name = repr(plan.name) if isinstance(plan, Mission) else ""
     if mission is None:
@@ -210,7 +210,7 @@ def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
 
 
 def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
-    """That a run ended on the way to a place, and how far from it; empty where it did not."""
+    """Remark that a run ended on the way to a place, and how far from it; else empty."""
     if not isinstance(scenario.mission, Mission):
         return ""
     flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]

@@ -30,7 +30,7 @@ steps and samples is a whole number."""
 SAMPLE_PERIOD = 0.5
 """[s], the paper's 2 Hz"""
 ENGINES = ("mujoco", "lanes")
-"""What can fly a scenario; see `twin.physics.lanes`"""
+"""Engines that fly a scenario; see `twin.physics.lanes`"""
 AS_THEY_ARE = ("hydrodynamics", "timestep", "integrator", "centred", "sample_period")
 """Fields that a description has as they are"""
 MAKERS = {
@@ -52,19 +52,19 @@ class Scenario:
     believed: Vehicle | None = None
     """The vehicle that guidance is trimmed for; None: the real one."""
     ballast: Ballast | None = None
-    """How the vehicle was weighed; None: neutral in water of the reference density."""
+    """Its ballasting; None: neutral in water of the reference density."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
     compass_offset: float = 0.0
-    """What the compass of guidance reads beyond the true heading [rad]."""
+    """Error of the compass of guidance: its reading less the true heading [rad]."""
     mission: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     faults: Sequence[Fault] = ()
-    """What is wrong with the vehicle, each from a time on; see `twin.faults`"""
+    """Faults of the vehicle, each from a time on; see `twin.faults`"""
     navigate: Navigation | VelocityEstimator | str | None = None
-    """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
-    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation, which
-    says the sensors and their seed too."""
+    """Position that guidance sees: the truth (None or "truth"), or an on-board one: "estimate", the
+    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation,
+    which has the sensors and their seed too."""
     duration: float | None = None
     """[s]; None takes the mission's own."""
     start: Start | Mapping[str, Any] | None = None
@@ -79,7 +79,7 @@ class Scenario:
     origin: Origin | None = None
     """Geographic position and time of the frame's origin; None: the start's. See `place`."""
     engine: str = "mujoco"
-    """What flies it: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
+    """Engine: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
     hydrodynamics: str = "coefficients"
     timestep: float | None = None
     """[s]; None takes the vehicle file's"""

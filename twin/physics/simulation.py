@@ -53,7 +53,7 @@ STEPS_PER_CALL = 20_000
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
 _WHOLE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""What MuJoCo's next step depends on, our words in userdata too"""
+"""Signature of all that MuJoCo's next step depends on, our words in userdata too"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Simulation:
         self._conditions = conditions_of(scenario, self.duration)
         self._became = 0
         self.on_board: OnBoard | None = None
-        """What was known on board, of a navigated run."""
+        """Knowledge on board, of a navigated run."""
         self.reset()
 
     def _samples(self) -> int:
@@ -398,7 +398,7 @@ class Simulation:
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
-    """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD.
+    """Observation of a Python controller now: pose, rates and positions of the parts, NED and FRD.
 
     `floor` is the table of the sea floor, empty without one.
     """

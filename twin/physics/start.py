@@ -208,7 +208,7 @@ def _check_degrees(name: str, value: object, largest: float) -> None:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ballast:
-    """How a vehicle was weighed: neutral, but for an error, at a depth; or with a known volume."""
+    """Ballasting of a vehicle: neutral, but for an error, at a depth; or with a known volume."""
 
     depth: float | None = None
     """[m] of the mission's own water, where it is neutral"""
@@ -281,7 +281,7 @@ def weighed(
 
 
 def out_of_trim(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
-    """That a vehicle is heavier or lighter at the surface than its pump can carry; else empty."""
+    """Warning that a vehicle at the surface is beyond what its pump can carry; else empty."""
     part = vehicle.steered("buoyancy")
     if ballast is None or part is None:
         return ""

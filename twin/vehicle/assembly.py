@@ -219,7 +219,7 @@ def named_controls(reader: MjcfReader) -> tuple[str, ...]:
 
 
 SHARED = {"pitch": (4, 3, 5), "heading": (5, 3, 4), "speed": (0, 4, 5)}
-"""Of each control that is shared: row of the wrench that is wanted, and those that must vanish"""
+"""Row of the wrench that each shared control wants, and rows that must vanish"""
 MOST_FOLLOWERS = 24
 """in a vehicle; guidance keeps them in a table of this length"""
 NEGLIGIBLE = 1e-6

@@ -31,7 +31,7 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 HOTEL = "hotel"
-"""What the share of the electronics is called beside the names of the parts"""
+"""Name of the share of the electronics beside the names of the parts"""
 AFLOAT = 1.5
 """[m] above which a vehicle is at the surface, as imports have it"""
 ENERGY = "true_energy_"
@@ -43,7 +43,7 @@ class Consumption(Losses):
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Consumption:
-        """That of a vehicle: its file's `<numeric>` of a field's name, else the default.
+        """Consumption of a vehicle: its file's `<numeric>` of a field's name, else the default.
 
         Raises:
           VehicleError: such a number cannot be used.

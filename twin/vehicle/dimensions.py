@@ -54,7 +54,7 @@ below a spheroid's 2/3"""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dimensions:
-    """What one can measure on the quay, in m, kg and m2."""
+    """Sizes that one can measure on the quay, in m, kg and m2."""
 
     length: float
     diameter: float
@@ -141,7 +141,7 @@ class Dimensions:
         return self.mass * np.diag(parts)
 
     def derivatives(self) -> dict[str, float]:
-        """Of the hull with its fins at rest, without the added mass's own coupling; SI."""
+        """Derivatives of the hull, fins at rest, without the added mass's own coupling; SI."""
         length, wide, pressure = self.length, self.diameter, 0.5 * self.density
         lift = pressure * wide**2 * HULL_LIFT * length / wide
         fin = pressure * FIN_LIFT * self._fin_area

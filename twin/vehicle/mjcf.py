@@ -239,7 +239,7 @@ class _Check:
         self.parser.StartElementHandler = self._begin
         self.parser.EndElementHandler = self._end
         self.repeats = [1.0]
-        """How often each of the open elements is repeated, the outermost first"""
+        """Repeats of each open element, the outermost first"""
         self.elements = 0.0
 
     def fail(self, what: str, advice: str) -> NoReturn:

@@ -97,7 +97,7 @@ def unknown_vehicle(name: str) -> str:
 PRESETS = "presets"
 """Name of the `<text>` that lists the sets of a file"""
 WITHOUT = "without"
-"""What follows the colon where a set leaves elements out"""
+"""Word after the colon where a set leaves elements out"""
 SEPARATOR = ":"
 """Between a vehicle's name or path and its set, and between a set and what it changes"""
 _ATTRIBUTE = re.compile(r"(?P<tag>\w+)/(?P<name>[^/@]+)(?:/(?P<child>\w+))?@(?P<attribute>\w+)")

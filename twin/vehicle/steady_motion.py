@@ -175,7 +175,7 @@ def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
 
 
 def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
-    """What to change when `positions` of the parts, shape (parts,), give no steady motion."""
+    """Advice for `positions` of the parts, shape (parts,), that give no steady motion."""
     slides, turned, resting = list[str](), list[str](), list[str]()
     for part, position, rest in zip(vehicle.parts, positions, vehicle.rest, strict=True):
         if isinstance(part, BatterySlide):

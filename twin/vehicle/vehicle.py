@@ -65,7 +65,7 @@ class Vehicle:
     """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
 
     name: str
-    """That of its file."""
+    """Name of its file."""
     path: Path
     xml: str
     """The MJCF text that everything below was read from."""
@@ -135,11 +135,11 @@ class Vehicle:
     usual_mission: str = ""
     """Shipped mission for it when nobody names one; empty: by its parts."""
     summary: str = ""
-    """What it is, in one line."""
+    """Description in one line."""
     source: str = ""
     """Where its numbers are from, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """What the factory draws for this vehicle in place of its table: "PAPER; FIELD" by parameter"""
+    """Distributions of the factory in place of its table: "PAPER; FIELD" by parameter"""
 
     def __post_init__(self) -> None:
         steep, net_mass = self.usual_glide
@@ -379,7 +379,7 @@ class Vehicle:
         return self.replace(law=law, **({} if mass is None else {"added_mass": mass}))
 
     def changes(self) -> dict[str, Any]:
-        """What differs from the MJCF text, as JSON-able numbers, lists and mappings."""
+        """Differences from the MJCF text, as JSON-able numbers, lists and mappings."""
         of_file = parse_vehicle(self.xml, self.path)
         original = of_file.with_law(self.law.kind)
         found = differences(self, original, leave=("name", "path", "xml", "law", "parts", "masses"))

@@ -27,7 +27,7 @@ from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 
 _UNKNOWN = (math.nan,) * 6
-"""Of a kind that this process does not know: the run fails, which zero would hide."""
+"""Answer of a kind that this process does not know: the run fails, which zero would hide."""
 _MOTION = ("u", "v", "w", "p", "q", "r")
 
 

@@ -32,7 +32,7 @@ def added_momentum(m, u, v, w, p, q, r):
 
 @jit
 def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
-    """What remains of the added-mass force once M_A d(twist)/dt is in the mass matrix.
+    """Rest of the added-mass force once M_A d(twist)/dt is in the mass matrix.
 
     With h = M_A (v_rel, omega_rel): the force is M_A (omega x v_rel + R^T dV_c/dt, 0) -
     (omega x h_1 + G^T h_1, omega x h_2 + v_rel x h_1). `motion` is (v_rel, omega_rel), the motion

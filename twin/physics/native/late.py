@@ -52,11 +52,11 @@ FLOW = 15
 """Numbers of `sample_gradient`"""
 SLOTS = 2
 WORDS = 2
-"""Of a slot in TABLE"""
+"""Words of a slot in TABLE"""
 REFUSED = 1
 """In place of an address: it could not be compiled, and is not tried again before `renew`"""
 TABLE = (ctypes.c_int64 * (WORDS * SLOTS + 1))()
-"""Of each slot: the function's address, and that of what compiles it; then Python's Ctrl-C"""
+"""Addresses, by slot, of the function and of what compiles it; then that of Python's Ctrl-C"""
 TABLE[WORDS * SLOTS] = ctypes.cast(ctypes.pythonapi.PyErr_SetInterrupt, ctypes.c_void_p).value or 0
 INTERRUPTED = -1
 """Instead of the address of an error's text"""
@@ -73,15 +73,15 @@ class Late:
         self._signature, self._function = signature, function
         self._made = -1
         self._kept: list[Any] = []
-        """Those of every generation: other threads may be running an older one"""
+        """Functions of every generation: other threads may be running an older one"""
         self._texts: list[Any] = []
-        """Of errors: MuJoCo reads one when Python has left it"""
+        """Texts of errors: MuJoCo reads one when Python has left it"""
         self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._asked)
         TABLE[WORDS * slot + 1] = ctypes.cast(self._hook, ctypes.c_void_p).value or 0
 
     @property
     def address(self) -> int:
-        """Of the function, 0 before it is compiled; or REFUSED."""
+        """Address of the function, 0 before it is compiled; or REFUSED."""
         return int(TABLE[WORDS * self.slot])
 
     @address.setter
@@ -204,7 +204,7 @@ _UNKNOWN = (math.nan,) * FLOW
 
 @intrinsic
 def _sampled_at(typingctx, address, program, size, t, north, east, down):
-    """What the sampler at `address` finds: `sample_gradient` of the program at an address."""
+    """Call the sampler at `address`: `sample_gradient` of the program at an address."""
     result = types.UniTuple(types.float64, FLOW)
     point = (types.float64,) * 4
 

@@ -62,7 +62,7 @@ ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics, whatever it looks like later"""
 UNSTABLE = 2.0
-"""Of step times rotary damping over inertia: an explicit step does not settle beyond"""
+"""Step times rotary damping over inertia beyond which an explicit step does not settle"""
 RATE = 1e-4
 """[rad/s] of the differences by which a law's rotary damping is found"""
 _VOID = types.void(types.int64, types.int64)

@@ -33,7 +33,7 @@ _DATA_FIELDS = (
     "qfrc_passive", "mocap_pos", "mocap_quat", "ncon",
 )  # fmt: skip
 _FIELDS = [("mjModel", n) for n in _MODEL_FIELDS] + [("mjData", n) for n in _DATA_FIELDS]
-"""Of the table that native code reads, in the order of its slots; the time step follows"""
+"""Fields of the table that native code reads, by slot; the time step follows"""
 SLOTS = len(_FIELDS) + 1
 (
     M_NUMERIC_COUNT, M_NUMERIC_DATA, M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA, M_NMOCAP,

@@ -178,7 +178,7 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
     """
 
     def wrenches(nu: Array) -> Array:
-        """Of velocities (..., 6)."""
+        """Wrenches of velocities (..., 6)."""
         impulse = nu @ added_mass.T
         h, moment_of = impulse[:, :3], impulse[:, 3:]
         force = -np.cross(nu[:, 3:], h)

@@ -120,7 +120,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 
 @inline
 def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Of the rates' moments in flow axes turned to the body, as `native_wrench` has them."""
+    """Damping of the rates' moments in flow axes turned to the body, as in `native_wrench`."""
     speed2 = u * u + v * v + w * w
     speed, in_plane = math.sqrt(speed2), math.sqrt(u * u + w * w)
     ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
@@ -420,7 +420,7 @@ ROLL_LIFT_SHARE = Uncertainty(
     why="it changes sign with lift: the turns of 7 Seagliders and a SeaExplorer in dives and "
     "climbs show most of it to be theirs",
 )
-"""Of vehicles whose coefficients were identified in dives alone"""
+"""For vehicles whose coefficients were identified in dives alone"""
 _LIFT_FIELDS = (
     "side_force_lift", "roll_moment_lift", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
 )  # fmt: skip

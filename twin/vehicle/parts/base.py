@@ -37,7 +37,7 @@ VALUES = 24
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Losses:
-    """What the drives and electronics of a vehicle lose; `twin.vehicle.consumption` has sources."""
+    """Losses of drives and electronics; `twin.vehicle.consumption` has the sources."""
 
     hotel_power: float = 0.3
     """[W] electronics and sensors, all the time: 0.29 in a Seaglider's dive"""
@@ -88,7 +88,7 @@ class Move(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """How a store shows a part's position."""
+    """Quantity by which a store shows a part's position."""
 
     unit: str
     """as CF writes it"""
@@ -151,7 +151,7 @@ class Part:
         return {}
 
     def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with it: pairs of a field's name and the rule that it breaks."""
+        """Pairs of a field's name and the rule that it breaks."""
         rules = (
             ("lag (dynprm)", self.lag > 0.0, "positive"),
             ("rate (dynprm)", self.rate > 0.0, "positive"),
@@ -207,7 +207,7 @@ class Part:
     # --- what guidance may do with it -----------------------------------------------------------
 
     def controls(self) -> tuple[str, ...]:
-        """What guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
+        """Controls that guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
         return ()
 
     @property
@@ -241,7 +241,7 @@ class Part:
         return 1.0
 
     def mirrored(self) -> float | None:
-        """What the mirror port to starboard makes of its position: 1 or -1 times it.
+        """Factor on its position in the mirror port to starboard: 1 or -1.
 
         None: the vehicle has no mirror image of it, or its kind does not say.
         """
@@ -290,7 +290,7 @@ class Part:
         return f"{value:.4g} {self.unit}"
 
     def told(self, time: Array, positions: Array) -> dict[str, str]:
-        """How it moved, as a person reads it after a flight: a row's name and text.
+        """Summary of its motion after a flight: a row's name and text.
 
         Args:
           time: [s], shape (n,). positions: in stored units, shape (n,).
@@ -301,7 +301,7 @@ class Part:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What a kind lacks: each effect must be there for both models."""
+        """Clause that says what a kind lacks: each effect must be there for both models."""
         if not isinstance(getattr(cls, "quantity", None), Quantity):
             return "it lacks `quantity`: how a store shows its position"
         shared = {field.name for field in dataclasses.fields(Part)}
