@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
 from twin.numbers import number as as_number
-from twin.vehicle.allocation import MOST_FOLLOWERS
+from twin.vehicle.assembly import MOST_FOLLOWERS
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
 KIND = 0  # one of the kinds below

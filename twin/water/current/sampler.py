@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.compiled import borrowing, generate, inline, jit
-from twin.compiled.dispatch import Written
+from twin.compiled import Written, borrowing, generate, inline, jit
 from twin.seams import CURRENTS
 
 Floats = NDArray[np.float64]
