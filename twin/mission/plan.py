@@ -86,7 +86,7 @@ class Mission:
                 )
             field = "max_depth_m" if isinstance(segment, Profile) else "depth_m"
             deepest, most = getattr(segment, field, None), self.max_depth_m
-            if None not in (deepest, most) and deepest > most - OVERSHOOT_MARGIN_M:
+            if deepest is not None and most is not None and deepest > most - OVERSHOOT_MARGIN_M:
                 rule = (
                     f"{OVERSHOOT_MARGIN_M:g} m less than the mission's max_depth_m = "
                     f"{self.max_depth_m:g} m, for the overshoot"
