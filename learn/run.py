@@ -371,7 +371,7 @@ class Run:
         """Standard deviation of its velocity at a vehicle's usual speed, as validation showed it;
         errors as `error_model`."""
         from twin.navigation.estimators.base import VelocityDeviation
-        from twin.navigation.estimators.glide_deviation import usual_speed
+        from twin.navigation.estimators.flight import usual_speed
 
         deviation = self.error_model().velocity_sd
         return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import InputError, SimulationUnstable
-from twin.faults.base import Fault, read_by
-from twin.faults.words import parse_faults
+from twin.faults.base import Fault, parse_faults, read_by
 from twin.mission import Mission
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for

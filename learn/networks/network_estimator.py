@@ -19,7 +19,7 @@ from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log
-from twin.identify.translation import Translation
+from twin.identify.translation import Translation, Velocity
 from twin.logs.flight_estimator import FlightEstimator
 from twin.navigation.channel_guard import ChannelGuard
 from twin.navigation.estimators.base import (
@@ -269,11 +269,7 @@ class NetworkFlight(FlightEstimator):
         return cls(open_run(argument))
 
     def motion(
-        self,
-        store: MissionStore,
-        log: Log,
-        calibration: Calibration,
-        start: tuple[float, float, float],
+        self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
         """See `FlightEstimator.motion`; between the samples of a coarser run, linear."""
         if store.path not in self._predictions:

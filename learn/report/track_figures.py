@@ -13,8 +13,8 @@ from learn.data.labels import MODE
 from learn.evaluation.score import DVL, FLOOR, NETWORK
 from learn.report.contents import Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
-from twin.navigation.dvl_cleaning import BOTTOM
 from twin.navigation.estimators.base import baselines
+from twin.navigation.estimators.dvl import BOTTOM
 from twin.show import style
 from twin.show.figures.track import LEGEND, space_axes
 

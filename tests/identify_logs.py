@@ -32,38 +32,26 @@ def changed(vehicle, *, drag=1.0, lift_ratio=1.0, neutral_density=None, compress
     return vehicle.replace(**changes)
 
 
-def flown(vehicle, seed, *, yos=2, max_depth=150.0, pitch=(22.0, 30.0), duration=None):
+def measured(vehicle, plan, seed):
+    """Truth of a mission in stratified water, and what field sensors measure."""
+    trajectory = simulate(
+        Scenario(vehicle=vehicle, mission=plan, density=THERMOCLINE, sample_period=PERIOD)
+    )
+    seeds = np.random.SeedSequence(seed)
+    signals = SUITE.measure(trajectory.signals, dt=PERIOD, rng_seed=seeds, density=THERMOCLINE)
+    trajectory.signals.update(signals)
+    return trajectory
+
+
+def flown(vehicle, seed, *, yos=2, max_depth=150.0, pitch=(22.0, 30.0)):
     """Truth and measurements of one dive with field sensors in stratified, moving water."""
     rng = np.random.default_rng(seed)
-    plan = Mission(
-        name="dive",
-        start_heading_deg=float(rng.uniform(0, 360)),
-        segments=(
-            SawTooth(
-                max_depth_m=max_depth,
-                pitch_deg=pitch[0],
-                climb_pitch_deg=pitch[1],
-                net_mass_kg=0.25,
-                yos=yos,
-            ),
-        ),
+    dive, climb = pitch
+    yo = SawTooth(
+        max_depth_m=max_depth, pitch_deg=dive, climb_pitch_deg=climb, net_mass_kg=0.25, yos=yos
     )
-    trajectory = simulate(
-        Scenario(
-            vehicle=vehicle,
-            mission=plan,
-            density=THERMOCLINE,
-            sample_period=PERIOD,
-            duration=duration,
-        )
-    )
-    measured = SUITE.measure(
-        trajectory.signals,
-        dt=PERIOD,
-        rng_seed=np.random.SeedSequence(seed),
-        density=THERMOCLINE,
-    )
-    trajectory.signals.update(measured)
+    plan = Mission(name="dive", start_heading_deg=float(rng.uniform(0, 360)), segments=(yo,))
+    trajectory = measured(vehicle, plan, seed)
     trajectory.signals["measured_density"] = trajectory["true_density"] + rng.normal(
         0.0, 0.01, len(trajectory.time)
     )

@@ -1,14 +1,18 @@
-"""Smoothed track: the way over ground by all fixes of a deployment, and how well it is known.
+"""Tracks of a deployment: its fixes, and the way over ground by all of them.
 
-A current filter is led along the way through the water, from stay at the surface to stay, and
-smoothed (`twin.navigation.current`): between two fixes of a dive the current is not constant, as a
-spread misclosure would have it, but what tide, eddies and the dives before and after say, and the
+A fix says where and when GPS found a vehicle within one mission of a store; a place is where on
+Earth the metres of the mission's frame are.
+
+A current filter (`twin.navigation.current`) is led along the way through the water, from stay at
+the surface to stay, and smoothed. Between two fixes of a dive the current is then not constant, as
+a spread misclosure would have it: tide, eddies and the dives before and after tell it. The
 deviation is that of the smoother. Between fixes of one stay the track is linear.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -16,11 +20,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.logs.fix import Fixes
+from twin.geodesy import from_tangent_plane, position, wrap_longitude
+from twin.identify.speed import way_of
 from twin.navigation.current import CurrentFilter, CurrentParameters, Leg, SmoothedTrack, tune
+from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
+from twin.records.logged import numbers
+from twin.records.reader import MissionStore
 
 Array = NDArray[np.float64]
 
+GPS_DEVIATION = 5.0
+"""[m] standard deviation, north and east each, of a receiver whose antenna is in the waves."""
 STAY = 300.0
 """[s] between fixes of one stay at the surface; farther apart, a dive is between them"""
 PIECES, LEAST_PIECE = 16, 20.0
@@ -35,8 +45,84 @@ PHASE = 600.0
 SPEED_SCALE, COMPASS = 0.03, 2.0
 """[1], [degree] standard deviations of what is left in the speed of a model that the depth rate
 scales, and in a calibrated compass"""
-ANYWHERE = 1e5
-"""[m] standard deviation of a place before the first fix"""
+ANYWHERE, LEAST_DEVIATION = 1e5, 1e-3
+"""[m] standard deviations of a place before the first fix, and of the origin by definition"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fixes:
+    """The fixes of a mission, in order of time."""
+
+    sample: NDArray[np.intp]
+    """Index of the sample at which each was taken, (fix,), increasing."""
+    position: Array
+    """North, east [m] from the mission's origin, (fix, 2)."""
+    deviation: float = GPS_DEVIATION
+    """[m] north and east each"""
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+
+def fixes_of(store: MissionStore, mission: int) -> Fixes:
+    """The fixes of a mission of a store; none where it has no GPS.
+
+    A simulated mission was launched at its origin: that place is known as a fix is, whether the
+    receiver had one by then or not.
+    """
+    names = ("measured_gps_north", "measured_gps_east")
+    if any(name not in store for name in names):
+        return Fixes(sample=np.zeros(0, np.intp), position=np.zeros((0, 2)))
+    count = int(store.samples[mission])
+    found = np.stack([store.row(name, mission)[:count].astype(float) for name in names], axis=1)
+    if not store.logged and not np.isfinite(found[0]).all():
+        found[0] = 0.0
+    return fixes_at(found)
+
+
+def fixes_at(known: Array) -> Fixes:
+    """The fixes in positions [m], (time, 2), that are NaN where there is none."""
+    sample = np.flatnonzero(np.isfinite(known).all(axis=1))
+    return Fixes(sample=sample, position=known[sample])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Place:
+    """The origin of a mission's frame [degree], NaN where the store does not say."""
+
+    latitude: float
+    longitude: float
+    logged: bool
+    """Logs count metres along the meridian and the mean parallel, simulated missions fly in the
+    plane that touches at the origin (`twin.geodesy`)."""
+
+    @property
+    def known(self) -> bool:
+        """Whether it is."""
+        return bool(np.isfinite(self.latitude) and np.isfinite(self.longitude))
+
+    def degrees(self, north: Array, east: Array) -> tuple[Array, Array]:
+        """Latitude and longitude [degree] of points [m] of the frame; NaN without an origin."""
+        if not self.known:
+            return np.full_like(north, np.nan), np.full_like(east, np.nan)
+        convert = position if self.logged else from_tangent_plane
+        latitude, longitude = convert(north, east, self.latitude, self.longitude)
+        return latitude, wrap_longitude(longitude)
+
+
+def place_of(store: MissionStore, mission: int) -> Place:
+    """The place of one mission of a store."""
+    return places_of(store, [mission])[mission]
+
+
+def places_of(store: MissionStore, missions: Sequence[int]) -> dict[int, Place]:
+    """The places of these missions of a store."""
+    latitude, longitude = (numbers(store, n) for n in (START_LATITUDE, START_LONGITUDE))
+    make = functools.partial(Place, logged=store.logged)
+    return {
+        mission: make(latitude=float(latitude[mission]), longitude=float(longitude[mission]))
+        for mission in missions
+    }
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -53,8 +139,7 @@ class SmoothedWay:
 
     def water(self, period: float) -> Array:
         """North, east through the water since the first sample [m], (time, 2)."""
-        steps = 0.5 * period * (self.velocity[1:] + self.velocity[:-1])
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        return way_of(self.velocity, period)
 
 
 def smoothed_tracks(
@@ -131,15 +216,13 @@ def _legs(ways: Sequence[SmoothedWay], period: float) -> list[Leg]:
     """The dives between stays of ways in order of time."""
     legs: list[Leg] = []
     for way in ways:
-        water = way.water(period)
-        found = stays(way.fixes, period)
-        for (_, last), (first, _) in itertools.pairwise(found):
-            a, b = way.fixes.sample[last], way.fixes.sample[first]
+        water, fixes = way.water(period), way.fixes
+        for (_, last), (first, _) in itertools.pairwise(stays(fixes, period)):
+            a, b = fixes.sample[last], fixes.sample[first]
             start = way.start + period * float(a)
             if legs and start < legs[-1].end - 1.0:
                 continue
-            ground = way.fixes.position[first] - way.fixes.position[last]
-            through = water[b] - water[a]
+            ground, through = fixes.position[first] - fixes.position[last], water[b] - water[a]
             legs.append(
                 Leg(
                     start=start,
@@ -159,6 +242,9 @@ def _lead(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple
     knots: list[tuple[int, int]] = []
     filter_.memory = way.phase
 
+    def mark(sample: int) -> None:
+        knots.append((sample, filter_.recorded - 1))
+
     def swim(first: int, last: int) -> None:
         duration = period * (last - first)
         count = max(1, min(PIECES, int(duration / LEAST_PIECE), last - first))
@@ -168,35 +254,30 @@ def _lead(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple
             noise = VELOCITY_SHARE**2 * float(velocity @ velocity)
             noise += (SHEAR_SHARE * filter_.parameters.mean) ** 2
             filter_.step(period * float(b - a), velocity, noise * np.eye(2))
-            knots.append((int(b), filter_.recorded - 1))
+            mark(int(b))
 
     if not found:
         filter_.locate((0.0, 0.0), LEAST_DEVIATION)
-        knots.append((0, filter_.recorded - 1))
+        mark(0)
         swim(0, end)
         return knots
     begin = int(fixes.sample[found[0][0]])
     if begin > 0:
         filter_.locate(fixes.position[found[0][0]] - water[begin], ANYWHERE)
-        knots.append((0, filter_.recorded - 1))
+        mark(0)
         swim(0, begin)
     for k, (first, last) in enumerate(found):
         filter_.fix(fixes.position[first], fixes.deviation)
         if begin == 0 and k == 0:
-            knots.append((0, filter_.recorded - 1))
+            mark(0)
         if last > first:
-            seconds = period * float(fixes.sample[last] - fixes.sample[first])
-            filter_.step(seconds, None)
+            filter_.step(period * float(fixes.sample[last] - fixes.sample[first]), None)
             filter_.fix(fixes.position[last], fixes.deviation)
-            knots.append((int(fixes.sample[last]), filter_.recorded - 1))
+            mark(int(fixes.sample[last]))
         after = int(fixes.sample[found[k + 1][0]]) if k + 1 < len(found) else end
         if after > fixes.sample[last]:
             swim(int(fixes.sample[last]), after)
     return knots
-
-
-LEAST_DEVIATION = 1e-3
-"""[m] of a place that is the origin by definition"""
 
 
 def _collect(
@@ -222,14 +303,9 @@ def _collect(
             at = np.stack([np.interp(fixes.sample, samples, axis) for axis in moved.T], axis=1)
             left = fixes.position - water[fixes.sample] - at
             every = np.unique(np.concatenate([samples, fixes.sample]))
-            moved = np.stack(
-                [
-                    np.interp(every, samples, moved[:, j])
-                    + np.interp(every, fixes.sample, left[:, j])
-                    for j in range(2)
-                ],
-                axis=1,
-            )
+            along = [np.interp(every, samples, axis) for axis in moved.T]
+            rest = [np.interp(every, fixes.sample, axis) for axis in left.T]
+            moved = np.transpose(along) + np.transpose(rest)
             variance = np.interp(every, samples, variance)
             variance[np.searchsorted(every, fixes.sample)] = fixes.deviation**2
             samples = every
