@@ -67,7 +67,7 @@ class Profile(Segment):
     def __post_init__(self) -> None:
         kind = self.kind
         check.within(kind, "min_depth_m", self.min_depth_m, "m", SHALLOWEST_M)
-        check.fields(self)
+        check.fields(self, kind, "until_depth_m")
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"
             check.fail(kind, "min_depth_m", self.min_depth_m, rule)
