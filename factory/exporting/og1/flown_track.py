@@ -103,27 +103,20 @@ def flown(
 def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:
     """By the vehicle's own track, or along straight lines."""
     fixes = fixes_of(run, mission)
-    velocity = _on_board(run, mission, fixes)
-    method = ON_BOARD
-    if velocity is None:
-        velocity, method = np.zeros((int(run.samples[mission]), 2)), STRAIGHT
-    if method == STRAIGHT:
-        usual = Drift(diffusivity=0.5 * USUAL_CHANGE**2 * USUAL_DURATION, change=USUAL_CHANGE)
-        position, deviation = linear_track(velocity, run.period, fixes, usual)
-    else:
+    velocity, method = _on_board(run, mission, fixes), ON_BOARD
+    if velocity is not None:
         latitude = place_of(run, mission).latitude
         position, deviation = corrected_track(velocity, run.period, fixes, latitude)
-    if method == STRAIGHT and not len(fixes):
-        position[:], deviation[:], method = np.nan, np.nan, UNKNOWN
+    else:
+        velocity, method = np.zeros((int(run.samples[mission]), 2)), STRAIGHT
+        usual = Drift(diffusivity=0.5 * USUAL_CHANGE**2 * USUAL_DURATION, change=USUAL_CHANGE)
+        position, deviation = linear_track(velocity, run.period, fixes, usual)
+        if not len(fixes):
+            position[:], deviation[:], method = np.nan, np.nan, UNKNOWN
     return FlownTrack(
-        position=position,
-        deviation=deviation,
-        fixes=fixes,
-        method=method,
-        dive=None,
-        currents=(),
+        position=position, deviation=deviation, fixes=fixes, method=method, dive=None, currents=(),
         reckoned=_reckoned(run, mission),
-    )
+    )  # fmt: skip
 
 
 def _reckoned(run: MissionStore, mission: int) -> Array:

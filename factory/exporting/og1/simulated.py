@@ -51,41 +51,24 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
     Raises:
       StoreError: its date is earlier than the format allows.
     """
-    return _flight(run, mission) if isinstance(run, StoredFlight) else _of_factory(run, mission)
-
-
-def _of_factory(run: GeneratedStore, mission: int) -> SimulatedMission:
-    preset, seed, vehicle = run.settings["preset"], run.seed, str(run.settings["vehicle"])
-    latitude, longitude, start, _ = _began(run, mission)
-    return SimulatedMission(
-        name=f"{preset}_seed{seed}_mission{mission}",
-        said=f"Preset {preset}, seed {seed}, mission {mission}, split {run.splits[mission]}.",
-        vehicle=vehicle,
-        latitude=latitude,
-        longitude=longitude,
-        start=start,
-        duration=float(run.array("duration")[mission]),
-        source=f"simulation: glider-twin {__version__}, vehicle {vehicle}",
-        history=str(run.history),
-    )
-
-
-def _flight(run: StoredFlight, mission: int) -> SimulatedMission:
     latitude, longitude, start, nominal = _began(run, mission)
-    verb = "are" if " and " in nominal else "is"
-    plan, vehicle = str(run.attributes["mission"]), str(run.attributes["vehicle"])
-    samples = int(run.samples[mission])
+    if isinstance(run, StoredFlight):
+        plan, vehicle = (str(run.attributes[name]) for name in ("mission", "vehicle"))
+        verb = "are" if " and " in nominal else "is"
+        name = f"{plan.replace(' ', '_')}_mission{mission}"
+        said = f"Mission {plan!r}{f'; its {nominal} {verb} nominal' if nominal else ''}."
+        duration = (int(run.samples[mission]) - 1) * run.period
+        program, history = "glider-twin", f"{run.path.name}: twin.simulate"
+    else:
+        preset, vehicle = (str(run.settings[name]) for name in ("preset", "vehicle"))
+        name = f"{preset}_seed{run.seed}_mission{mission}"
+        said = f"Preset {preset}, seed {run.seed}, mission {mission}, split {run.splits[mission]}."
+        duration = float(run.array("duration")[mission])
+        program, history = f"glider-twin {__version__}", str(run.history)
     return SimulatedMission(
-        name=f"{plan.replace(' ', '_')}_mission{mission}",
-        said=f"Mission {plan!r}{f'; its {nominal} {verb} nominal' if nominal else ''}.",
-        vehicle=vehicle,
-        latitude=latitude,
-        longitude=longitude,
-        start=start,
-        duration=(samples - 1) * run.period,
-        source=f"simulation: glider-twin, vehicle {vehicle}",
-        history=f"{run.path.name}: twin.simulate",
-    )
+        name=name, said=said, vehicle=vehicle, latitude=latitude, longitude=longitude, start=start,
+        duration=duration, source=f"simulation: {program}, vehicle {vehicle}", history=history,
+    )  # fmt: skip
 
 
 def _began(
