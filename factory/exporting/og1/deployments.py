@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.metadata import Metadata
-from factory.exporting.og1.flight_terms import JoinedDives, conductivity, flight_terms, payload
-from factory.exporting.og1.flown_track import FlownTracks, flown
+from factory.exporting.og1.flight_terms import (
+    FlownTracks,
+    JoinedDives,
+    conductivity,
+    flight_terms,
+    flown,
+    payload,
+)
 from factory.exporting.og1.missions import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.og1_terms import (
     ASCENT,

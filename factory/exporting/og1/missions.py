@@ -21,8 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata
-from factory.exporting.og1.flight_terms import JoinedDives, reckoning
-from factory.exporting.og1.flown_track import FlownTrack, FlownTracks, flown
+from factory.exporting.og1.flight_terms import (
+    FlownTrack,
+    FlownTracks,
+    JoinedDives,
+    flown,
+    reckoning,
+)
 from factory.exporting.og1.og1_terms import (
     ASCENT,
     DESCENT,
@@ -32,11 +37,12 @@ from factory.exporting.og1.og1_terms import (
     SURFACING,
     TERMS,
     TRACKS,
+    SimulatedMission,
     global_attributes,
     sensor_attributes,
+    simulated_mission,
     simulated_terms,
 )
-from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.variables import (
     ENDING,
     Og1Variable,
