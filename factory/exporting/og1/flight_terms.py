@@ -24,10 +24,9 @@ from factory.exporting.og1.og1_terms import TERMS
 from factory.exporting.og1.variables import Variables, quality, variable
 from twin.errors import TwinError
 from twin.logs import DiveCurrent, Drift, Fixes, corrected_track, estimate_flight, linear_track
-from twin.logs.corrected_track import track_velocity
-from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
-from twin.logs.fix import fixes_of, place_of
-from twin.logs.flown_dive import FlownDive
+from twin.logs.corrected_track import USUAL_CHANGE, USUAL_DURATION, track_velocity
+from twin.logs.flight_estimator import FlownDive
+from twin.logs.track import fixes_of, place_of
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES

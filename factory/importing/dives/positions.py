@@ -169,7 +169,7 @@ def row_positions(
       driven: part of the time with the thruster on: then the depth rate says nothing of the speed.
     """
     from twin.logs.corrected_track import Drift, linear_track, track_velocity
-    from twin.logs.fix import Fixes
+    from twin.logs.track import Fixes
 
     def pair(name: str) -> Array | None:
         both = [signals.get(f"{name}_{axis}") for axis in ("north", "east")]
