@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
-from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
 from twin.vehicle.allocation import MOST_FOLLOWERS
 from twin.vehicle.presets import vehicle_names
@@ -261,6 +260,8 @@ class VehicleLine:
     @classmethod
     def of(cls, vehicle: Vehicle) -> VehicleLine:
         """The line of a vehicle; MissionError when it cannot glide as its file says it does."""
+        from twin.mission.glide_balance import steady_glide
+
         pump, propeller = vehicle.steered("buoyancy"), vehicle.steered("speed")
         pitch, net_mass = vehicle.usual_glide
         dive = climb = None

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import FloorError
-from twin.mission import Mission
-from twin.mission.controller import Schedule
 from twin.mission.mission_file import COMPASS_OFFSET
 from twin.numbers import Array
 from twin.physics.native import block as b
@@ -65,6 +63,9 @@ def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -
     Raises:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
     """
+    from twin.mission import Mission
+    from twin.mission.controller import Schedule
+
     plan, control, gains = np.zeros((0, 0)), b.CONTROL_NONE, None
     if scenario.navigate is not None:
         pass  # its guidance sees what Python knows on board

@@ -19,6 +19,8 @@ from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.ballast import Ballast
 from twin.physics.start import Start
+from twin.physics.true_signals import ENGINES as ENGINES
+from twin.physics.true_signals import SAMPLE_PERIOD as SAMPLE_PERIOD
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.axes import FORMER_DEFAULT, Origin
 from twin.water.current.base import Current, current_from_dict
@@ -28,10 +30,6 @@ from twin.water.floor import Floor, floor_from_dict
 SHORTEST, LONGEST = 1e-4, 1e10
 """[s] of a run and between its samples: the shortest step and 300 years, so that every count of
 steps and samples is a whole number."""
-SAMPLE_PERIOD = 0.5
-"""[s], the paper's 2 Hz"""
-ENGINES = ("mujoco", "lanes")
-"""What can fly a scenario; see `twin.physics.lanes`"""
 MAKERS = {
     "mission": "load_mission",
     "believed": "load_vehicle",

@@ -24,8 +24,7 @@ from glider_twin_ops.files import (
     targets_text,
 )
 from twin.errors import MissionError
-from twin.mission import Mission, SawTooth, Waypoint, slocum_arguments
-from twin.mission.slocum_arguments import degrees_minutes
+from twin.mission import Mission, SawTooth, Waypoint, degrees_minutes, slocum_arguments
 from twin.mission.slocum_behavior import degrees
 from twin.mission.slocum_mission import read_slocum
 from twin.vehicle.vehicle import load_vehicle
