@@ -14,11 +14,11 @@ PROGRAM = Program(
         {
             "generate": ("Generate", "fly randomised missions in parallel, into one store"),
             "reference": (
-                "WriteReference",
+                "factory.commands.generate:WriteReference",
                 "make the reference set of 200 h, compare it with its checksums",
             ),
             "finish": (
-                "Finish",
+                "factory.commands.generate:Finish",
                 "complete a store that was made in parts, or list the missing ones",
             ),
             "info": (
@@ -35,7 +35,10 @@ PROGRAM = Program(
                 "logs of real vehicles, dive by dive, in the same kind of store",
             ),
             "plot": ("PlotStore", "a page of tracks, depths, currents and histograms"),
-            "distributions": ("Distributions", "everything that is drawn, with unit and reason"),
+            "distributions": (
+                "factory.commands.generate:Distributions",
+                "everything that is drawn, with unit and reason",
+            ),
         },
     ),
 )

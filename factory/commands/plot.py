@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from twin.records import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
 """Endings that a page may have."""
@@ -40,6 +35,7 @@ class PlotStore(JsonOption):
     def run(self, console: Console) -> int:
         """Draw and save."""
         from factory.generation import open_missions
+        from factory.logs_page import current_errors, deployment_page, page_names
         from factory.missions_page import store_page
         from twin.errors import InputError
         from twin.records import LogStore, whole_file
@@ -51,36 +47,21 @@ class PlotStore(JsonOption):
         place = self.store if isinstance(self.store, Path) else Path(self.store.name)
         place = place if place.name not in ("", "..") else place.resolve()
         out = place.with_suffix(".png") if self.out is None else self.out
-        pages = _pages(run, out) if isinstance(run, LogStore) else {out: store_page(run)}
+        answer: dict[str, object] = {}
+        if isinstance(run, LogStore):
+            words = page_names(run.deployments)
+            paths = {
+                name: out.with_name(f"{out.stem}-{w}{out.suffix}") for name, w in words.items()
+            }
+            paths = dict.fromkeys(words, out) if len(words) == 1 else paths
+            pages = {path: deployment_page(run, name) for name, path in paths.items()}
+            errors = {name: current_errors(run, run.missions_of(name)) for name in words}
+            answer["current_error_m_s"] = {name: found for name, found in errors.items() if found}
+        else:
+            pages = {out: store_page(run)}
         for path, figure in pages.items():
             with whole_file(path) as place:
                 figure.savefig(place)
             console.say(f"wrote {path}")
-        answer: dict[str, object] = {}
-        if isinstance(run, LogStore):
-            answer["current_error_m_s"] = _current_errors(run)
         console.answer(store=self.store, out=next(iter(pages)), pages=list(pages), **answer)
         return 0
-
-
-def _pages(logs: LogStore, out: Path) -> dict[Path, Figure]:
-    """A page for each deployment, by its file."""
-    from factory.logs_page import deployment_page, page_names
-
-    names = page_names(logs.deployments)
-    pages = {}
-    for name, word in names.items():
-        path = out if len(names) == 1 else out.with_name(f"{out.stem}-{word}{out.suffix}")
-        pages[path] = deployment_page(logs, name)
-    return pages
-
-
-def _current_errors(logs: LogStore) -> dict[str, dict[str, float]]:
-    """Errors [m/s] of the depth-averaged currents of each deployment that has a profiler."""
-    from factory.logs_page import current_errors
-
-    found = {
-        name: current_errors(logs, logs.missions_of(name))
-        for name in dict.fromkeys(logs.deployments)
-    }
-    return {name: errors for name, errors in found.items() if errors}

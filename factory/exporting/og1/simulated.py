@@ -6,7 +6,7 @@ import datetime
 from dataclasses import dataclass
 
 from factory.generation.generated_store import GeneratedStore, StoredFlight
-from factory.sampling.mission_water import mission_place
+from factory.sampling.conditions import mission_place
 from twin.errors import StoreError
 from twin.records.coordinates import (
     NOMINAL,
