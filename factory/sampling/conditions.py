@@ -170,7 +170,7 @@ def build_current(parameters: Parameters) -> Current | None:
 
 def _bottom(parameters: Parameters, speed: float, water_depth: float) -> Current:
     """The log layer that reaches `speed` at its top."""
-    from twin.water.current.log_layer import VON_KARMAN
+    from twin.water.current.layers import VON_KARMAN
 
     thickness = parameters.number("current.bottom_layer_m")
     return currents.LogLayer(

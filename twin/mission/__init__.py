@@ -7,7 +7,6 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from twin.mission.glide_balance import SteadyGlide as SteadyGlide
     from twin.mission.glide_balance import steady_glide as steady_glide
-    from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
     from twin.mission.plan import Mission as Mission
     from twin.mission.segments import Circle as Circle
     from twin.mission.segments import Hold as Hold
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from twin.mission.shipped_missions import load_mission as load_mission
     from twin.mission.shipped_missions import load_mission_for as load_mission_for
     from twin.mission.shipped_missions import mission_names as mission_names
+    from twin.mission.shipped_missions import shipped_vehicles as shipped_vehicles
     from twin.mission.slocum_behavior import degrees as degrees
     from twin.mission.slocum_mission import read_slocum as read_slocum
     from twin.mission.slocum_writer import degrees_minutes as degrees_minutes

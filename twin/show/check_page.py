@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Container
 from pathlib import Path
 
-from twin.identify.heading_leg import PHASES, RUDDER, USUAL_NAMES, log_signal
 from twin.identify.log_check import LogCheck
 from twin.identify.log_flight import legs_flown
-from twin.identify.replayed_dive import ReplayedDive
+from twin.identify.replayed_dive import (
+    PHASES,
+    RUDDER,
+    USUAL_NAMES,
+    ReplayedDive,
+    log_signal,
+)
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory

@@ -11,7 +11,7 @@ from PIL import Image
 
 import twin
 from twin.errors import InputError
-from twin.faults.wing_lost import WingLost
+from twin.faults.hull import WingLost
 from twin.show.render import canvas as palette
 from twin.show.render.camera import block_view, fit
 from twin.show.render.canvas import (
