@@ -22,11 +22,11 @@ PROGRAM = Program(
                 "complete a store that was made in parts, or list the missing ones",
             ),
             "info": (
-                "Info",
+                "factory.commands.stored:Info",
                 "what a store holds: preset, missions, splits, drawn values, failures",
             ),
             "verify": (
-                "Verify",
+                "factory.commands.stored:Verify",
                 "read every chunk; check padding, ranges and kinematics; fly missions again",
             ),
             "export": ("ExportStore", "OceanGliders OG1.0 netCDF files or a flat Parquet table"),
@@ -34,7 +34,10 @@ PROGRAM = Program(
                 "factory.commands.import_logs:ImportLogs",
                 "logs of real vehicles, dive by dive, in the same kind of store",
             ),
-            "plot": ("PlotStore", "a page of tracks, depths, currents and histograms"),
+            "plot": (
+                "factory.commands.stored:PlotStore",
+                "a page of tracks, depths, currents and histograms",
+            ),
             "distributions": (
                 "factory.commands.generate:Distributions",
                 "everything that is drawn, with unit and reason",

@@ -10,7 +10,7 @@ import xarray as xr
 
 import factory
 from factory.__main__ import PROGRAM
-from factory.commands.info import drawn_rows
+from factory.commands.stored import drawn_rows
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.missions_page import store_page
