@@ -17,7 +17,7 @@ from twin.plugins import entry_point, load_entry_point
 
 if TYPE_CHECKING:
     from factory.importing.tally import ImportReport
-    from twin.records.store import AnyStore
+    from twin.records.storage.sharded import AnyStore
     from twin.sensors import SensorSuite
 
 

@@ -36,11 +36,11 @@ from factory.sampling.draw import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
 from twin.numbers import processors
-from twin.records.storage.sharded import load_zarr
+from twin.records.storage.sharded import check_empty, copy_into, load_zarr
 from twin.records.storage.store_path import StorePath, files_at, store_path
 
 if TYPE_CHECKING:
-    from twin.records.store import AnyStore
+    from twin.records.storage.sharded import AnyStore
 
 
 WAITING = 4
@@ -242,8 +242,6 @@ def generate_into(
     Raises:
       StoreError: the store is read-only or holds something, and as `generate`.
     """
-    from twin.records.store import check_empty, copy_into
-
     check_empty(store)
     with tempfile.TemporaryDirectory(prefix="glider-twin-") as folder:
         made = Path(folder) / "missions.zarr"

@@ -8,7 +8,6 @@ data are. The factory writes the same layout in bulk.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import errno
 import itertools
@@ -17,12 +16,12 @@ import warnings
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.bounded import check_dataset
-from twin.errors import StoreError, WriteError, quoted
+from twin.errors import InputError, StoreError, WriteError, quoted
 from twin.records.attributes import (
     N_SAMPLES,
     PROGRAM_VERSION,
@@ -44,18 +43,22 @@ from twin.records.presence import (
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
 from twin.records.storage.checksums import check_readable, has_checksums, read_checksums
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import Files, StorePath, files_at, store_path
-from twin.records.storage.whole import check_folder_target, recover, whole_folder
+from twin.records.storage.store_path import (
+    StorePath,
+    check_addresses,
+    files_at,
+    store_path,
+)
+from twin.records.storage.whole import check_folder_target, recover, whole_file, whole_folder
 from twin.records.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import xarray as xr
-    from zarr.abc.store import Store
-
-    AnyStore: TypeAlias = Store
 
 LONGEST_VERSION = 40
 """Characters of the version of a program, as messages quote it"""
+ENDINGS = (".zarr", ".nc")
+"""Of files that missions can be saved as"""
 OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
 """Endings that would promise a file of another format"""
 MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
@@ -124,6 +127,23 @@ def write_netcdf(
         raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
 
 
+def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write missions as a store where the name ends in .zarr, as netCDF where it ends in .nc.
+
+    Raises:
+      InputError: another ending. WriteError: something is in the way, or the disk refuses.
+    """
+    check_addresses(path := Path(path))
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(f"cannot save {path.name!r}: the name must end in {' or '.join(ENDINGS)}")
+    if ending == ".zarr":
+        return write_store(dataset, path, overwrite=overwrite)
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place)
+    return path
+
+
 def check_ending(path: str | StorePath) -> None:
     """Refuse a store's name that ends as a file of another format does, and a place without one.
 
@@ -151,31 +171,6 @@ def check_target(path: str | Path, *, overwrite: bool) -> None:
     """
     check_ending(path)
     check_folder_target(path, overwrite=overwrite, ours=is_store)
-
-
-def check_empty(store: AnyStore) -> None:
-    """Raise StoreError unless a zarr store is empty and open for writing."""
-    if store.read_only:
-        raise StoreError(f"{store} is read-only: open it for writing")
-    if not asyncio.run(store.is_empty("")):
-        raise StoreError(f"{store} holds something already: missions go into an empty store")
-
-
-def copy_into(files: Files, store: AnyStore) -> None:
-    """Copy all keys into a zarr store: metadata of an array before its chunks, which some stores
-    ask for, and those of the whole first of all."""
-    from zarr.core.buffer import default_buffer_prototype
-
-    buffer = default_buffer_prototype().buffer
-
-    def place(key: str) -> tuple[bool, int, str]:
-        return not key.endswith(METADATA), key.count("/"), key
-
-    async def copy() -> None:
-        for key in sorted(files.all_keys(), key=place):
-            await store.set(key, buffer.from_bytes(files.read(key)))
-
-    asyncio.run(copy())
 
 
 def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:

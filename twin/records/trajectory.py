@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-ENDINGS = (".zarr", ".nc")
-"""Of files that a trajectory can be saved as"""
 INNOVATIONS = "fix_innovations"
 """In the provenance of a navigated run: squared innovation [1] of each fix that ended a dive"""
 
@@ -139,20 +137,10 @@ class Trajectory(Mapping[str, Array]):
         Raises:
           InputError: another ending. WriteError: something is in the way, or the disk refuses.
         """
-        from twin.records import dataset_of, store, whole_file
-        from twin.records.storage.store_path import check_addresses
-
-        check_addresses(path := Path(path))
-        ending = path.suffix.lower()
-        if ending not in ENDINGS:
-            ends = " or ".join(ENDINGS)
-            raise InputError(f"cannot save {path.name!r}: the name must end in {ends}")
-        dataset = dataset_of([self], attributes=self._attributes())
-        if ending == ".zarr":
-            return store.write_store(dataset, path, overwrite=overwrite)
-        with whole_file(path, overwrite=overwrite) as place:
-            store.write_netcdf(dataset, place)
-        return path
+        dataset = resolve("twin.records.mission_dataset:dataset_of")
+        made = dataset([self], attributes=self._attributes())
+        written: Path = resolve("twin.records.store:save_missions")(made, path, overwrite=overwrite)
+        return written
 
     def _attributes(self) -> dict[str, Any]:
         """What it says about itself, as attributes of a file can hold it."""

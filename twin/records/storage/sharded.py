@@ -17,11 +17,12 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import StoreError
 from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.checksums import ZARR_LIST, list_text
@@ -29,6 +30,9 @@ from twin.records.storage.store_path import Files, FileSum, StorePath
 
 if TYPE_CHECKING:
     import zarr
+    from zarr.abc.store import Store
+
+    AnyStore: TypeAlias = Store
 
 COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
@@ -294,6 +298,35 @@ def _group(attributes: Mapping[str, Any]) -> dict[str, Any]:
 def _compact(value: Mapping[str, Any]) -> bytes:
     """JSON without white space: a small store is mostly metadata."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+
+
+def check_empty(store: AnyStore) -> None:
+    """Raise StoreError unless a zarr store is empty and open for writing."""
+    import asyncio
+
+    if store.read_only:
+        raise StoreError(f"{store} is read-only: open it for writing")
+    if not asyncio.run(store.is_empty("")):
+        raise StoreError(f"{store} holds something already: missions go into an empty store")
+
+
+def copy_into(files: Files, store: AnyStore) -> None:
+    """Copy all keys into a zarr store: metadata of an array before its chunks, which some stores
+    ask for, and those of the whole first of all."""
+    import asyncio
+
+    from zarr.core.buffer import default_buffer_prototype
+
+    buffer = default_buffer_prototype().buffer
+
+    def place(key: str) -> tuple[bool, int, str]:
+        return not key.endswith(METADATA), key.count("/"), key
+
+    async def copy() -> None:
+        for key in sorted(files.all_keys(), key=place):
+            await store.set(key, buffer.from_bytes(files.read(key)))
+
+    asyncio.run(copy())
 
 
 def fast_pipeline() -> str:
