@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from twin.show.dates import moment_of
 
 from glider_twin_ops.forecast import LoggedLeg
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
@@ -25,6 +24,7 @@ from twin.cli import counted
 from twin.geodesy import great_circle, offset
 from twin.records import unix_seconds, whole_file
 from twin.records.coordinates import utc_minute
+from twin.show.style import moment_of
 
 EVENTS = "events.jsonl"
 MOVED = 2.0
