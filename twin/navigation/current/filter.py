@@ -470,7 +470,7 @@ class CurrentFilter:
             now = self._mean, self._covariance
             self._nodes.append(Node(self.time, carry, *now, *now))
 
-    def _amend(self, **changes: Array) -> None:
+    def _amend(self, **changes: Any) -> None:
         """Change the last recorded step by a measurement at its time."""
         if self._nodes is not None:
             self._nodes[-1] = self._nodes[-1]._replace(**changes)
