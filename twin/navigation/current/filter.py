@@ -354,11 +354,7 @@ class CurrentFilter:
         return found
 
     def forecast(
-        self,
-        times: ArrayLike,
-        velocity: ArrayLike | None = None,
-        *,
-        field: ArrayLike | None = None,
+        self, times: ArrayLike, velocity: ArrayLike | None = None, *, field: ArrayLike | None = None
     ) -> CurrentForecast:
         """The current at later times and the displacement that it makes until then.
 

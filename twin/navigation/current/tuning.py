@@ -86,10 +86,7 @@ def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) ->
 
 
 def pass_leg(
-    filter_: CurrentFilter,
-    leg: Leg,
-    sigma: float = FIX_DEVIATION,
-    covariance: Array | None = None,
+    filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION, covariance: Array | None = None
 ) -> Innovation | None:
     """Let a filter make a leg, which it has begun, and take the fix after it.
 
