@@ -41,15 +41,18 @@ from twin.navigation.current.current_parameters import (
 )
 from twin.navigation.current.modes import (
     LONGEST,
+    CurrentForecast,
     Innovation,
     Modes,
+    Node,
     Passage,
+    SmoothedTrack,
     modes_of,
     passage,
+    smoothed,
     transition,
     turns,
 )
-from twin.navigation.current.smoother import CurrentForecast, Node, SmoothedTrack, smoothed
 from twin.numbers import Array
 
 FIX_DEVIATION = 5.0
