@@ -56,7 +56,7 @@ from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
 """[rad] magnitude of the pitch that the constant is taken at, the usual one of gliders (Slocum)."""
-REACH_S = 20.0
+PATH_WINDOW_S = 20.0
 """[s] average of depth rate and pitch; the vehicle's own software uses it too."""
 LEAST_PITCH = math.radians(10.0)
 """[rad] below this the quotient is not used and the last speed is held (inflections)."""
@@ -102,8 +102,8 @@ class PitchPlusAlpha(WindowedEstimator):
         """See `VelocityEstimator`."""
         depth = finite_channel(signals, "measured_depth")
         pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
-        rate = smooth(depth_rate(depth, self.period), REACH_S, self.period)
-        slope = smooth(pitch, REACH_S, self.period)
+        rate = smooth(depth_rate(depth, self.period), PATH_WINDOW_S, self.period)
+        slope = smooth(pitch, PATH_WINDOW_S, self.period)
         gliding = (np.abs(slope) >= LEAST_PITCH) & (rate * slope < 0)
         alpha = self.angle_of_attack
         speed = np.abs(rate) / np.sin(np.maximum(np.abs(slope), LEAST_PITCH) + alpha)
