@@ -21,10 +21,10 @@ if TYPE_CHECKING:
         chosen_constituents as chosen_constituents,
     )
     from twin.navigation.current.filter import CurrentFilter as CurrentFilter
+    from twin.navigation.current.modes import CurrentForecast as CurrentForecast
     from twin.navigation.current.modes import Innovation as Innovation
+    from twin.navigation.current.modes import SmoothedTrack as SmoothedTrack
     from twin.navigation.current.modes import passage as passage
-    from twin.navigation.current.smoother import CurrentForecast as CurrentForecast
-    from twin.navigation.current.smoother import SmoothedTrack as SmoothedTrack
     from twin.navigation.current.tuning import Leg as Leg
     from twin.navigation.current.tuning import Tuned as Tuned
     from twin.navigation.current.tuning import begin_leg as begin_leg
