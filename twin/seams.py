@@ -56,9 +56,9 @@ SENSORS: Registry[Any] = Registry(
     page="reference/sensors.md#a-sensor-of-your-own",
     shipped={
         "imu": "twin.sensors.imu:Imu",
-        "attitude": "twin.sensors.attitude:Attitude",
-        "compass": "twin.sensors.compass:Compass",
-        "pressure": "twin.sensors.pressure:Pressure",
+        "attitude": "twin.sensors.ahrs:Attitude",
+        "compass": "twin.sensors.ahrs:Compass",
+        "pressure": "twin.sensors.ctd:Pressure",
         "altimeter": "twin.sensors.altimeter:Altimeter",
         "gps": "twin.sensors.gps:Gps",
         "dvl": "twin.sensors.dvl:Dvl",
@@ -185,7 +185,7 @@ FIGURES: Registry[Any] = Registry(
     base="twin.show.figures.FigureKind",
     page="howto/render.md#twin-plot",
     shipped={
-        "overview": "twin.show.figures.overview:FIGURE",
+        "overview": "twin.show.figures.section:WHOLE",
         "track": "twin.show.figures.track:FIGURE",
         "track_3d": "twin.show.figures.track:TRACK_3D",
         "section": "twin.show.figures.section:FIGURE",

@@ -31,10 +31,9 @@ from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 from twin.show.web.channels import read_channels, thin
-from twin.show.web.page import LARGEST, ROWS, page_text
-from twin.show.web.scene import describe
+from twin.show.web.page import LARGEST, ROWS, describe, page_text
 from twin.show.web.solid import pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
