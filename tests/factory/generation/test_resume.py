@@ -72,6 +72,15 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeyp
     assert again.missions == len(made.plan)
 
 
+def test_what_a_run_of_another_recipe_left_as_it_began_goes(tmp_path, recipe):
+    store = tmp_path / "missions.zarr"
+    left = Job(recipe(seed=1), store).folder
+    left.mkdir(parents=True)
+    (left / ".recipe.json.writing-0123abcd").touch()
+    generate(recipe(), store, workers=1)
+    assert not generating(store).exists()
+
+
 def test_what_an_older_program_began_is_refused(tmp_path, recipe, paper_store):
     """It kept blocks of missions, which nothing reads any more."""
     made, store = recipe(), tmp_path / "missions.zarr"
