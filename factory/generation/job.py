@@ -203,8 +203,10 @@ class Job:
             sweep(self.folder)
 
     def clear(self) -> None:
-        """Remove what this recipe's runs keep, and the folder when nothing else is in it; nobody else
-        works here."""
+        """Remove what this recipe's runs keep, and the folder when nothing else is in it.
+
+        Nobody else works here.
+        """
         self.files.remove_all()
         outer = generating(self.store)
         if isinstance(outer, Path):

@@ -20,6 +20,7 @@ from factory.generation.job import MOST_IN_SHARD, Job, locked
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.generation.target import unfinished
 from twin.errors import StoreError
+from twin.records.presence import generating
 
 FLOWN_AGAIN = (0, 2)
 """missions whose markers are lost before the resume"""
