@@ -18,7 +18,6 @@ from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import METHODS
 from twin.records.logged import LogStore
 from twin.show import style
-from twin.show.dates import DAY, LABEL, draw_dates
 from twin.show.figures.map import (
     Currents,
     arrow_scale,
@@ -29,6 +28,7 @@ from twin.show.figures.map import (
     joined,
 )
 from twin.show.figures.map_ground import box_around
+from twin.show.style import DAY, LABEL, draw_dates
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Hours
-from twin.cli.endings import interruption
-from twin.cli.options import EngineOption, StoreArgument
+from twin.cli.options import EngineOption, Hours, StoreArgument
+from twin.cli.program import interruption
 from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from twin.water.current.axes import DEFAULT_TIME, Origin, coriolis
 
 if TYPE_CHECKING:
     from factory.sampling.draw import Parameters
-    from twin.physics.ballast import Ballast
+    from twin.physics.start import Ballast
     from twin.vehicle.vehicle import Vehicle
     from twin.water.current import Current
     from twin.water.density import DensityProfile
@@ -90,7 +90,7 @@ def believed_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
 
 def ballast_of(nominal: Vehicle, parameters: Parameters) -> Ballast:
     """How the vehicle was weighed: neutral where pilots do it, but for a glider's error."""
-    from twin.physics.ballast import Ballast
+    from twin.physics.start import Ballast
 
     heavy = 0.0
     if nominal.steered("buoyancy") is not None:

@@ -36,7 +36,7 @@ from twin.errors import (
 )
 from twin.mission import Mission, Segment
 from twin.physics.lanes import Aground, Lane, flown_abreast
-from twin.physics.lookup_tables import Tables
+from twin.physics.model_block import Tables
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.true_signals import ENGINES, SAMPLE_PERIOD
