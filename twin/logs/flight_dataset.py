@@ -194,11 +194,11 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, _about(flight))
 
 
-def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
+def _series(one: MissionFlight, store: MissionStore) -> dict[str, NDArray[Any]]:
     """Variables of one mission, each (time,)."""
     dive, count = one.dive, len(one.dive.depth)
     latitude, longitude = one.place.degrees(*one.position.T)
-    found = {
+    found: dict[str, NDArray[Any]] = {
         "north": one.position[:, 0],
         "east": one.position[:, 1],
         "latitude": latitude,
