@@ -209,10 +209,8 @@ class Renderer {
     const gl = this.gl, made = gl.createTexture();
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D, made);
-    for (const [name, value] of [["MIN_FILTER", filter], ["MAG_FILTER", filter],
-      ["WRAP_S", gl.CLAMP_TO_EDGE], ["WRAP_T", gl.CLAMP_TO_EDGE]]) {
-      gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], value);
-    }
+    const look = { MIN_FILTER: filter, MAG_FILTER: filter, WRAP_S: gl.CLAMP_TO_EDGE, WRAP_T: gl.CLAMP_TO_EDGE };
+    for (const name in look) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], look[name]);
     return made;
   }
 
@@ -223,8 +221,7 @@ class Renderer {
     const gl = this.gl, bytes = new Uint8Array(colours.length * 4);
     colours.forEach((c, i) => bytes.set([...c.map(x => Math.round(255 * x)), 255], 4 * i));
     this.texture(0, gl.LINEAR);
-    gl.texImage2D(
-      gl.TEXTURE_2D, 0, gl.RGBA, colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
   }
 
   // Begin a frame: clear, and paint the water behind everything.
@@ -302,6 +299,7 @@ class Shape {
     const [p, q, r, s] = Array.isArray(colour[0]) ? colour : [colour, colour, colour, colour];
     this.triangle(a, b, c, [p, q, r]);
     this.triangle(a, c, d, [p, r, s]);
+    return this;
   }
 
   // An arrow of length 1 along x.
