@@ -127,6 +127,14 @@ def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, 
     return code, out.out, out.err
 
 
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """The one line with which `twin` refuses words, saying nothing else."""
+    code, out, err = call(capsys, *words)
+    assert (code, out) == (2, "")
+    (line,) = err.strip().splitlines()
+    return line
+
+
 def write_tracks(path: Path, trajectory: Trajectory) -> Path:
     """The dead-reckoned tracks as a file that commands read."""
     arrays = {"time": trajectory.time}

@@ -95,22 +95,33 @@ def test_simulate_writes_what_xarray_opens(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("nowhere.toml",), "nowhere.toml"),
-        (("defalt",), "did you mean 'default'"),
-        (("--current", "unifrm:1,2"), "did you mean 'uniform'"),
-        (("--current", "grid:nowhere.nc,lat=49,lon=-16"), "nowhere.nc"),
-        (("--density", "termocline"), "did you mean 'thermocline'"),
-        (("--timestep", "-1"), "timestep -1"),
-        (("--duration", "0"), "duration 0"),
-        (("--vehicle", "rogue", "--hydrodynamics", "elipsoid"), "ellipsoid"),
-        (("--out", "/proc/nowhere/run.zarr"), "/proc/nowhere"),
+        ("nowhere.toml", "nowhere.toml"),
+        ("defalt", "did you mean 'default'"),
+        ("--current unifrm:1,2", "did you mean 'uniform'"),
+        ("--current grid:nowhere.nc,lat=49,lon=-16", "nowhere.nc"),
+        ("--density termocline", "did you mean 'thermocline'"),
+        ("--timestep -1", "timestep -1"),
+        ("--timestep 1e-9", "timestep 1e-09 s is outside"),
+        ("--duration 0", "duration 0"),
+        ("--duration 1e9", "samples, more than"),
+        ("--duration 1e308", "is outside 0.0001 to 1e+10 s"),
+        ("--vehicle rogue --hydrodynamics elipsoid", "ellipsoid"),
+        ("--out /proc/nowhere/run.zarr", "/proc/nowhere"),
+        ("--sample-period nan", "sample period nan"),
+        ("--sample-period 0.33", "the nearest is 0.3 s"),
+        ("--sample-period 5000", "fewer than two samples"),
+        ("--sample-period 1e-308", "is outside 0.0001 to 1e+10 s"),
+        ("--integrator implicitfast", "too long for the stiff servos"),
+        ("--plot picture.txt", "must be a file ending in .png"),
+        ("--plot .", "must be a file ending in .png"),
     ],
 )
-def test_simulate_refusals(capsys, words, message):
-    code, out, err = call(capsys, "simulate", *words)
-    assert code == 2
+def test_simulate_refuses_before_anything_is_flown(capsys, words, message):
+    code, out, err = call(capsys, "simulate", *words.split())
+    assert (code, out) == (2, "")
     assert message in err
-    assert "Traceback" not in err + out
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
 
 
 def test_mission_and_density_files(capsys, tmp_path):
@@ -158,32 +169,6 @@ def test_bench_json(capsys):
     assert figures["threads"] == 2
     for key in ("us_per_step", "us_per_step_untimed", "overhead_ratio", "times_real_time"):
         assert figures[key] > 0
-
-
-def test_module_runs_as_a_program():
-    words = [sys.executable, "-m", "twin", "trim", "--net-mass", "0.3", "--shift", "0.02", "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["pitch_deg"] == pytest.approx(-32.973, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--sample-period", "nan"), "sample period nan"),
-        (("--sample-period", "0.33"), "the nearest is 0.3 s"),
-        (("--sample-period", "5000"), "fewer than two samples"),
-        (("--duration", "1e9"), "samples, more than"),
-        (("--timestep", "1e-9"), "timestep 1e-09 s is outside"),
-        (("--integrator", "implicitfast"), "too long for the stiff servos"),
-        (("--plot", "picture.txt"), "must be a file ending in .png"),
-        (("--plot", "."), "must be a file ending in .png"),
-    ],
-)
-def test_absurd_settings_are_refused_before_anything_is_flown(capsys, words, message):
-    code, _, err = call(capsys, "simulate", *words)
-    assert code == 2
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
 
 
 def test_a_mission_that_was_not_flown_says_so(capsys, tmp_path):
@@ -238,13 +223,6 @@ def test_numbers_beyond_every_mission_are_refused(capsys, tmp_path, text):
     code, _, err = call(capsys, "simulate", str(path))
     assert code == 2
     assert "1e+308 is not possible: give a number of at most 1e+09" in err
-
-
-@pytest.mark.parametrize("words", [("--duration", "1e308"), ("--sample-period", "1e-308")])
-def test_times_that_no_run_has_are_refused(capsys, words):
-    code, _, err = call(capsys, "simulate", *words)
-    assert code == 2
-    assert "is outside 0.0001 to 1e+10 s" in err
 
 
 def test_plot_and_out_of_the_folder_that_one_is_in(capsys, tmp_path, monkeypatch):

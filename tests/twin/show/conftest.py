@@ -9,11 +9,21 @@ import pytest
 from browser import Browser
 from pictures import write_short_store
 
+from twin.__main__ import PROGRAM
+
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two short missions, with sensors."""
     return write_short_store(tmp_path_factory.mktemp("short") / "short.zarr")
+
+
+@pytest.fixture(scope="session")
+def page(store: Path) -> Path:
+    """The first of them as a page, as the command writes it."""
+    out = store.with_name("dive.html")
+    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
+    return out
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from logs import Flight, write_slocum
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
-from pictures import call, write_dives
+from pictures import call, refused, write_dives
 from PIL import Image
 from simulated_logs import simulated_log
 
@@ -286,15 +286,9 @@ def test_the_command_draws_dives_together(
         (("--figure", "mapp"), "did you mean 'map'"),
     ],
 )
-def test_refusals_of_logs_are_one_line(
-    dives: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...],
-    message: str, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_refusals_of_logs_are_one_line(dives, capsys, tmp_path, words, message, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, _, err = call(capsys, "plot", dives, *words)
-    assert code == 2
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
+    assert message in refused(capsys, "plot", dives, *words)
     assert not list(tmp_path.iterdir())
 
 
@@ -312,13 +306,11 @@ def test_a_flight_is_drawn_from_its_file_and_named_elsewhere(
         assert drawn == {"w_section.png", "w_histogram.png", "map.png"}
         assert len(out.splitlines()) == 3
         for words in (("render", name), ("identify", name, "--out", "x.xml")):
-            code, _, err = call(capsys, *words)
-            assert code == 2
-            assert f"{name} is a flight, which `twin flight` wrote: `twin plot {name}` draws" in err
-    code, _, err = call(capsys, "plot", "a.nc", "--figure", "overview")
-    assert code == 2
-    assert "figure of a flight 'overview'" in err
-    assert "w_section" in err
+            told = refused(capsys, *words)
+            assert f"{name} is a flight, which `twin flight` wrote: `twin plot {name}` dr" in told
+    told = refused(capsys, "plot", "a.nc", "--figure", "overview")
+    assert "figure of a flight 'overview'" in told
+    assert "w_section" in told
 
 
 def test_the_flight_s_map_is_the_file_s(dives: Path, tmp_path: Path) -> None:

@@ -195,28 +195,6 @@ def test_still_water_has_no_current():
     assert "current_north" not in mission["channels"]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--html", "a.html", "--size", "640x360"), "--size: not for a page"),
-        (("--out", "a.html", "--no-hud", "--workers", "2"), "--no-hud, --workers: not for a page"),
-        (("--html", "a.html", "--out", "b.png"), "--out b.png and --html a.html: give one of them"),
-        (("--html", "a.png"), "the ending must be .html"),
-        (("--out", "a.pdf"), ".html"),
-        (("--html", "a.html", "--colour", "error"), "give --tracks FILE"),
-        (("--html", "a.html", "--missions", "0-1"), "several missions together are for logs"),
-        (("--html", "a.html", "--time", "1e6"), "outside the shown part"),
-    ],
-)
-def test_refusals(store, tmp_path, monkeypatch, capsys, words, message):
-    monkeypatch.chdir(tmp_path)
-    assert PROGRAM.main(["render", str(store), *words]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_mission_without_positions_is_refused():
     time = np.arange(10.0)
     bare = Trajectory(time=time, signals={"true_depth": time}, states=np.zeros((0, 0)))

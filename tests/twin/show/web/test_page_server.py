@@ -1,9 +1,10 @@
-"""The server of the page: who may read, what a question changes, how many may wait."""
+"""The server of the page: who may read, what a question changes; a mission that is flown live."""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -12,15 +13,27 @@ import time
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
-from pictures import short_scenario, short_subject, write_short_store
+from pictures import short_scenario, short_subject, unpack
 
-from twin.show.render.subject import Shot
+from twin.__main__ import PROGRAM
+from twin.errors import InputError
+from twin.mission.shipped_missions import load_mission_for
+from twin.physics.scenario import Scenario
+from twin.physics.simulation import simulate
+from twin.show.render import Shot, Subject
 from twin.show.web.server import STRANGERS, LiveMission, PageServer
+from twin.vehicle.vehicle import load_vehicle
+
+
+def live(speed_up: float) -> LiveMission:
+    scenario = short_scenario()
+    return LiveMission(scenario, short_subject(), Shot(), speed_up)
 
 
 def test_only_a_post_flies_the_mission_on():
-    mission = LiveMission(short_scenario(), short_subject(), Shot(), 2.0)
+    mission = live(2.0)
     with PageServer(0) as server:
         server.show("<p>here", mission)
         rows = server.address + "rows?from=2"
@@ -59,8 +72,7 @@ def test_a_silent_connection_ends(monkeypatch):
             assert half.recv(1) == b""
 
 
-def test_sigterm_ends_a_served_page_with_its_own_code(tmp_path):
-    store = write_short_store(tmp_path / "short.zarr")
+def test_sigterm_ends_a_served_page_with_its_own_code(store):
     words = [sys.executable, "-m", "twin", "view", str(store), "--web", "--port", "0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         assert "open http://" in run.stdout.readline()
@@ -85,3 +97,78 @@ def test_an_address_that_is_none_is_answered_without_a_word(place, method, capsy
         with urllib.request.urlopen(server.address) as answer:
             assert answer.read() == b"<p>here"
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", ["short", "tethys"])
+def test_a_live_mission_gives_the_samples_of_the_simulation(name):
+    if name == "short":
+        mission, expected = live(1e6), simulate(short_scenario())
+    else:  # it ends before its longest time
+        vehicle = load_vehicle(name)
+        scenario = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None))
+        expected = simulate(scenario)
+        subject = Subject(trajectory=expected, vehicle=vehicle)
+        mission = LiveMission(scenario, subject, Shot(), 1e6)
+    found = {name: [unpack(row)] for name, row in mission.mission["channels"].items()}
+    running = True
+    while running:
+        answer = mission.rows(sum(len(row) for row in found["time"]))
+        running = answer["running"]
+        for name, row in answer.get("channels", {}).items():
+            found[name].append(unpack(row))
+    np.testing.assert_array_equal(np.concatenate(found["time"]), expected.time)
+    for name in ("north", "depth", "pitch", "surge"):
+        away = np.concatenate(found[name]) - expected[f"true_{name}"]
+        assert np.abs(away).max() < 0.0051, name
+
+
+def test_a_live_mission_waits_for_its_first_reader_and_keeps_time():
+    mission = live(2.0)
+    assert mission.rows(2) == {"running": True}
+    with pytest.raises(InputError, match="a live one begins at 0 s"):
+        LiveMission(short_scenario(), short_subject(), Shot(start=10.0), 2.0)
+
+
+def test_the_server_is_for_this_machine_and_knows_its_pages():
+    with PageServer(0) as server:
+        server.show("<p>here")
+        with urllib.request.urlopen(server.address) as answer:
+            assert answer.read() == b"<p>here"
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(server.address + "rows?from=2")
+        for path in ("", "rows?from=2", f"{'a' * 22}/"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
+        bent = urllib.request.Request(server.address, headers={"Host": "elsewhere.example:80"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(bent)
+        with pytest.raises(InputError, match=rf"--port {server.port}: .*give another one"):
+            PageServer(server.port)
+    with pytest.raises(InputError, match="0 to 65535"):
+        PageServer(70000)
+
+
+def test_without_a_port_the_next_free_one_is_taken(monkeypatch, store, capsys):
+    with PageServer(0) as first:
+        monkeypatch.setattr("twin.show.web.server.PORT", first.port)
+        with PageServer() as second:
+            assert first.port < second.port < first.port + 100
+        assert PROGRAM.main(["view", str(store), "--web", "--seconds", "0.1"]) == 0
+        said = capsys.readouterr()
+        told = re.search(rf"port {first.port} is taken: this page is served at (\d+)\n", said.err)
+        assert told is not None
+        assert f"open http://127.0.0.1:{told[1]}/" in said.out
+        monkeypatch.setattr("twin.show.web.server.PORTS", 1)
+        with pytest.raises(InputError, match="are taken: --port 0 takes any free one"):
+            PageServer()
+
+
+def test_view_without_a_window_serves_a_stored_mission(store, capsys):
+    words = ["view", str(store), "--web", "--port", "0", "--seconds", "0.2"]
+    assert PROGRAM.main(words) == 0
+    said = capsys.readouterr()
+    assert re.search(r"open http://127\.0\.0\.1:\d+/[\w-]{22}/ in a browser", said.out)
+    assert "is taken" not in said.err
+    assert "ssh -L" in said.err
+    assert PROGRAM.main(["view", "--port", "0"]) == 2
+    assert "--port is of --web" in capsys.readouterr().err

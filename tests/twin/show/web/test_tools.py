@@ -25,13 +25,6 @@ pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
-def short(store: Path) -> Path:
-    out = store.parent / "dive.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
-    return out
-
-
-@pytest.fixture(scope="module")
 def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A log of three dives and its page."""
     folder = tmp_path_factory.mktemp("dives")
@@ -68,10 +61,10 @@ def test_keys_go_from_surfacing_to_surfacing(browser, dives):
     assert [text for text in browser.problems if "ReadPixels" not in text] == []
 
 
-def test_the_position_is_the_store_s(browser, store, short, dives):
+def test_the_position_is_the_store_s(browser, store, page, dives):
     logged, out = dives
     simulated = read_trajectory(store, 0)
-    for path, trajectory in ((short, simulated), (out, logged_trajectory(logged, [0, 1, 2]))):
+    for path, trajectory in ((page, simulated), (out, logged_trajectory(logged, [0, 1, 2]))):
         browser.open(path)
         latitude, longitude = trajectory.geographic_position()
         known = np.flatnonzero(np.isfinite(latitude) & (trajectory.time > trajectory.time[-1] / 2))
@@ -86,21 +79,21 @@ def test_the_position_is_the_store_s(browser, store, short, dives):
         assert degrees(east) == pytest.approx(longitude[k], abs=1.1e-5)
 
 
-def test_a_link_opens_the_same_moment(browser, short):
-    browser.open(short)
+def test_a_link_opens_the_same_moment(browser, page):
+    browser.open(page)
     browser.run("page.seek(123.4), page.chooseCamera('side')")
     browser.press("l")
     browser.until("location.hash !== ''")
     assert "link to this moment" in text_of(browser, "told")
     address = browser.run("location.href")
-    assert address == f"{short.as_uri()}#t=123.4&camera=side"
+    assert address == f"{page.as_uri()}#t=123.4&camera=side"
     browser.open("about:blank")
     browser.open(address)
     assert browser.run("[page.time, page.scene.name]") == [123.4, "side"]
 
 
-def test_a_saved_picture_has_the_scene_its_legend_and_its_moment(browser, short):
-    browser.open(f"{short.as_uri()}#t=150&camera=chase")
+def test_a_saved_picture_has_the_scene_its_legend_and_its_moment(browser, page):
+    browser.open(f"{page.as_uri()}#t=150&camera=chase")
     browser.drawn()
     browser.run("URL.createObjectURL = blob => { window.saved = blob; return 'data:,'; }")
     browser.press("s")
@@ -180,8 +173,8 @@ def test_axes_of_the_strip_are_beside_the_curve_and_it_can_be_spread(browser, di
     assert all(re.fullmatch(r"\d\d:\d\d|\d+ [A-Z][a-z]{2}", words) for _, words in ticks)
 
 
-def test_following_keeps_the_vehicle_in_the_middle(browser, short):
-    browser.open(short)
+def test_following_keeps_the_vehicle_in_the_middle(browser, page):
+    browser.open(page)
     browser.run("page.chooseCamera('map')")
     browser.press("f")
     for time in (40, 200):
@@ -196,8 +189,8 @@ def test_following_keeps_the_vehicle_in_the_middle(browser, short):
     assert browser.run("page.scene.following") is False
 
 
-def test_help_opens_and_closes_by_keys(browser, short):
-    browser.open(short)
+def test_help_opens_and_closes_by_keys(browser, page):
+    browser.open(page)
     browser.press("?")
     assert browser.run("document.getElementById('helping').open") is True
     assert "next, previous surfacing" in text_of(browser, "help")
